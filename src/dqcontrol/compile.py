@@ -1,0 +1,196 @@
+"""Numba's options and cache, in one place.
+
+A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use, not
+when it is imported, and its machine code is cached. From Python it is called like a function; other compiled code
+receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the interpreted loop runs the
+very same machine code. Small functions that kernels share are marked `inlined`.
+
+The cache folder is named after a hash of all package sources, of Numba's version and of the processor, because
+Numba's own staleness check sees only the file of the function itself, not those of its callees.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+from numba import types
+
+from dqcontrol.errors import CacheWarning
+
+FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
+
+INPUT = types.Array(types.float64, 1, "A", readonly=True)  # any layout, for arrays that users hand in
+READ = types.Array(types.float64, 1, "C", readonly=True)
+READ2 = types.Array(types.float64, 2, "C", readonly=True)
+WRITE = types.Array(types.float64, 1, "C")
+WRITE2 = types.Array(types.float64, 2, "C")
+STATUS = types.intp
+
+OK, WRONG_SIZE, NOT_FINITE, SINGULAR = range(4)  # what a kernel returns
+
+_KEPT_CACHES = 4
+
+
+def _source_hash() -> str:
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()}".encode())
+    root = Path(__file__).parent
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_root() -> Path:
+    if chosen := os.environ.get("DQCONTROL_CACHE"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "dqcontrol"
+
+
+def _writable_cache() -> Path | None:
+    root = _cache_root()
+    folder = root / _source_hash()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        others = sorted((p for p in root.iterdir() if p.is_dir() and p != folder), key=lambda p: p.stat().st_mtime)
+        for old in others[: -(_KEPT_CACHES - 1)]:
+            shutil.rmtree(old, ignore_errors=True)
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return None
+    return folder
+
+
+_cache = _writable_cache()
+_warned = False
+_announced = False
+
+
+def _jit(function: Callable[..., Any], fastmath: set[str] | bool) -> Any:
+    previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
+    try:
+        return numba.njit(cache=_cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Mark a small function that kernels call; it becomes part of each of them."""
+    return numba.njit(fastmath=FAST, error_model="numpy")(function)
+
+
+class Pointer(types.WrapperAddressProtocol):
+    """The address of a compiled kernel, as compiled code accepts it."""
+
+    def __init__(self, address: int, signature: Any) -> None:
+        self._address = address
+        self._signature = signature
+
+    def __wrapper_address__(self) -> int:
+        return self._address
+
+    def signature(self) -> Any:
+        """Return the kernel's Numba signature."""
+        return self._signature
+
+
+class Kernel:
+    """A function with one signature, compiled on first use.
+
+    Parameters
+    ----------
+    function
+        The Python function.
+    signature
+        Its Numba signature.
+    strict
+        True for IEEE arithmetic without reassociation.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Any, *, strict: bool) -> None:
+        self.function = function
+        self._signature = signature
+        self._strict = strict
+        self._compiled: Any = None
+        self._pointer: Pointer | None = None
+        self.__doc__ = function.__doc__
+        self.__name__ = function.__name__
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        return self.compiled(*arguments)
+
+    @property
+    def compiled(self) -> Any:
+        """The Numba dispatcher, compiled for the one signature."""
+        if self._compiled is None:
+            self._compiled = _compile(self.function, self._signature, False if self._strict else FAST)
+        return self._compiled
+
+    @property
+    def pointer(self) -> Pointer:
+        """The address of the same machine code, for other kernels."""
+        if self._pointer is None:
+            result = self.compiled.get_compile_result(self._signature)
+            address = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+            self._pointer = Pointer(address, self._signature)
+        return self._pointer
+
+
+def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:
+    """Make a function a `Kernel` with this signature."""
+    return lambda function: Kernel(function, signature, strict=strict)
+
+
+def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
+    _announce(function)
+    try:
+        return _compiled(function, signature, fastmath)
+    except Exception:
+        if _cache is None:
+            raise
+        # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is not the
+        # cache's, the second attempt raises it again.
+        shutil.rmtree(_cache, ignore_errors=True)
+        _cache.mkdir(parents=True, exist_ok=True)
+        return _compiled(function, signature, fastmath)
+
+
+def _compiled(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
+    dispatcher = _jit(function, fastmath)
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+def _announce(function: Callable[..., Any]) -> None:
+    global _warned, _announced
+    if _cache is None:
+        if not _warned:
+            _warned = True
+            warnings.warn(
+                f"cannot write to {_cache_root()}: kernels are compiled anew in each process; "
+                "set DQCONTROL_CACHE to a writable folder",
+                CacheWarning,
+                stacklevel=5,
+            )
+    elif not _announced and not any(_cache.glob(f"*/*{function.__name__}-*.nbi")):
+        _announced = True
+        print("dqcontrol: compiling kernels, once per version (up to a minute) …", file=sys.stderr, flush=True)

@@ -1,0 +1,112 @@
+"""Every error that dqcontrol raises for a user's mistake, and the helpers that word them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class Error(Exception):
+    """Base class of all errors that dqcontrol raises on purpose."""
+
+
+class ShapeError(Error, ValueError):
+    """An array has the wrong shape or type."""
+
+
+class ValueRangeError(Error, ValueError):
+    """A value lies outside what is allowed, or is not finite."""
+
+
+class UnknownNameError(Error, KeyError):
+    """A name (robot, link, law, key, …) does not exist."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # KeyError would print the repr
+
+
+class FileFormatError(Error, ValueError):
+    """A file cannot be read as what it claims to be."""
+
+
+class ReachError(Error, ValueError):
+    """A desired pose lies outside what the robot can reach."""
+
+
+class ExistsError(Error, FileExistsError):
+    """An output would overwrite something."""
+
+
+class MissingExtraError(Error, ImportError):
+    """An optional dependency is not installed."""
+
+
+class DivergedError(Error, ArithmeticError):
+    """A run left the finite numbers."""
+
+
+class CacheWarning(UserWarning):
+    """Compiled code cannot be cached and is compiled anew in each process."""
+
+
+def suggest(name: str, allowed: Iterable[str]) -> str:
+    """Return ``; did you mean 'x'?`` for the nearest allowed name, or an empty string."""
+    near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def unknown_name(field: str, name: str, allowed: Iterable[str]) -> UnknownNameError:
+    """Return the error for a name that is not among the allowed ones."""
+    allowed = sorted(allowed)
+    return UnknownNameError(
+        f"{field}: unknown name '{name}'{suggest(name, allowed)} (allowed: {', '.join(allowed) or 'none'})"
+    )
+
+
+def as_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.float64]:
+    """Return a finite float64 array, checked against a trailing shape.
+
+    Parameters
+    ----------
+    field
+        Name for the error message.
+    value
+        Anything that NumPy makes an array of real numbers of.
+    shape
+        Trailing dimensions; ``None`` stands for any length. Leading axes are batches. ``()`` asks for a scalar.
+
+    Raises
+    ------
+    ShapeError
+        If the value is not numeric or its shape does not end with ``shape``.
+    ValueRangeError
+        If an element is NaN or infinite.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+        array = array.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{field}: expected real numbers, got {value!r:.80}") from None
+    if shape is not None:
+        tail = array.shape[array.ndim - len(shape) :] if array.ndim >= len(shape) else None
+        wrong = tail is None or any(want not in (None, got) for want, got in zip(shape, tail, strict=True))
+        if wrong or (shape == () and array.ndim):
+            wanted = ", ".join("any" if want is None else str(want) for want in shape)
+            text = f"shape (…, {wanted})" if shape else "a single number"
+            raise ShapeError(f"{field}: expected {text}, got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueRangeError(f"{field}: must be finite, got {np.array2string(array, threshold=8)}")
+    return array
+
+
+def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
+    """Return a finite number above zero (or not below it)."""
+    number = float(as_array(field, value, ()))
+    if number < 0 or (number == 0 and not zero_allowed):
+        raise ValueRangeError(f"{field}: must be {'≥' if zero_allowed else '>'} 0, got {number:g}")
+    return number

@@ -1,0 +1,63 @@
+"""The desired motion at one instant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ValueRangeError, as_array
+
+POSE, TWIST, TWIST_RATE, TIME = slice(0, 8), slice(8, 14), slice(14, 20), 20
+SAMPLE_SIZE = 21  # a sample as compiled code sees it: pose, twist, twist rate, time
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Desired pose, twist and twist rate at one time, inertial frame; checked when made.
+
+    Parameters
+    ----------
+    pose
+        Unit dual quaternion, `DualQuaternion` or shape (8,), m.
+    twist
+        ξ_d = ω + ε(ṗ + p × ω), shape (6,), rad/s and m/s; 0 for a resting target.
+    twist_rate
+        Its time derivative, shape (6,).
+    time
+        s.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape is wrong, a value is not finite, or the pose has not norm 1.
+    """
+
+    pose: ArrayLike
+    twist: ArrayLike = 0.0
+    twist_rate: ArrayLike = 0.0
+    time: float = 0.0
+    data: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        data = np.empty(SAMPLE_SIZE)
+        data[POSE] = as_unit("pose", self.pose)
+        data[TWIST] = np.broadcast_to(as_array("twist", self.twist), (6,))
+        data[TWIST_RATE] = np.broadcast_to(as_array("twist_rate", self.twist_rate), (6,))
+        data[TIME] = as_array("time", self.time, ())
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
+        for name, part in (("pose", POSE), ("twist", TWIST), ("twist_rate", TWIST_RATE)):
+            object.__setattr__(self, name, data[part])
+
+
+def as_unit(field: str, pose: ArrayLike) -> NDArray[np.float64]:
+    """Return a unit dual quaternion (8,), renormalised, or say what is wrong with it."""
+    x = as_array(field, getattr(pose, "vec8", pose), (8,))
+    norm, along = np.linalg.norm(x[:4]), x[:4] @ x[4:]
+    if abs(norm - 1) > 1e-6 or abs(along) > 1e-6:
+        raise ValueRangeError(f"{field}: expected a unit dual quaternion, got norm {norm:.6g} + ε {along:.6g}")
+    x = x / norm
+    x[4:] -= (x[:4] @ x[4:]) * x[:4]
+    return x

@@ -1,0 +1,137 @@
+"""Forward kinematics and Jacobians of a chain, compiled.
+
+A chain of n joints is a table of n + 1 rows ``[r (4), p (3), kind]``: a fixed pose (unit quaternion and position),
+then a screw about its z axis, revolute (kind 0) or prismatic (kind 1). The last row is the tool and has no screw.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compile import INPUT, NOT_FINITE, OK, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, inlined, kernel, types
+
+PRISMATIC = 1.0
+
+CHAIN = STATUS(READ2, INPUT, WRITE)
+BATCH = STATUS(types.FunctionType(CHAIN), READ2, READ2, WRITE2)
+
+
+@inlined
+def _fixed(w, x, y, z, px, py, pz, row):
+    """Compose a frame with the fixed pose of a table row."""
+    fw, fx, fy, fz, tx, ty, tz = row[0], row[1], row[2], row[3], row[4], row[5], row[6]
+    cx = 2.0 * (y * tz - z * ty)
+    cy = 2.0 * (z * tx - x * tz)
+    cz = 2.0 * (x * ty - y * tx)
+    px += tx + w * cx + y * cz - z * cy
+    py += ty + w * cy + z * cx - x * cz
+    pz += tz + w * cz + x * cy - y * cx
+    return (
+        w * fw - x * fx - y * fy - z * fz,
+        w * fx + x * fw + y * fz - z * fy,
+        w * fy - x * fz + y * fw + z * fx,
+        w * fz + x * fy - y * fx + z * fw,
+        px,
+        py,
+        pz,
+    )
+
+
+@inlined
+def _axis(w, x, y, z):
+    """Return the z axis of a frame."""
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@inlined
+def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle):
+    """Move a frame along or about its z axis."""
+    if kind == PRISMATIC:
+        return w, x, y, z, px + zx * angle, py + zy * angle, pz + zz * angle
+    c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
+    return w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s, px, py, pz
+
+
+@inlined
+def _store_pose(w, x, y, z, px, py, pz, out):
+    """Write x = r + ε½pr."""
+    px, py, pz = 0.5 * px, 0.5 * py, 0.5 * pz
+    out[0], out[1], out[2], out[3] = w, x, y, z
+    out[4] = -px * x - py * y - pz * z
+    out[5] = px * w + py * z - pz * y
+    out[6] = py * w + pz * x - px * z
+    out[7] = pz * w + px * y - py * x
+
+
+@kernel(CHAIN)
+def forward(chain, q, out):
+    """Write the end pose (8), or with more room all joint frames after their screws and the end pose (8 (n + 1))."""
+    n = chain.shape[0] - 1
+    if q.shape[0] != n:
+        return WRONG_SIZE
+    every = out.shape[0] > 8
+    w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    check = 0.0
+    for i in range(n):
+        angle = q[i]
+        check += 0.0 * angle
+        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = _axis(w, x, y, z)
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle)
+        if every:
+            _store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
+    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+    _store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
+    return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def kinematics(chain, q, out):
+    """Write the end pose (8), the pose Jacobian (8 × n) and the twist Jacobian (6 × n), one after the other."""
+    n = chain.shape[0] - 1
+    if q.shape[0] != n or out.shape[0] != 8 + 14 * n:
+        return WRONG_SIZE
+    pose_jacobian = out[8 : 8 + 8 * n]
+    twist_jacobian = out[8 + 8 * n :]
+    w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    check = 0.0
+    for i in range(n):
+        angle = q[i]
+        check += 0.0 * angle
+        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = _axis(w, x, y, z)
+        if chain[i, 7] == PRISMATIC:
+            twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i] = 0.0, 0.0, 0.0
+            twist_jacobian[3 * n + i], twist_jacobian[4 * n + i], twist_jacobian[5 * n + i] = zx, zy, zz
+        else:
+            twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i] = zx, zy, zz
+            twist_jacobian[3 * n + i] = py * zz - pz * zy
+            twist_jacobian[4 * n + i] = pz * zx - px * zz
+            twist_jacobian[5 * n + i] = px * zy - py * zx
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle)
+    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+    _store_pose(w, x, y, z, px, py, pz, out[0:8])
+    w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
+    dw, dx, dy, dz = 0.5 * out[4], 0.5 * out[5], 0.5 * out[6], 0.5 * out[7]
+    for i in range(n):
+        a, b, c = twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i]
+        d, e, f = twist_jacobian[3 * n + i], twist_jacobian[4 * n + i], twist_jacobian[5 * n + i]
+        pose_jacobian[i] = -a * x - b * y - c * z
+        pose_jacobian[n + i] = a * w + b * z - c * y
+        pose_jacobian[2 * n + i] = b * w + c * x - a * z
+        pose_jacobian[3 * n + i] = c * w + a * y - b * x
+        pose_jacobian[4 * n + i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
+        pose_jacobian[5 * n + i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
+        pose_jacobian[6 * n + i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
+        pose_jacobian[7 * n + i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
+    return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(BATCH)
+def batch(function, chain, q, out):
+    """Call a chain function for every row of q; stop at the first that fails."""
+    for i in range(q.shape[0]):
+        status = function(chain, q[i], out[i])
+        if status != OK:
+            return status
+    return OK

@@ -1,0 +1,99 @@
+"""Joint limits and link inertias: plain data that belongs to a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of each joint.
+
+    Parameters
+    ----------
+    lower, upper
+        Position limits, shape (n,), rad or m; ±inf where a joint has none.
+    velocity
+        Largest speed, shape (n,), rad/s or m/s; inf where unknown.
+    effort
+        Largest torque or force, shape (n,), N·m or N; inf where unknown.
+
+    Raises
+    ------
+    ValueRangeError
+        If a limit is NaN, ``lower`` is not below ``upper``, or a velocity or effort is not positive.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    effort: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        n = np.size(self.lower)
+        for field in ("lower", "upper", "velocity", "effort"):
+            value = np.array(getattr(self, field), dtype=np.float64)
+            if value.shape != (n,):
+                raise ShapeError(f"limits.{field}: expected shape ({n},), got {value.shape}")
+            if np.isnan(value).any():
+                raise ValueRangeError(f"limits.{field}: must not be NaN, got {value}")
+            value.flags.writeable = False
+            object.__setattr__(self, field, value)
+        for i in range(n):
+            if self.lower[i] >= self.upper[i]:
+                raise ValueRangeError(
+                    f"limits: joint {i + 1} has lower {self.lower[i]:g} ≥ upper {self.upper[i]:g}; lower must be below upper"
+                )
+            for field in ("velocity", "effort"):
+                if getattr(self, field)[i] <= 0:
+                    raise ValueRangeError(f"limits.{field}: joint {i + 1} has {getattr(self, field)[i]:g}; must be > 0")
+
+    @classmethod
+    def none(cls, joint_count: int) -> Limits:
+        """Return limits that exclude nothing."""
+        inf = np.full(joint_count, np.inf)
+        return cls(-inf, inf, inf, inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """Inertia of the body that each joint moves, in the joint's frame after its screw.
+
+    Parameters
+    ----------
+    mass
+        Shape (n,), kg.
+    center
+        Centre of mass, shape (n, 3), m.
+    tensor
+        Inertia about the centre of mass, axes of the joint frame, shape (n, 3, 3), kg m².
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape is wrong, a value not finite or a mass negative.
+    """
+
+    mass: NDArray[np.float64]
+    center: NDArray[np.float64]
+    tensor: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        mass = as_array("inertia.mass", self.mass, (None,))
+        n = len(mass)
+        if mass.ndim != 1 or (mass < 0).any():
+            raise ValueRangeError(f"inertia.mass: expected {n} masses ≥ 0, got {mass}")
+        object.__setattr__(self, "mass", mass)
+        object.__setattr__(self, "center", as_array("inertia.center", self.center, (n, 3)))
+        object.__setattr__(self, "tensor", as_array("inertia.tensor", self.tensor, (n, 3, 3)))
+
+
+def symmetric_limits(upper: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> Limits:
+    """Return limits ±upper."""
+    bound = as_array("limits.upper", upper, (None,))
+    return Limits(-bound, bound, np.asarray(velocity), np.asarray(effort))
