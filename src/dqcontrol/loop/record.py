@@ -1,0 +1,191 @@
+"""What happened in one run, as plain arrays over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One run of the closed loop, N samples of a robot with n configuration variables and m inputs.
+
+    Row k holds what was true, measured, desired and commanded at ``time[k]``; ``command[k]`` is held until
+    ``time[k + 1]``, so the last row's command moved nothing. Arrays become read-only float64 views; a run
+    that diverged may hold NaN or infinity anywhere but in the time.
+
+    Parameters
+    ----------
+    time
+        Increasing, shape (N,), s.
+    q
+        True configuration, shape (N, n), rad or m.
+    measured
+        Configuration as the law saw it, shape (N, n), rad or m.
+    command
+        Inputs after all limits, shape (N, m), rad/s or m/s.
+    pose
+        End pose of ``q``, shape (N, 8), inertial frame, m.
+    desired
+        Samples of the reference, shape (N, 21): pose, twist, twist rate and time as in `Sample.data`.
+    joint_names
+        n names of the configuration variables.
+    input_names
+        m names of the inputs; the joints' names if omitted.
+    stopped
+        Why the run ended: ``"duration"``, ``"settled"``, ``"diverged: …"``.
+
+    Raises
+    ------
+    ShapeError
+        If an array is not numeric, or shapes or names do not fit together.
+    ValueRangeError
+        If the time is not finite and increasing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.loop.record import Record
+    >>> pose = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (3, 1))
+    >>> desired = np.hstack([pose, np.zeros((3, 13))])
+    >>> time, q = np.array([0, 0.1, 0.2]), np.zeros((3, 2))
+    >>> record = Record(time, q, q, q, pose, desired, ("a", "b"))
+    >>> record.error.tolist()
+    [0.0, 0.0, 0.0]
+    """
+
+    time: Array
+    q: Array
+    measured: Array
+    command: Array
+    pose: Array
+    desired: Array
+    joint_names: tuple[str, ...]
+    input_names: tuple[str, ...] = ()
+    stopped: str = field(default="duration", kw_only=True)
+
+    def __post_init__(self) -> None:
+        time = _frozen("time", self.time, (None,))
+        count = len(time)
+        q = _frozen("q", self.q, (count, None))
+        command = _frozen("command", self.command, (count, None))
+        arrays = {
+            "time": time,
+            "q": q,
+            "measured": _frozen("measured", self.measured, q.shape),
+            "command": command,
+            "pose": _frozen("pose", self.pose, (count, 8)),
+            "desired": _frozen("desired", self.desired, (count, SAMPLE_SIZE)),
+        }
+        if not count:
+            raise ShapeError("time: a record needs at least one sample, got none")
+        if not np.isfinite(time).all() or not (np.diff(time) > 0).all():
+            raise ValueRangeError(
+                f"time: must be finite and increasing, got {np.array2string(time, threshold=8)}"
+            )
+        names = {"joint_names": tuple(self.joint_names), "input_names": tuple(self.input_names)}
+        if not names["input_names"] and command.shape[1] == q.shape[1]:
+            names["input_names"] = names["joint_names"]
+        for name, size in (("joint_names", q.shape[1]), ("input_names", command.shape[1])):
+            if len(names[name]) != size:
+                raise ShapeError(f"{name}: expected {size} names, got {len(names[name])}")
+        for name, value in (arrays | names).items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def duration(self) -> float:
+        """Time between the first and the last sample, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def desired_pose(self) -> Array:
+        """Desired end pose, shape (N, 8), inertial frame, m."""
+        return self.desired[:, POSE]
+
+    @cached_property
+    def position(self) -> Array:
+        """Hand position p, shape (N, 3), m, inertial frame."""
+        return _position(self.pose)
+
+    @cached_property
+    def desired_position(self) -> Array:
+        """Desired hand position, shape (N, 3), m, inertial frame."""
+        return _position(self.desired_pose)
+
+    @cached_property
+    def error(self) -> Array:
+        """|vec8(1 − x* x_d)| with the shorter sign of x_d, shape (N,), no unit [P16 5.1]."""
+        one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+        return _locked(np.linalg.norm(one - self._pose_error, axis=1))
+
+    @property
+    def position_error(self) -> Array:
+        """Distance |p_d − p|, shape (N,), m."""
+        return np.linalg.norm(self.desired_position - self.position, axis=1)
+
+    @property
+    def orientation_error(self) -> Array:
+        """Angle of the rotation from the hand to its desired orientation, 0 … π, shape (N,), rad."""
+        return np.linalg.norm(self.rotation_error, axis=1)
+
+    @cached_property
+    def rotation_error(self) -> Array:
+        """Rotation vector from the hand to its desired orientation, hand frame, shape (N, 3), rad."""
+        w, v = self._pose_error[:, :1], self._pose_error[:, 1:4]
+        sine = np.linalg.norm(v, axis=1, keepdims=True)  # atan2, because acos loses half the digits near 0
+        scale = np.divide(2 * np.arctan2(sine, w), sine, out=np.full_like(sine, 2.0), where=sine != 0)
+        return _locked(scale * v)
+
+    @cached_property
+    def _pose_error(self) -> Array:
+        """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite [P16 2.23]."""
+        finite = np.isfinite(self.pose).all(axis=1) & np.isfinite(self.desired_pose).all(axis=1)
+        error = np.full((len(self), 8), np.nan)
+        product = algebra.multiply(algebra.conjugate(self.pose[finite]), self.desired_pose[finite])
+        error[finite] = algebra.short(product)
+        return _locked(error)
+
+
+def _position(x: Array) -> Array:
+    """Return p = 2 Im(D P*)."""
+    w, v, dw, dv = x[:, :1], x[:, 1:4], x[:, 4:5], x[:, 5:]
+    with np.errstate(invalid="ignore"):  # a diverged run
+        return _locked(2 * (w * dv - dw * v - np.cross(dv, v)))
+
+
+def _frozen(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
+    """Return a read-only view (or copy) as float64 with this shape; NaN may pass."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf":
+            raise TypeError
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name}: expected real numbers, got {value!r:.80}") from None
+    fits = array.ndim == len(shape) and all(
+        want in (None, got) for want, got in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if want is None else str(want) for want in shape)
+        raise ShapeError(f"{name}: expected shape ({wanted}{',' * (len(shape) == 1)}), got {array.shape}")
+    return _locked(np.ascontiguousarray(array, dtype=np.float64).view())
+
+
+def _brief(array: Array) -> str:
+    return np.array2string(array, threshold=8)
+
+
+def _locked(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
