@@ -1,7 +1,7 @@
 """Elementary operations on single dual quaternions, inlined into every kernel that needs them.
 
-A quaternion is ``[w, x, y, z]``; a dual quaternion P + εD is ``[P, D]`` (8 numbers); the imaginary parts of a pure one
-are ``[Im P, Im D]`` (6 numbers). Outputs are written in place and may not alias inputs.
+A quaternion is ``[w, x, y, z]``; a dual quaternion P + εD is ``[P, D]`` (8 numbers); the imaginary parts of a
+pure one are ``[Im P, Im D]`` (6 numbers). Outputs are written in place and may not alias inputs.
 """
 
 from __future__ import annotations
@@ -78,8 +78,9 @@ def inverse(a, out):
     m = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + a[3] * a[3]
     dual = 2.0 * (a[0] * a[4] + a[1] * a[5] + a[2] * a[6] + a[3] * a[7])
     conjugate(a, out)
+    dual /= m
     for i in range(4):
-        out[4 + i] = out[4 + i] / m - out[i] * dual / (m * m)
+        out[4 + i] = (out[4 + i] - out[i] * dual) / m
         out[i] = out[i] / m
 
 
@@ -179,6 +180,25 @@ def set_pose(r, p, out):
 
 
 @inlined
+def adjoint(x, y, out):
+    """Write x y x*."""
+    multiply(x, y, out)
+    y = (out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7])
+    multiply(y, (x[0], -x[1], -x[2], -x[3], x[4], -x[5], -x[6], -x[7]), out)
+
+
+@inlined
+def cross_twist(a, b, out):
+    """Write vec6 of (ab − ba)/2: [ω₁×ω₂ ; ω₁×v₂ + v₁×ω₂]."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+    out[3] = a[1] * b[5] - a[2] * b[4] + a[4] * b[2] - a[5] * b[1]
+    out[4] = a[2] * b[3] - a[0] * b[5] + a[5] * b[0] - a[3] * b[2]
+    out[5] = a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0]
+
+
+@inlined
 def adjoint_twist(x, twist, out):
     """Write vec6(x ξ x*) for a unit x: [Rω ; Rv + p × Rω]."""
     rotate(x, twist[0:3], out[0:3])
@@ -194,8 +214,32 @@ def adjoint_twist(x, twist, out):
 
 
 @inlined
+def adjoint_matrix(x, out):
+    """Write Ad6(x) = [R 0 ; p×R R], row-major, for a unit x."""
+    w, i, j, k = x[0], x[1], x[2], x[3]
+    p = out[33:36]
+    translation(x, p)
+    px, py, pz = p[0], p[1], p[2]
+    for column in range(3):
+        if column == 0:
+            a, b, c = 2.0 * (w * w + i * i) - 1.0, 2.0 * (i * j + w * k), 2.0 * (i * k - w * j)
+        elif column == 1:
+            a, b, c = 2.0 * (i * j - w * k), 2.0 * (w * w + j * j) - 1.0, 2.0 * (j * k + w * i)
+        else:
+            a, b, c = 2.0 * (i * k + w * j), 2.0 * (j * k - w * i), 2.0 * (w * w + k * k) - 1.0
+        out[column], out[6 + column], out[12 + column] = a, b, c
+        out[3 + column], out[9 + column], out[15 + column] = 0.0, 0.0, 0.0
+        out[18 + column], out[24 + column], out[30 + column] = (
+            py * c - pz * b,
+            pz * a - px * c,
+            px * b - py * a,
+        )
+        out[21 + column], out[27 + column], out[33 + column] = a, b, c
+
+
+@inlined
 def half_angle(r, out):
-    """Write a(r) with r = cos|a| + sin|a| a/|a|, |a| ≤ π; never through acos, which loses half the digits near 0."""
+    """Write a(r) with r = cos|a| + sin|a| a/|a|, |a| ≤ π; never by acos, which loses half the digits near 0."""
     s = math.sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
     if s < 1e-7 and r[0] > 0.0:
         scale = (1.0 - (s / r[0]) ** 2 / 3.0) / r[0]
@@ -253,7 +297,8 @@ def inverse_left_jacobian(phi, v, out):
     if t < _SERIES_BELOW:
         second = 1.0 / 12.0 + u * (
             1.0 / 720.0
-            + u * (1.0 / 30240.0 + u * (1.0 / 1209600.0 + u * (1.0 / 47900160.0 + u * 691.0 / 1307674368000.0)))
+            + u
+            * (1.0 / 30240.0 + u * (1.0 / 1209600.0 + u * (1.0 / 47900160.0 + u * 691.0 / 1307674368000.0)))
         )
     else:
         second = (1.0 - 0.5 * t / math.tan(0.5 * t)) / u
@@ -321,3 +366,22 @@ def power(x, exponent, out):
     g = out[0:6]
     log_screw(x, g)
     exp_screw((t * g[0], t * g[1], t * g[2], t * g[3], t * g[4], t * g[5]), out)
+
+
+@inlined
+def sclerp(x, y, t, out):
+    """Write x short(x*y)^t, the screw from x (t = 0) to y (t = 1) the short way; t is an array of one."""
+    conjugate_multiply(x, y, out)
+    sign = -1.0 if out[0] < 0.0 else 1.0
+    step = (
+        sign * out[0],
+        sign * out[1],
+        sign * out[2],
+        sign * out[3],
+        sign * out[4],
+        sign * out[5],
+        sign * out[6],
+        sign * out[7],
+    )
+    power(step, t, out)
+    multiply(x, (out[0], out[1], out[2], out[3], out[4], out[5], out[6], out[7]), out)

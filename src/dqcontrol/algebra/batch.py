@@ -1,0 +1,105 @@
+"""The inlined operations on batches: one compiled loop per number of operands."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.compile import READ, READ2, WRITE, WRITE2, Kernel, Pointer, kernel, types
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+
+Array = NDArray[np.float64]
+
+UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
+
+_UNARY = types.void(READ, WRITE)
+_BINARY = types.void(READ, READ, WRITE)
+_TERNARY = types.void(READ, READ, READ, WRITE)
+
+
+@kernel(types.void(types.FunctionType(_UNARY), READ2, WRITE2))
+def unary_batch(operation, a, out):
+    """Apply an operation to every row."""
+    for i in range(out.shape[0]):
+        operation(a[i], out[i])
+
+
+@kernel(types.void(types.FunctionType(_BINARY), READ2, READ2, WRITE2))
+def binary_batch(operation, a, b, out):
+    """Apply an operation to every pair of rows; an operand of one row serves all."""
+    step_a, step_b = int(a.shape[0] > 1), int(b.shape[0] > 1)
+    for i in range(out.shape[0]):
+        operation(a[i * step_a], b[i * step_b], out[i])
+
+
+@kernel(types.void(types.FunctionType(_TERNARY), READ2, READ2, READ2, WRITE2))
+def ternary_batch(operation, a, b, c, out):
+    """Apply an operation to every triple of rows; an operand of one row serves all."""
+    step_a, step_b, step_c = int(a.shape[0] > 1), int(b.shape[0] > 1), int(c.shape[0] > 1)
+    for i in range(out.shape[0]):
+        operation(a[i * step_a], b[i * step_b], c[i * step_c], out[i])
+
+
+@kernel(types.intp(READ2, types.float64))
+def first_not_unit(x, tolerance):
+    """Return the first row that is no unit dual quaternion, or −1."""
+    for i in range(x.shape[0]):
+        primary, dual, along = 0.0, 0.0, 0.0
+        for k in range(4):
+            primary += x[i, k] * x[i, k]
+            dual += x[i, 4 + k] * x[i, 4 + k]
+            along += x[i, k] * x[i, 4 + k]
+        # For a large lever arm the round-off of ⟨P, D⟩ grows with |D|.
+        if not (
+            abs(math.sqrt(primary) - 1.0) <= tolerance and abs(along) <= tolerance * max(1.0, math.sqrt(dual))
+        ):
+            return i
+    return -1
+
+
+_SIGNATURES = {1: _UNARY, 2: _BINARY, 3: _TERNARY}
+_BATCHES = {1: unary_batch, 2: binary_batch, 3: ternary_batch}
+
+
+@cache
+def _pointer(operation: Any, operands: int) -> Pointer:
+    return Kernel(operation.py_func, _SIGNATURES[operands], strict=False).pointer
+
+
+def apply(operation: Any, size: int, **operands: Array) -> Array:
+    """Return the operation on broadcast leading axes, shape (…, size); keywords name the operands in errors."""
+    leads = [operand.shape[:-1] for operand in operands.values()]
+    try:
+        lead = np.broadcast_shapes(*leads)
+    except ValueError:
+        raise ShapeError(
+            f"{', '.join(operands)}: batches of shapes {', '.join(map(str, leads))} do not broadcast"
+        ) from None
+    rows = []
+    for operand in operands.values():
+        width = operand.shape[-1]
+        if operand.size != width and operand.shape[:-1] != lead:
+            operand = np.broadcast_to(operand, (*lead, width))
+        rows.append(np.ascontiguousarray(operand).reshape(-1, width))
+    out = np.empty((math.prod(lead), size))
+    _BATCHES[len(rows)](_pointer(operation, len(rows)), *rows, out)
+    return out.reshape(*lead, size)
+
+
+def as_unit(field: str, value: ArrayLike) -> Array:
+    """Return unit dual quaternions (…, 8), or raise an error naming the norm of the first that is not."""
+    x = as_array(field, value, (8,))
+    rows = np.ascontiguousarray(x).reshape(-1, 8)
+    i = first_not_unit(rows, UNIT_TOLERANCE)
+    if i >= 0:
+        norm = float(np.linalg.norm(rows[i, :4]))
+        dual = float(rows[i, :4] @ rows[i, 4:]) / norm if norm else 0.0
+        where = f" at index {tuple(map(int, np.unravel_index(i, x.shape[:-1])))}" if x.ndim > 1 else ""
+        raise ValueRangeError(
+            f"{field}: expected a unit dual quaternion (norm 1), got norm {norm:.6g} + ε {dual:.6g}{where}"
+        )
+    return x
