@@ -57,7 +57,9 @@ def as_unit(field: str, pose: ArrayLike) -> NDArray[np.float64]:
     x = as_array(field, getattr(pose, "vec8", pose), (8,))
     norm, along = np.linalg.norm(x[:4]), x[:4] @ x[4:]
     if abs(norm - 1) > 1e-6 or abs(along) > 1e-6:
-        raise ValueRangeError(f"{field}: expected a unit dual quaternion, got norm {norm:.6g} + ε {along:.6g}")
+        raise ValueRangeError(
+            f"{field}: expected a unit dual quaternion, got norm {norm:.6g} + ε {along:.6g}"
+        )
     x = x / norm
     x[4:] -= (x[:4] @ x[4:]) * x[:4]
     return x

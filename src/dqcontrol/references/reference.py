@@ -1,0 +1,107 @@
+"""What every reference is: samples of a desired motion over time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE, Sample
+
+Array = NDArray[np.float64]
+
+SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
+
+
+class Reference(ABC):
+    """A desired pose, twist and twist rate over time, inertial frame.
+
+    A subclass sets the two attributes and writes `motion`.
+
+    Attributes
+    ----------
+    duration
+        s; ``math.inf`` for a set-point.
+    corners
+        Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
+        to rest there by itself; the start is not.
+    """
+
+    duration: float
+    corners: Array
+
+    @abstractmethod
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21) for times (N,) in [0, duration], s: what a subclass writes.
+
+        At an inner corner the twist is the right-hand one, at ``duration`` the left-hand one. `samples` takes
+        care of everything else.
+        """
+
+    def samples(self, times: ArrayLike) -> Array:
+        """Return the desired motion at many times.
+
+        Parameters
+        ----------
+        times
+            Shape (N,), s, ≥ 0, in any order. From ``duration`` on the reference rests at its last pose. A
+            time within 1 ns of a corner is the corner: the twist is the one after it, the twist rate 0.
+
+        Returns
+        -------
+        array
+            Shape (N, 21): pose (8), twist (6), twist rate (6) and the time asked for; see `Sample`.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If the times are not a row of finite numbers ≥ 0.
+
+        Examples
+        --------
+        >>> import dqcontrol.references as references
+        >>> circle = references.Circle(start=[1, 0, 0, 0, 0, 0, 0, 0], radius=0.07, duration=10.0)
+        >>> circle.samples([0.0, 5.0]).shape
+        (2, 21)
+        """
+        asked = as_array("times", times)
+        if asked.ndim != 1:
+            raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
+        if (asked < 0).any():
+            raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
+        inside, at_corner = self._snapped(asked)
+        out = self.motion(inside)
+        out[at_corner, TWIST_RATE] = 0.0
+        out[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
+        out[:, TIME] = asked
+        return out
+
+    def at(self, time: float) -> Sample:
+        """Return the sample at one time, s, ≥ 0."""
+        row = self.samples([float(as_array("time", time, ()))])[0]
+        return Sample(row[POSE], row[TWIST], row[TWIST_RATE], row[TIME])
+
+    def _snapped(self, times: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the times within [0, duration], moved onto near corners, and which of them are corners."""
+        marks = np.concatenate([[-np.inf], self.corners, [self.duration, np.inf]])
+        inside = np.minimum(times, self.duration)
+        after = np.searchsorted(marks, inside)
+        left, right = marks[after - 1], marks[after]
+        nearest = np.where(inside - left <= right - inside, left, right)
+        at_corner = np.abs(inside - nearest) <= SNAP
+        return np.where(at_corner, nearest, inside), at_corner
+
+
+def corners_between(left: Array, right: Array, times: Array) -> Array:
+    """Return those of the times (k,) at which the twists before, (k, 6), and after, (k, 6), differ."""
+    jump = np.abs(left - right).max(axis=1, initial=0.0)
+    scale = max(np.abs(left).max(initial=0.0), np.abs(right).max(initial=0.0))
+    chosen = times[jump > 1e-6 * scale]
+    chosen.flags.writeable = False
+    return chosen
+
+
+NO_CORNERS = np.zeros(0)
+NO_CORNERS.flags.writeable = False

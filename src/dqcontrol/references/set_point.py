@@ -1,0 +1,52 @@
+"""A resting target."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import as_positive
+from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, as_unit
+
+
+@dataclass(frozen=True, eq=False)
+class SetPoint(Reference):
+    """Rest at one pose.
+
+    Parameters
+    ----------
+    pose
+        Unit dual quaternion, `DualQuaternion` or shape (8,), inertial frame, m.
+    duration
+        s; for ever if omitted. A finite one makes a pause in a `Sequence`.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the pose is no unit dual quaternion or the duration is not positive.
+
+    Examples
+    --------
+    >>> SetPoint([1, 0, 0, 0, 0, 0.1, 0, 0]).at(3.0).pose.tolist()
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]
+    """
+
+    pose: ArrayLike
+    duration: float = math.inf
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pose", as_unit("pose", self.pose))
+        if self.duration != math.inf:
+            object.__setattr__(self, "duration", as_positive("duration", self.duration))
+        object.__setattr__(self, "corners", NO_CORNERS)
+
+    def motion(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return samples (N, 21); see `Reference.motion`."""
+        out = np.zeros((len(times), SAMPLE_SIZE))
+        out[:, POSE] = self.pose
+        return out

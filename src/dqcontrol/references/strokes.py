@@ -1,0 +1,238 @@
+"""Strokes on a sheet of paper: lines, arcs and pauses, traced at given speeds.
+
+Every piece is the motion of a point that runs at a constant speed along a heading that turns at a constant
+rate: a line does not turn, an arc does; a pause and a turn on the spot do not run. One formula serves all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_array, as_positive
+
+Array = NDArray[np.float64]
+
+_SAME_POINT = 1e-9  # m
+_SAME_HEADING = 1e-9  # rad
+_OFF_CIRCLE = 0.01  # the two radii of an arc may differ by this fraction
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight stroke to a point.
+
+    Parameters
+    ----------
+    x, y
+        End, paper coordinates, m.
+    speed
+        m/s.
+    """
+
+    x: float
+    y: float
+    speed: float
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A circular stroke to a point; a full circle if it ends where it starts.
+
+    Parameters
+    ----------
+    x, y
+        End, paper coordinates, m. It must be as far from the centre as the start, to 1 %; the centre is then
+        moved to where it is exactly so.
+    centre_x, centre_y
+        Centre, paper coordinates, m.
+    clockwise
+        Direction, as seen with the paper's first axis to the right and its second one up.
+    speed
+        m/s.
+    """
+
+    x: float
+    y: float
+    centre_x: float
+    centre_y: float
+    clockwise: bool
+    speed: float
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A pause.
+
+    Parameters
+    ----------
+    seconds
+        s.
+    """
+
+    seconds: float
+
+
+Stroke = Line | Arc | Rest
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A point that runs over the paper, piece by piece, from time 0.
+
+    Parameters
+    ----------
+    start
+        Point at which each piece starts, shape (n, 2), m.
+    heading
+        Direction in which it starts, shape (n,), rad from the first paper axis; never jumps by whole turns.
+    speed, turn_rate
+        Constant in each piece, shape (n,), m/s, rad/s; counterclockwise is positive.
+    times
+        Start of each piece and end of the last, shape (n + 1,), s.
+    """
+
+    start: Array
+    heading: Array
+    speed: Array
+    turn_rate: Array
+    times: Array
+
+    @classmethod
+    def of(
+        cls,
+        strokes: Sequence[Stroke],
+        turn_speed: float | None = None,
+        labels: Sequence[str] | None = None,
+    ) -> Trace:
+        """Trace strokes from the paper's origin.
+
+        Parameters
+        ----------
+        strokes
+            At least one line or arc among them.
+        turn_speed
+            If given (rad/s), the point turns on the spot at this rate wherever the heading would jump.
+        labels
+            Name of each stroke for error messages; ``strokes[i]`` if omitted.
+
+        Raises
+        ------
+        ValueRangeError
+            If a stroke has no length, an arc ends off its circle, a number is not finite, a speed is not
+            positive, or there is no line or arc.
+        """
+        point, pieces = (0.0, 0.0), []
+        for i, stroke in enumerate(strokes):
+            label = labels[i] if labels else f"strokes[{i}]"
+            piece = _piece(label, point, stroke)
+            pieces.append(piece)
+            point = piece.end
+        moving = [piece for piece in pieces if piece.speed]
+        if not moving:
+            raise ValueRangeError("strokes: expected at least one line or arc, got none")
+        rows, heading = [], moving[0].heading
+        for piece in pieces:
+            gap = math.remainder(piece.heading - heading, 2 * math.pi) if piece.speed else 0.0
+            if turn_speed is not None and abs(gap) > _SAME_HEADING:
+                rows.append(
+                    (*piece.start, heading, 0.0, math.copysign(turn_speed, gap), abs(gap) / turn_speed)
+                )
+            heading += gap
+            rows.append((*piece.start, heading, piece.speed, piece.turn_rate, piece.seconds))
+            heading += piece.turn_rate * piece.seconds
+        table = np.array(rows)
+        times = np.concatenate([[0.0], np.cumsum(table[:, 5])])
+        return cls(table[:, :2], table[:, 2], table[:, 3], table[:, 4], times)
+
+    @property
+    def length(self) -> float:
+        """Length of all strokes, m."""
+        return float(self.speed @ np.diff(self.times))
+
+    def box(self) -> Array:
+        """Return the least and greatest paper coordinates, shape (2, 2), m."""
+        times = [self.times]
+        for i in np.flatnonzero(self.turn_rate * self.speed):  # arcs: where the heading is along a paper axis
+            turned = self.turn_rate[i] * (self.times[i + 1] - self.times[i])
+            low, high = sorted((self.heading[i], self.heading[i] + turned))
+            quarter = 0.5 * math.pi
+            headings = quarter * np.arange(math.ceil(low / quarter), math.floor(high / quarter) + 1)
+            times.append(self.times[i] + (headings - self.heading[i]) / self.turn_rate[i])
+        points = self.at(np.clip(np.concatenate(times), 0.0, self.times[-1]))[0]
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
+    def at(self, times: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return position, velocity, acceleration (N, 2), heading and turn rate (N,) at times (N,), s."""
+        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.speed) - 1)
+        return self._within(i, times - self.times[i])
+
+    def ends(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the same at the end of each piece, before whatever jumps there."""
+        return self._within(np.arange(len(self.speed)), np.diff(self.times))
+
+    def _within(self, i: NDArray[np.intp], elapsed: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the motion at elapsed times within pieces i; an arc's chord is a sinc of half its angle."""
+        speed, rate = self.speed[i][:, None], self.turn_rate[i]
+        angle = rate * elapsed
+        heading = self.heading[i] + angle
+        middle = self.heading[i] + 0.5 * angle
+        chord = self.speed[i] * elapsed * np.sinc(0.5 * angle / math.pi)
+        position = self.start[i] + chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
+        along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        return position, speed * along, speed * rate[:, None] * left, heading, rate
+
+
+@dataclass(frozen=True)
+class _Piece:
+    start: tuple[float, float]
+    end: tuple[float, float]
+    heading: float
+    speed: float
+    turn_rate: float
+    seconds: float
+
+
+def _piece(label: str, start: tuple[float, float], stroke: Stroke) -> _Piece:
+    if isinstance(stroke, Rest):
+        return _Piece(start, start, 0.0, 0.0, 0.0, as_positive(f"{label}: seconds", stroke.seconds))
+    speed = as_positive(f"{label}: speed", stroke.speed)
+    end = (float(as_array(f"{label}: x", stroke.x, ())), float(as_array(f"{label}: y", stroke.y, ())))
+    if isinstance(stroke, Arc):
+        return _arc(label, start, end, stroke, speed)
+    length, heading = math.dist(start, end), math.atan2(end[1] - start[1], end[0] - start[0])
+    if length < _SAME_POINT:
+        raise ValueRangeError(f"{label}: has no length: it ends where it starts, at {_text(start)}")
+    return _Piece(start, end, heading, speed, 0.0, length / speed)
+
+
+def _arc(label: str, start: tuple[float, float], end: tuple[float, float], arc: Arc, speed: float) -> _Piece:
+    centre = np.array([as_array(f"{label}: centre", c, ()) for c in (arc.centre_x, arc.centre_y)])
+    first, second = math.dist(start, centre), math.dist(end, centre)
+    if first < _SAME_POINT:
+        raise ValueRangeError(f"{label}: has no radius: its centre is its start, {_text(start)}")
+    if abs(first - second) > _OFF_CIRCLE * first:
+        raise ValueRangeError(
+            f"{label}: does not end on its circle: the start {_text(start)} is {first:.6g} m from the centre "
+            f"{_text(centre)}, the end {_text(end)} {second:.6g} m (at most {100 * _OFF_CIRCLE:g} % apart)"
+        )
+    full = math.dist(start, end) < _SAME_POINT
+    if not full:  # the nearest centre that both ends are equally far from
+        chord = np.subtract(end, start) / math.dist(start, end)
+        centre = centre - ((centre - 0.5 * np.add(start, end)) @ chord) * chord
+    before, after = np.subtract(start, centre), np.subtract(end, centre)
+    side = -1.0 if arc.clockwise else 1.0
+    turn = side * math.atan2(before[0] * after[1] - before[1] * after[0], before @ after) % (2 * math.pi)
+    angle = 2 * math.pi if full else turn
+    radius = math.hypot(*before)
+    heading = math.atan2(before[1], before[0]) + side * 0.5 * math.pi
+    return _Piece(start, end, heading, speed, side * speed / radius, angle * radius / speed)
+
+
+def _text(point: Sequence[float] | Array) -> str:
+    return f"({point[0]:g}, {point[1]:g})"
