@@ -1,0 +1,248 @@
+"""Our robot files: YAML with Denavit–Hartenberg rows, or with fixed poses and axes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
+from dqcontrol.robots.dh import chain_from_dh, compose, rotation_x, rotation_z, shift
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.yaml_file import read_yaml
+
+Array = NDArray[np.float64]
+
+Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
+Angle = Annotated[float, Meta(ge=-1e4, le=1e4, description="in the file's unit of angles")]
+Position = Annotated[float, Meta(description="in the file's unit of angles, or m if prismatic")]
+Positive = Annotated[float, Meta(gt=0)]
+Mass = Annotated[float, Meta(ge=0, description="kg")]
+Moment = Annotated[float, Meta(description="kg m²")]
+Vector = tuple[Length, Length, Length]
+
+
+class _Part(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Base of all parts of a robot file."""
+
+
+class DHRow(_Part):
+    """One row of a Denavit–Hartenberg table; the joint variable adds to theta, or to d if prismatic."""
+
+    theta: Angle = 0.0
+    d: Length = 0.0
+    a: Length = 0.0
+    alpha: Angle = 0.0
+
+
+class FixedPose(_Part):
+    """A fixed pose: position, and roll-pitch-yaw angles, Rz(y) Ry(p) Rx(r), or a quaternion, scalar first."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    rpy: tuple[Angle, Angle, Angle] | None = None
+    quaternion: tuple[float, float, float, float] | None = None
+
+
+class JointLimits(_Part):
+    """Limits of one joint; what is left out is unlimited."""
+
+    lower: Position | None = None
+    upper: Position | None = None
+    velocity: (
+        Annotated[Positive, Meta(description="per second, in the file's unit of angles, or m/s")] | None
+    ) = None
+    effort: Annotated[Positive, Meta(description="N·m, or N if prismatic")] | None = None
+
+
+class Tensor(_Part):
+    """Inertia about the centre of mass, axes of the joint's frame."""
+
+    xx: Moment
+    yy: Moment
+    zz: Moment
+    xy: Moment = 0.0
+    xz: Moment = 0.0
+    yz: Moment = 0.0
+
+
+class JointInertia(_Part):
+    """The body that a joint moves, in the joint's frame after its motion (the frame of `pose`)."""
+
+    mass: Mass
+    center: Vector
+    tensor: Tensor
+
+
+class Joint(_Part):
+    """One joint: a DH row, or the pose of its frame in that of the joint before, and an axis (default z)."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    type: Literal["revolute", "prismatic"] = "revolute"
+    dh: DHRow | None = None
+    pose: FixedPose | None = None
+    axis: Vector | None = None
+    limits: JointLimits = msgspec.field(default_factory=JointLimits)
+    inertia: JointInertia | None = None
+
+
+class RobotFile(_Part):
+    """A robot file.
+
+    ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
+    ``convention`` says which Denavit–Hartenberg form the rows have; left out with fixed poses. ``base`` is the
+    pose of the first frame in the inertial one, ``tool`` that of the tool in the last frame.
+    """
+
+    name: Annotated[str, Meta(min_length=1)]
+    angles: Literal["degrees", "radians"]
+    joints: Annotated[list[Joint], Meta(min_length=1, max_length=1000)]
+    convention: Literal["standard", "modified"] | None = None
+    base: FixedPose = msgspec.field(default_factory=FixedPose)
+    tool: FixedPose = msgspec.field(default_factory=FixedPose)
+    description: str = ""
+    sources: list[str] = []
+
+
+def load_robot_file(path: str | Path) -> SerialArm:
+    """Load a robot from our YAML format.
+
+    Parameters
+    ----------
+    path
+        A file that fits `RobotFile`.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, malformed, or says something impossible: ``path: field: …``.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "slider.yaml"
+    >>> _ = path.write_text('''
+    ... name: slider
+    ... angles: degrees
+    ... joints:
+    ...   - {name: x, type: prismatic, pose: {}, axis: [1, 0, 0], limits: {lower: 0, upper: 0.5}}
+    ... ''')
+    >>> load_robot_file(path).limits.upper.tolist()
+    [0.5]
+    """
+    data = read_yaml(path, RobotFile)
+    unit = math.pi / 180 if data.angles == "degrees" else 1.0
+    try:
+        fixed, turns = _chain(data, unit)
+        return SerialArm(
+            np.array(fixed),
+            [joint.type for joint in data.joints],
+            limits=_limits(data, unit),
+            joint_names=_names(data),
+            name=data.name,
+            inertia=_inertia(data, turns),
+        )
+    except FileFormatError:
+        raise
+    except Error as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def _chain(data: RobotFile, unit: float) -> tuple[list[Array], list[Array] | None]:
+    """Return the fixed poses, and for joints with an axis the turns of their frames."""
+    base, tool = _pose("base", data.base, unit), _pose("tool", data.tool, unit)
+    if data.convention is None:
+        for i, joint in enumerate(data.joints):
+            if joint.dh is not None:
+                raise FileFormatError(
+                    "convention: missing key, the joints have DH rows (allowed: standard, modified)"
+                )
+            if joint.pose is None:
+                raise FileFormatError(f"joints[{i}]: missing key 'pose' (or 'dh', with a 'convention')")
+        poses = [_pose(f"joints[{i}].pose", joint.pose, unit) for i, joint in enumerate(data.joints)]
+        poses[0] = compose(base, poses[0])
+        return chain_from_axes(poses, [joint.axis or (0.0, 0.0, 1.0) for joint in data.joints], tool)
+    rows = []
+    for i, joint in enumerate(data.joints):
+        if joint.dh is None:
+            raise FileFormatError(
+                f"joints[{i}]: missing key 'dh', the file's convention is {data.convention} DH"
+            )
+        for field in ("pose", "axis"):
+            if getattr(joint, field) is not None:
+                raise FileFormatError(f"joints[{i}].{field}: not allowed beside 'dh'; leave out one of them")
+        rows.append((joint.dh.theta * unit, joint.dh.d, joint.dh.a, joint.dh.alpha * unit))
+    types = [joint.type for joint in data.joints]
+    theta, d, a, alpha = np.array(rows).T
+    fixed, _ = chain_from_dh(theta, d, a, alpha, types, data.convention)
+    fixed[0], fixed[-1] = compose(base, fixed[0]), compose(fixed[-1], tool)
+    return fixed, None
+
+
+def _pose(field: str, pose: FixedPose | None, unit: float) -> Array:
+    """Return a pose (7,)."""
+    if pose is None:
+        return shift()
+    if pose.rpy is not None and pose.quaternion is not None:
+        raise FileFormatError(f"{field}: has both 'rpy' and 'quaternion'; leave out one of them")
+    at = shift(*pose.position)
+    if pose.quaternion is not None:
+        norm = np.linalg.norm(pose.quaternion)
+        if abs(norm - 1) > 1e-6:
+            raise FileFormatError(f"{field}.quaternion: must have norm 1, got {norm:.9g}")
+        return compose(at, np.array([*pose.quaternion, 0, 0, 0]))
+    roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
+    about_y = np.array([math.cos(pitch / 2), 0, math.sin(pitch / 2), 0, 0, 0, 0])
+    return compose(at, rotation_z(yaw), about_y, rotation_x(roll))
+
+
+def _names(data: RobotFile) -> list[str]:
+    names = [joint.name for joint in data.joints]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise FileFormatError(
+                f"joints[{i}].name: '{name}' is already the name of joints[{names.index(name)}]"
+            )
+    return names
+
+
+def _limits(data: RobotFile, unit: float) -> Limits:
+    table = np.empty((4, len(data.joints)))
+    for i, joint in enumerate(data.joints):
+        lim = joint.limits
+        scale = unit if joint.type == "revolute" else 1.0
+        lower = -math.inf if lim.lower is None else lim.lower * scale
+        upper = math.inf if lim.upper is None else lim.upper * scale
+        if lower >= upper:
+            raise FileFormatError(
+                f"joints[{i}].limits: lower {lim.lower:g} ≥ upper {lim.upper:g}; lower must be below upper"
+            )
+        velocity = math.inf if lim.velocity is None else lim.velocity * scale
+        table[:, i] = lower, upper, velocity, math.inf if lim.effort is None else lim.effort
+    return Limits(table[0], table[1], table[2], table[3])
+
+
+def _inertia(data: RobotFile, turns: list[Array] | None) -> Inertia | None:
+    bodies = [joint.inertia for joint in data.joints]
+    if all(body is None for body in bodies):
+        return None
+    n = len(bodies)
+    mass, center, tensor = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
+    for i, body in enumerate(bodies):
+        if body is None:
+            raise FileFormatError(f"joints[{i}]: missing key 'inertia', other joints have it")
+        t = body.tensor
+        matrix = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
+        if np.linalg.eigvalsh(matrix)[0] < 0:
+            raise FileFormatError(
+                f"joints[{i}].inertia.tensor: must not be negative in any direction, got {matrix}"
+            )
+        turn = rotation_matrix(turns[i]) if turns is not None else np.eye(3)
+        mass[i], center[i], tensor[i] = body.mass, turn.T @ body.center, turn.T @ matrix @ turn
+    return Inertia(mass, center, tensor)

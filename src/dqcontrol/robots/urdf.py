@@ -1,0 +1,235 @@
+"""URDF files: the serial chain between two links."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import FileFormatError, UnknownNameError, suggest
+from dqcontrol.robots.axes import chain_from_axes
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.lumping import lump
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.urdf_xml import CheckedXml
+
+Array = NDArray[np.float64]
+
+_MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+def load_urdf(
+    path: str | Path, base_link: str | None = None, tip_link: str | None = None, name: str | None = None
+) -> SerialArm:
+    """Load the serial chain between two links of a URDF file.
+
+    Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at zero,
+    is lumped into the inertia of the joint that moves it. Meshes are never opened.
+
+    Parameters
+    ----------
+    path
+        URDF file (not xacro).
+    base_link
+        Link in whose frame poses are given, and gravity is; the root if omitted.
+    tip_link
+        Link whose frame is the tool. If omitted: the end of the chain with most joints, if there is one such.
+    name
+        Name of the arm; the file's if omitted.
+
+    Returns
+    -------
+    SerialArm
+        Limits are those of the file; a velocity or effort limit that is zero or missing is unlimited.
+        ``inertia`` is None if no moving link has a mass. The frames of the joints are the URDF's, turned so
+        that z is the axis.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, unsafe, malformed or no tree, or a joint is floating, planar or mimic.
+    UnknownNameError
+        If a link does not exist, the tip is not below the base, or the default tip is ambiguous.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "lever.urdf"
+    >>> _ = path.write_text('''<robot name="lever"><link name="base"/><link name="bar"/>
+    ... <joint name="hinge" type="continuous"><parent link="base"/><child link="bar"/></joint></robot>''')
+    >>> load_urdf(path)
+    SerialArm('lever', 1 joints)
+    """
+    tree = _Tree(CheckedXml(path))
+    base = tree.link("base_link", base_link) if base_link is not None else tree.root
+    tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
+    joints = tree.path(base, tip)
+
+    poses, axes, moving, before = [], [], [], np.eye(4)
+    for joint in joints:
+        before = before @ _origin(joint)
+        if joint.type == "fixed":
+            continue
+        tree.check_movable(joint)
+        poses.append(_pose7(before))
+        axes.append(_axis(tree, joint))
+        moving.append(joint)
+        before = np.eye(4)
+    if not moving:
+        raise UnknownNameError(f"tip_link: no joint moves between '{base}' and '{tip}' in {path}")
+    fixed, turns = chain_from_axes(poses, axes, _pose7(before))
+    return SerialArm(
+        np.array(fixed),
+        ["prismatic" if joint.type == "prismatic" else "revolute" for joint in moving],
+        limits=_limits(tree, moving),
+        joint_names=[joint.name for joint in moving],
+        name=name or tree.name,
+        inertia=lump(moving, tree.children, tree.links, turns),
+    )
+
+
+class _Tree:
+    """The links and joints of a robot, checked to be a tree."""
+
+    def __init__(self, xml: CheckedXml) -> None:
+        import yourdfpy  # half a second
+
+        self.xml = xml
+        try:
+            model = yourdfpy.URDF.load(io.BytesIO(xml.data), build_scene_graph=False, load_meshes=False)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{xml.path}: cannot be read as URDF: {error}") from None
+        self.name: str = model.robot.name
+        self.links: dict[str, Any] = model.link_map
+        for name, link in self.links.items():
+            if link.inertial is not None and (link.inertial.mass or 0.0) < 0:
+                raise xml.error("link", name, f"mass must be ≥ 0, got {link.inertial.mass:g}")
+        self.parent: dict[str, Any] = {}
+        self.children: dict[str, list[Any]] = {link: [] for link in self.links}
+        for joint in model.robot.joints:
+            for field, link in (("parent", joint.parent), ("child", joint.child)):
+                if link not in self.links:
+                    raise xml.error(
+                        "joint", joint.name, f"unknown {field} link '{link}'{suggest(link, self.links)}"
+                    )
+            if joint.child in self.parent:
+                other = self.parent[joint.child].name
+                raise xml.error(
+                    "joint", joint.name, f"link '{joint.child}' is already the child of '{other}'"
+                )
+            self.parent[joint.child] = joint
+            self.children[joint.parent].append(joint)
+        roots = [link for link in self.links if link not in self.parent]
+        if len(roots) != 1:
+            text = f"several links have no parent: {', '.join(roots)}" if roots else "every link has a parent"
+            raise FileFormatError(f"{xml.path}: the links are not a tree: {text}")
+        self.root = roots[0]
+        if len(reached := list(self.below(self.root))) != len(self.links):
+            loop = ", ".join(link for link in self.links if link not in reached)
+            raise FileFormatError(f"{xml.path}: the links are not a tree: {loop} form a loop")
+
+    def link(self, field: str, name: str) -> str:
+        if name not in self.links:
+            raise UnknownNameError(
+                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
+                f"(links of {self.xml.path}: {', '.join(self.links)})"
+            )
+        return name
+
+    def below(self, link: str) -> Iterator[str]:
+        """Yield a link and all links below it."""
+        pending = [link]
+        while pending:
+            link = pending.pop()
+            yield link
+            pending += [joint.child for joint in reversed(self.children[link])]
+
+    def path(self, base: str, tip: str) -> list[Any]:
+        """Return the joints from one link down to another."""
+        joints, link = [], tip
+        while link != base:
+            if link not in self.parent:
+                way = " < ".join([tip, *(joint.parent for joint in joints)])
+                raise UnknownNameError(
+                    f"tip_link: '{tip}' is not below base link '{base}' in {self.xml.path}, but on {way}"
+                )
+            joints.append(self.parent[link])
+            link = joints[-1].parent
+        return joints[::-1]
+
+    def default_tip(self, base: str) -> str:
+        """Return the leaf with most joints above it."""
+        leaves = [link for link in self.below(base) if not self.children[link]]
+        counts = {leaf: sum(_is_movable(joint) for joint in self.path(base, leaf)) for leaf in leaves}
+        most = max(counts.values())
+        best = [leaf for leaf in leaves if counts[leaf] == most]
+        if len(best) > 1:
+            raise UnknownNameError(
+                f"tip_link: must be given for {self.xml.path}; {len(best)} links end a chain of {most} "
+                f"joints: {', '.join(best)}"
+            )
+        return best[0]
+
+    def check_movable(self, joint: Any) -> None:
+        if joint.mimic is not None:
+            raise self.xml.error(
+                "joint",
+                joint.name,
+                f"follows joint '{joint.mimic.joint}' (mimic), which a serial arm cannot hold",
+            )
+        if joint.type not in _MOVABLE:
+            raise self.xml.error(
+                "joint",
+                joint.name,
+                f"is {joint.type}; a serial arm has only {', '.join(_MOVABLE)} and fixed joints",
+            )
+
+
+def _is_movable(joint: Any) -> bool:
+    return joint.type in _MOVABLE and joint.mimic is None
+
+
+def _origin(joint: Any) -> Array:
+    return np.eye(4) if joint.origin is None else joint.origin
+
+
+def _pose7(matrix: Array) -> Array:
+    """Return [quaternion, position] of a homogeneous matrix."""
+    from trimesh.transformations import quaternion_from_matrix
+
+    return np.concatenate([quaternion_from_matrix(matrix), matrix[:3, 3]])
+
+
+def _axis(tree: _Tree, joint: Any) -> Array:
+    if np.linalg.norm(joint.axis) < 1e-9:
+        raise tree.xml.error("joint", joint.name, f"axis must not be zero, got {joint.axis}")
+    return joint.axis
+
+
+def _limits(tree: _Tree, joints: list[Any]) -> Limits:
+    table = np.full((4, len(joints)), np.inf)
+    for i, joint in enumerate(joints):
+        limit = joint.limit
+        table[0, i] = -math.inf
+        if joint.type != "continuous":
+            lower, upper = (limit.lower or 0.0, limit.upper or 0.0) if limit is not None else (0.0, 0.0)
+            if lower >= upper:
+                hint = "; a joint without limits has type 'continuous'" if joint.type == "revolute" else ""
+                raise tree.xml.error(
+                    "joint",
+                    joint.name,
+                    f"limit: lower {lower:g} ≥ upper {upper:g}; lower must be below upper{hint}",
+                )
+            table[:2, i] = lower, upper
+        for row, value in ((2, limit and limit.velocity), (3, limit and limit.effort)):
+            if value is not None and value < 0:
+                raise tree.xml.error(
+                    "joint", joint.name, f"limit: velocity and effort must be ≥ 0, got {value:g}"
+                )
+            table[row, i] = value or math.inf
+    return Limits(table[0], table[1], table[2], table[3])
