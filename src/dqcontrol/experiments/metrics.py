@@ -217,7 +217,7 @@ def evaluate(
 
 def _continuous(time: Array, value: Array) -> Signal:
     """Summarise samples joined linearly."""
-    duration = time[-1] - time[0]
+    duration = float(time[-1] - time[0])
     if duration == 0:
         return Signal(0.0, math.nan, math.nan, float(value.max()))
     integral = float(np.trapezoid(value, time))

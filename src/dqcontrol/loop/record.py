@@ -158,11 +158,12 @@ class Record:
         return _locked(error)
 
 
-def _position(x: Array) -> Array:
-    """Return p = 2 Im(D P*)."""
-    w, v, dw, dv = x[:, :1], x[:, 1:4], x[:, 4:5], x[:, 5:]
-    with np.errstate(invalid="ignore"):  # a diverged run
-        return _locked(2 * (w * dv - dw * v - np.cross(dv, v)))
+def _position(poses: Array) -> Array:
+    """Return the positions of poses, NaN where one is not finite."""
+    finite = np.isfinite(poses).all(axis=1)
+    position = np.full((len(poses), 3), np.nan)
+    position[finite] = algebra.translation(poses[finite])
+    return _locked(position)
 
 
 def _frozen(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
