@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, READ2, WRITE, WRITE2, Kernel, Pointer, kernel, types
+from dqcontrol.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 Array = NDArray[np.float64]
@@ -66,12 +66,19 @@ _BATCHES = {1: unary_batch, 2: binary_batch, 3: ternary_batch}
 
 
 @cache
-def _pointer(operation: Any, operands: int) -> Pointer:
-    return Kernel(operation.py_func, _SIGNATURES[operands], strict=False).pointer
+def _kernel(operation: Any, operands: int) -> Kernel:
+    return Kernel(operation.py_func, _SIGNATURES[operands], strict=False)
 
 
 def apply(operation: Any, size: int, **operands: Array) -> Array:
-    """Return the operation on broadcast leading axes, shape (…, size); keywords name the operands in errors."""
+    """Return the operation on broadcast leading axes, shape (…, size); keywords name operands in errors."""
+    compiled = _kernel(operation, len(operands))
+    if all(
+        operand.ndim == 1 for operand in operands.values()
+    ):  # one element: no need of a loop and a pointer
+        out = np.empty(size)
+        compiled(*map(np.ascontiguousarray, operands.values()), out)
+        return out
     leads = [operand.shape[:-1] for operand in operands.values()]
     try:
         lead = np.broadcast_shapes(*leads)
@@ -86,7 +93,7 @@ def apply(operation: Any, size: int, **operands: Array) -> Array:
             operand = np.broadcast_to(operand, (*lead, width))
         rows.append(np.ascontiguousarray(operand).reshape(-1, width))
     out = np.empty((math.prod(lead), size))
-    _BATCHES[len(rows)](_pointer(operation, len(rows)), *rows, out)
+    _BATCHES[len(rows)](compiled.pointer, *rows, out)
     return out.reshape(*lead, size)
 
 
@@ -98,8 +105,13 @@ def as_unit(field: str, value: ArrayLike) -> Array:
     if i >= 0:
         norm = float(np.linalg.norm(rows[i, :4]))
         dual = float(rows[i, :4] @ rows[i, 4:]) / norm if norm else 0.0
-        where = f" at index {tuple(map(int, np.unravel_index(i, x.shape[:-1])))}" if x.ndim > 1 else ""
+        where = index_of(np.arange(len(rows)).reshape(x.shape[:-1]) == i)
         raise ValueRangeError(
             f"{field}: expected a unit dual quaternion (norm 1), got norm {norm:.6g} + ε {dual:.6g}{where}"
         )
     return x
+
+
+def index_of(bad: Any) -> str:
+    """Return `` at index (…)`` of the first true element; nothing if there is but one."""
+    return f" at index {tuple(map(int, np.argwhere(bad)[0]))}" if bad.ndim else ""

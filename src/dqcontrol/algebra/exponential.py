@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import kernels
-from dqcontrol.algebra.batch import Array, apply, as_unit
+from dqcontrol.algebra.batch import Array, apply, as_unit, index_of
 from dqcontrol.errors import ValueRangeError, as_array
 
 
@@ -44,7 +44,7 @@ def log_screw(x: ArrayLike) -> Array:
 
 
 def exp_screw(g: ArrayLike) -> Array:
-    """Return the group exponential, shape (…, 8), of g, shape (…, 6): where the constant twist 2g leads in 1 s.
+    """Return the group exponential, shape (…, 8), of g, shape (…, 6), where the twist 2g leads in 1 s.
 
     Raises `ShapeError` or `ValueRangeError` if g is not (…, 6) or not finite.
     """
@@ -152,9 +152,8 @@ def _defined(out: Array) -> Array:
     """Raise where the logarithm does not exist."""
     bad = np.isnan(out[..., 0])
     if bad.any():
-        where = f" at index {tuple(map(int, np.argwhere(bad)[0]))}" if bad.ndim else ""
         raise ValueRangeError(
-            f"x: rotation −1 (a full turn){where} has no logarithm, since every axis would do; "
+            f"x: rotation −1 (a full turn){index_of(bad)} has no logarithm, since every axis would do; "
             "use short(x), the same pose"
         )
     return out

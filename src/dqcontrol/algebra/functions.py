@@ -1,9 +1,9 @@
 """Products, conjugates, norms and adjoints of dual quaternions, on batches.
 
 A dual quaternion P + εD is ``[P, D]``, 8 numbers, each quaternion scalar first; a pose is the unit dual
-quaternion x = r + ε½pr. Leading axes are batches and broadcast as in NumPy. All functions take arrays, lists or
-`DualQuaternion` and return new arrays; they raise `ShapeError` for a wrong shape or type, `ValueRangeError` for
-NaN or infinity.
+quaternion x = r + ε½pr. Leading axes are batches and broadcast as in NumPy. All functions take arrays,
+lists or `DualQuaternion` and return new arrays; they raise `ShapeError` for a wrong shape or type and
+`ValueRangeError` for NaN or infinity.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import kernels
-from dqcontrol.algebra.batch import Array, apply, as_unit
+from dqcontrol.algebra.batch import Array, apply, as_unit, index_of
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 C4 = np.diag([1.0, -1.0, -1.0, -1.0])
@@ -127,7 +127,7 @@ def adjoint(x: ArrayLike, y: ArrayLike) -> Array:
 
 
 def adjoint_twist(x: ArrayLike, twist: ArrayLike) -> Array:
-    """Return vec6(x ξ x*) = [Rω ; Rv + p × Rω], shape (…, 6): a twist [ω ; v] of frame x, seen in the inertial one.
+    """Return vec6(x ξ x*) = [Rω ; Rv + p × Rω], shape (…, 6): a twist [ω ; v] of frame x in inertial axes.
 
     Raises
     ------
@@ -194,28 +194,28 @@ def vec8(x: ArrayLike) -> Array:
 
 
 def vec4(x: ArrayLike) -> Array:
-    """Return the 4 coefficients, shape (…, 4), of quaternions (…, 8); `ValueRangeError` if there is a dual part."""
+    """Return the coefficients, shape (…, 4), of quaternions (…, 8); `ValueRangeError` if they are dual."""
     x = as_array("x", x, (8,))
     _vanish("x", "a quaternion (dual part 0)", x, slice(4, 8))
     return x[..., :4].copy()
 
 
 def vec3(x: ArrayLike) -> Array:
-    """Return the imaginary part, shape (…, 3), of pure quaternions (…, 8); `ValueRangeError` if they are not."""
+    """Return Im P, shape (…, 3), of pure quaternions (…, 8); `ValueRangeError` if they are not."""
     x = as_array("x", x, (8,))
     _vanish("x", "a pure quaternion (real and dual parts 0)", x, [0, 4, 5, 6, 7])
     return x[..., 1:4].copy()
 
 
 def vec6(x: ArrayLike, *, field: str = "x") -> Array:
-    """Return [Im P ; Im D], shape (…, 6), of pure dual quaternions (…, 8); `ValueRangeError` if they are not."""
+    """Return [Im P ; Im D], shape (…, 6), of pure values (…, 8); `ValueRangeError` if they are not."""
     x = as_array(field, x, (8,))
     _vanish(field, "a pure dual quaternion (real parts 0)", x, [0, 4])
     return x[..., [1, 2, 3, 5, 6, 7]]
 
 
 def unvec(v: ArrayLike) -> Array:
-    """Return dual quaternions (…, 8) from their vec3, vec4, vec6 or vec8, told apart by the length of the last axis.
+    """Return dual quaternions (…, 8) from their vec3, vec4, vec6 or vec8, told apart by the last axis.
 
     Raises
     ------
@@ -243,8 +243,7 @@ def _square(flat: Array, size: int) -> Array:
 def _nonzero(what: str, out: Array) -> Array:
     bad = ~np.isfinite(out).all(axis=-1)
     if bad.any():
-        where = f" at index {tuple(map(int, np.argwhere(bad)[0]))}" if bad.ndim else ""
-        raise ValueRangeError(f"x: primary part is zero (or nearly){where}; there is no {what}")
+        raise ValueRangeError(f"x: primary part is zero (or nearly){index_of(bad)}; there is no {what}")
     return out
 
 

@@ -1,0 +1,231 @@
+"""Conversions of rotations and poses to and from matrices and angles.
+
+Rotations are unit quaternions (…, 4), scalar first; poses unit dual quaternions (…, 8). Angles are in rad,
+lengths in m. Leading axes are batches. All raise `ShapeError` for a wrong shape or type and `ValueRangeError`
+for NaN, infinity or a value that is no rotation.
+
+Euler angles are taken from the quaternion, not from the matrix: next to a degenerate rotation small entries
+of the matrix give two angles with independent errors; the quaternion keeps their sum or difference exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.algebra import kernels
+from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, index_of
+from dqcontrol.algebra.functions import translation
+from dqcontrol.errors import ValueRangeError, as_array
+
+_DEGENERATE = 5e-15  # sine below which the axis of an angle is round-off
+
+
+def pose(rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """Return poses x = r + ε½pr, shape (…, 8), of rotations r (…, 4) and positions p (…, 3), m [S17 3.7].
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape is wrong, a value not finite, or r has not norm 1.
+
+    Examples
+    --------
+    >>> pose([1, 0, 0, 0], [0.1, 0.2, 0.3]).tolist()
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.1, 0.15]
+    """
+    return apply(
+        kernels.set_pose,
+        8,
+        rotation=as_unit_quaternion("rotation", rotation),
+        translation=as_array("translation", translation, (3,)),
+    )
+
+
+def matrix_from_rotation(rotation: ArrayLike) -> Array:
+    """Return rotation matrices R, shape (…, 3, 3), of unit quaternions (…, 4): R v = Im(r v r*) [P16 B.1]."""
+    r = as_unit_quaternion("rotation", rotation)
+    w, x, y, z = np.moveaxis(r, -1, 0)
+    rows = [
+        [2 * (w * w + x * x) - 1, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 2 * (w * w + y * y) - 1, 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 2 * (w * w + z * z) - 1],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_from_matrix(matrix: ArrayLike) -> Array:
+    """Return unit quaternions (…, 4) with real part ≥ 0 of rotation matrices (…, 3, 3), after Shepperd.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape is wrong, a value not finite, or RᵀR is not 1 within 1e-6, or det R < 0 (a reflection).
+    """
+    m = as_array("matrix", matrix, (3, 3))
+    defect = np.abs(np.swapaxes(m, -1, -2) @ m - np.eye(3)).max(axis=(-1, -2))
+    if (defect > UNIT_TOLERANCE).any():
+        raise ValueRangeError(
+            f"matrix: expected a rotation, but RᵀR differs from 1 by {defect.max():.3g}"
+            f"{index_of(defect > UNIT_TOLERANCE)}; allowed is {UNIT_TOLERANCE:g}"
+        )
+    mirrored = np.linalg.det(m) < 0
+    if mirrored.any():
+        raise ValueRangeError(
+            f"matrix: expected a rotation, but its determinant is −1{index_of(mirrored)}, a reflection"
+        )
+    a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    x, y, z = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    xy, xz, yz = m[..., 1, 0] + m[..., 0, 1], m[..., 0, 2] + m[..., 2, 0], m[..., 2, 1] + m[..., 1, 2]
+    squares = np.stack([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c], axis=-1)
+    # Row i of this symmetric matrix is 4 q_i q; the one with the largest q_i loses no digits.
+    rows = np.stack(
+        [
+            squares[..., 0], x, y, z,
+            x, squares[..., 1], xy, xz,
+            y, xy, squares[..., 2], yz,
+            z, xz, yz, squares[..., 3],
+        ],
+        axis=-1,
+    ).reshape(*m.shape[:-2], 4, 4)  # fmt: skip
+    largest = np.argmax(squares, axis=-1)[..., None, None]
+    r = np.take_along_axis(rows, largest, axis=-2)[..., 0, :]
+    r = r / np.linalg.norm(r, axis=-1, keepdims=True)
+    return np.where(r[..., :1] < 0, -r, r)
+
+
+def matrix_from_pose(x: ArrayLike) -> Array:
+    """Return homogeneous matrices [R p; 0 1], shape (…, 4, 4), of poses (…, 8) [P16 A.25]."""
+    x = as_unit("x", x)
+    matrix = np.zeros((*x.shape[:-1], 4, 4))
+    matrix[..., :3, :3] = matrix_from_rotation(x[..., :4])
+    matrix[..., :3, 3] = translation(x)
+    matrix[..., 3, 3] = 1
+    return matrix
+
+
+def pose_from_matrix(matrix: ArrayLike) -> Array:
+    """Return poses (…, 8) with real part ≥ 0 of homogeneous matrices [R p; 0 1], shape (…, 4, 4).
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        As for `rotation_from_matrix`, or if the last row is not [0, 0, 0, 1].
+    """
+    m = as_array("matrix", matrix, (4, 4))
+    wrong = (np.abs(m[..., 3, :] - [0, 0, 0, 1]) > UNIT_TOLERANCE).any(axis=-1)
+    if wrong.any():
+        row = m[..., 3, :][wrong][0]
+        raise ValueRangeError(
+            f"matrix: the last row must be [0, 0, 0, 1], got {row.tolist()}{index_of(wrong)}"
+        )
+    return pose(rotation_from_matrix(m[..., :3, :3]), m[..., :3, 3])
+
+
+def rotation_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return unit quaternions (cos θ/2, n sin θ/2), shape (…, 4), of axes (…, 3), any length, and angles (…).
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape is wrong, a value not finite, or an axis zero.
+
+    Examples
+    --------
+    >>> rotation_from_axis_angle([0, 0, 2], np.pi).round(12).tolist()
+    [0.0, 0.0, 0.0, 1.0]
+    """
+    n = as_array("axis", axis, (3,))
+    half = 0.5 * as_array("angle", angle)[..., None]
+    length = np.linalg.norm(n, axis=-1, keepdims=True)
+    if (length == 0).any():
+        raise ValueRangeError(f"axis: must not be zero{index_of(length[..., 0] == 0)}")
+    vector = np.sin(half) * (n / length)
+    return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], axis=-1)
+
+
+def axis_angle_from_rotation(rotation: ArrayLike) -> tuple[Array, Array]:
+    """Return unit axes (…, 3) and angles (…) in [0, π], rad, of rotations (…, 4); axis x for θ = 0."""
+    r = as_unit_quaternion("rotation", rotation)
+    r = np.where(r[..., :1] < 0, -r, r)
+    sine = np.linalg.norm(r[..., 1:], axis=-1, keepdims=True)
+    axis = np.where(sine > 0, r[..., 1:] / np.where(sine > 0, sine, 1), [1.0, 0.0, 0.0])
+    return axis, 2 * np.arctan2(sine[..., 0], r[..., 0])
+
+
+def rotation_from_zyz(angles: ArrayLike) -> Array:
+    """Return unit quaternions (…, 4) of ZYZ angles (φ, θ, ψ), shape (…, 3), rad: R = Rz(φ) Ry(θ) Rz(ψ)."""
+    phi, theta, psi = np.moveaxis(0.5 * as_array("angles", angles, (3,)), -1, 0)
+    c, s = np.cos(theta), np.sin(theta)
+    total, difference = phi + psi, phi - psi
+    return np.stack(
+        [c * np.cos(total), -s * np.sin(difference), s * np.cos(difference), c * np.sin(total)], axis=-1
+    )
+
+
+def zyz_from_rotation(rotation: ArrayLike) -> Array:
+    """Return ZYZ Euler angles (φ, θ, ψ), shape (…, 3), rad, of unit quaternions (…, 4) [P16 A.11–A.20].
+
+    θ lies in [0, π], φ and ψ in [−π, π]. Where sin θ = 0 only φ ± ψ is known, and φ is 0.
+    """
+    return _zyz(*np.moveaxis(as_unit_quaternion("rotation", rotation), -1, 0))
+
+
+def rotation_from_rpy(angles: ArrayLike) -> Array:
+    """Return unit quaternions (…, 4) of (roll, pitch, yaw) (…, 3), rad: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = np.moveaxis(0.5 * as_array("angles", angles, (3,)), -1, 0)
+    cr, sr, cp, sp, cy, sy = (
+        np.cos(roll),
+        np.sin(roll),
+        np.cos(pitch),
+        np.sin(pitch),
+        np.cos(yaw),
+        np.sin(yaw),
+    )
+    return np.stack(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ],
+        axis=-1,
+    )
+
+
+def rpy_from_rotation(rotation: ArrayLike) -> Array:
+    """Return (roll, pitch, yaw) (…, 3), rad, of unit quaternions (…, 4): R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    Pitch lies in [−π/2, π/2], roll and yaw in [−π, π]. Where |pitch| = π/2 only roll ∓ yaw is known.
+    """
+    w, x, y, z = np.moveaxis(as_unit_quaternion("rotation", rotation), -1, 0)
+    # R Ry(π/2) = Rz(yaw) Ry(pitch + π/2) Rz(roll): a ZYZ sequence.
+    yaw, pitch, roll = np.moveaxis(_zyz(*(np.stack([w - y, x - z, y + w, z + x]) / np.sqrt(2))), -1, 0)
+    return np.stack([roll, pitch - np.pi / 2, yaw], axis=-1)
+
+
+def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
+    """Return unit quaternions (…, 4), freed of round-off."""
+    r = as_array(field, value, (4,))
+    norm = np.linalg.norm(r, axis=-1, keepdims=True)
+    bad = ~(np.abs(norm[..., 0] - 1) <= UNIT_TOLERANCE)
+    if bad.any():
+        raise ValueRangeError(f"{field}: expected norm 1, got {norm[..., 0][bad][0]:.6g}{index_of(bad)}")
+    return r / norm
+
+
+def _zyz(w: Array, x: Array, y: Array, z: Array) -> Array:
+    """Return the ZYZ angles of a unit quaternion, the first 0 where only a sum is known."""
+    cosine, sine = np.hypot(w, z), np.hypot(x, y)  # of θ/2
+    mean, difference = np.arctan2(z, w), np.arctan2(-x, y)  # (φ + ψ)/2, (φ − ψ)/2
+    degenerate = 2 * sine * cosine <= _DEGENERATE
+    near_zero = cosine >= sine
+    difference = np.where(degenerate & near_zero, -mean, difference)
+    mean = np.where(degenerate & ~near_zero, -difference, mean)
+    theta = np.where(degenerate, np.where(near_zero, 0.0, np.pi), 2 * np.arctan2(sine, cosine))
+    return np.stack([_wrap(mean + difference), theta, _wrap(mean - difference)], axis=-1)
+
+
+def _wrap(angle: Array) -> Array:
+    """Bring angles within [−2π, 2π] to [−π, π]."""
+    return np.where(angle > np.pi, angle - 2 * np.pi, np.where(angle < -np.pi, angle + 2 * np.pi, angle))

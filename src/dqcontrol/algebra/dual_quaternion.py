@@ -1,0 +1,297 @@
+"""Dual quaternions that read like the papers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.algebra import conversions, functions
+from dqcontrol.algebra.batch import Array
+from dqcontrol.algebra.exponential import exp_screw, log_screw, power, sclerp
+from dqcontrol.algebra.operands import add, as_number, batch_text, close, coefficients
+from dqcontrol.errors import ValueRangeError, as_array
+
+TOLERANCE = 1e-12  # of comparisons, relative to the largest coefficient where that exceeds 1
+
+
+class DualQuaternion:
+    """A dual quaternion P + εD, or a batch of them.
+
+    Memory layout: float64, C order, read-only, shape (…, 8); the last axis is ``[P, D]``, each quaternion
+    scalar first: ``[Pw, Px, Py, Pz, Dw, Dx, Dy, Dz]``. Leading axes are the batch. A pose is x = r + ε½pr
+    with the rotation r as a unit quaternion and the position p (m) in the inertial frame; x and −x are the
+    same pose.
+
+    ``x * y`` is the product, ``x**t`` the group power of a pose, ``==`` a comparison within 1e-12 that tells
+    x from −x (`same_pose` does not). A number added counts as real part. NumPy sees the coefficients.
+
+    Parameters
+    ----------
+    vec8
+        Coefficients, shape (…, 8); copied.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the shape is not (…, 8) or a coefficient is not finite. What needs a pose (rotation, translation,
+        log, power, matrix, …) raises `ValueRangeError`, naming the norm, where this is not unit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = DualQuaternion.from_axis_angle([0, 0, 1], np.pi / 2, translation=[1, 0, 0])
+    >>> (x * x).translation.round(12).tolist()
+    [1.0, 1.0, 0.0]
+    >>> x**2 == x * x
+    True
+    >>> print(x.conj() * x)
+    1
+    """
+
+    __slots__ = ("_data",)
+    __array_priority__ = 1000.0  # array * x calls x.__rmul__
+    __hash__ = None  # type: ignore[assignment]  # equality has a tolerance
+
+    _data: Array
+
+    def __init__(self, vec8: ArrayLike) -> None:
+        self._data = np.array(as_array("vec8", vec8, (8,)), order="C")
+        self._data.flags.writeable = False
+
+    @classmethod
+    def identity(cls, batch_shape: tuple[int, ...] = ()) -> DualQuaternion:
+        """Return 1, the pose that moves nothing."""
+        return _wrap(np.broadcast_to([1.0, 0, 0, 0, 0, 0, 0, 0], (*batch_shape, 8)).copy())
+
+    @classmethod
+    def from_pose(cls, rotation: ArrayLike, translation: ArrayLike) -> DualQuaternion:
+        """Return r + ε½pr of unit quaternions (…, 4), scalar first, and positions (…, 3), m."""
+        return _wrap(conversions.pose(rotation, translation))
+
+    @classmethod
+    def from_translation(cls, translation: ArrayLike) -> DualQuaternion:
+        """Return 1 + ε½p of positions (…, 3), m."""
+        return cls.from_pose([1.0, 0, 0, 0], translation)
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> DualQuaternion:
+        """Return poses of homogeneous (…, 4, 4) or rotation matrices (…, 3, 3), real part ≥ 0."""
+        values = as_array("matrix", matrix)
+        if values.shape[-2:] == (3, 3):
+            return cls.from_pose(conversions.rotation_from_matrix(values), np.zeros(3))
+        return _wrap(conversions.pose_from_matrix(values))
+
+    @classmethod
+    def from_axis_angle(
+        cls, axis: ArrayLike, angle: ArrayLike, translation: ArrayLike = (0.0, 0, 0)
+    ) -> DualQuaternion:
+        """Return poses turned by angles (…), rad, about axes (…, 3), at positions (…, 3), m."""
+        return cls.from_pose(conversions.rotation_from_axis_angle(axis, angle), translation)
+
+    @classmethod
+    def from_rpy(cls, angles: ArrayLike, translation: ArrayLike = (0.0, 0, 0)) -> DualQuaternion:
+        """Return the pose with (roll, pitch, yaw) (…, 3), rad: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+        return cls.from_pose(conversions.rotation_from_rpy(angles), translation)
+
+    @classmethod
+    def unvec(cls, v: ArrayLike) -> DualQuaternion:
+        """Return the dual quaternion whose vec3, vec4, vec6 or vec8 is v, told apart by the last axis."""
+        return _wrap(functions.unvec(v))
+
+    @property
+    def vec8(self) -> Array:
+        """Coefficients [P, D], shape (…, 8), read-only."""
+        return self._data
+
+    @property
+    def vec6(self) -> Array:
+        """[Im P ; Im D], shape (…, 6), of a pure dual quaternion."""
+        return functions.vec6(self._data)
+
+    @property
+    def vec4(self) -> Array:
+        """P, shape (…, 4), of a quaternion (D = 0)."""
+        return functions.vec4(self._data)
+
+    @property
+    def vec3(self) -> Array:
+        """Im P, shape (…, 3), of a pure quaternion."""
+        return functions.vec3(self._data)
+
+    @property
+    def P(self) -> Array:  # noqa: N802 - the papers' name
+        """Primary part, shape (…, 4), read-only."""
+        return self._data[..., :4]
+
+    @property
+    def D(self) -> Array:  # noqa: N802 - the papers' name
+        """Dual part, shape (…, 4), read-only."""
+        return self._data[..., 4:]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation r of a pose as unit quaternion, scalar first, shape (…, 4)."""
+        return functions.rotation(self._data)
+
+    @property
+    def translation(self) -> Array:
+        """Position p = 2DP* of a pose in the inertial frame, shape (…, 3), m."""
+        return functions.translation(self._data)
+
+    @property
+    def body_translation(self) -> Array:
+        """Position p_b = 2P*D of a pose in its own frame, shape (…, 3), m."""
+        return functions.body_translation(self._data)
+
+    @property
+    def batch_shape(self) -> tuple[int, ...]:
+        """Shape of the batch; () for one."""
+        return self._data.shape[:-1]
+
+    def matrix(self) -> Array:
+        """Return the homogeneous matrices [R p; 0 1] of a pose, shape (…, 4, 4)."""
+        return conversions.matrix_from_pose(self._data)
+
+    def axis_angle(self) -> tuple[Array, Array]:
+        """Return unit axes (…, 3) and angles (…) in [0, π], rad, of a pose's rotation."""
+        return conversions.axis_angle_from_rotation(self.rotation)
+
+    def rpy(self) -> Array:
+        """Return (roll, pitch, yaw) of a pose's rotation, shape (…, 3), rad."""
+        return conversions.rpy_from_rotation(self.rotation)
+
+    def norm(self) -> Array:
+        """Return the dual number |P| + ε⟨P, D⟩/|P| as shape (…, 2)."""
+        return functions.norm(self._data)
+
+    def conj(self) -> DualQuaternion:
+        """Return x*; for a pose its inverse."""
+        return _wrap(functions.conjugate(self._data))
+
+    def inverse(self) -> DualQuaternion:
+        """Return x⁻¹; `ValueRangeError` if P = 0."""
+        return _wrap(functions.inverse(self._data))
+
+    def renormalise(self) -> DualQuaternion:
+        """Return the nearest unit dual quaternion; `ValueRangeError` if P = 0."""
+        return _wrap(functions.renormalise(self._data))
+
+    def short(self) -> DualQuaternion:
+        """Return x or −x, whichever has Re P ≥ 0: the same pose, the short way round."""
+        return _wrap(functions.short(self._data))
+
+    def log(self) -> DualQuaternion:
+        """Return the screw logarithm of a pose, a pure dual quaternion; `ValueRangeError` at rotation −1."""
+        return _wrap(functions.unvec(log_screw(self._data)))
+
+    def exp(self) -> DualQuaternion:
+        """Return the screw exponential of a pure dual quaternion, a pose."""
+        return _wrap(exp_screw(self.vec6))
+
+    def adjoint(self, other: ArrayLike) -> DualQuaternion:
+        """Return Ad(x) y = x y x*."""
+        return _wrap(functions.adjoint(self._data, other))
+
+    def cross(self, other: ArrayLike) -> DualQuaternion:
+        """Return (ab − ba)/2 of pure dual quaternions."""
+        return _wrap(functions.cross(self._data, other))
+
+    def dot(self, other: ArrayLike) -> DualQuaternion:
+        """Return −(ab + ba)/2 of pure dual quaternions, a dual number."""
+        return _wrap(functions.dot(self._data, other))
+
+    def sclerp(self, other: ArrayLike, t: ArrayLike) -> DualQuaternion:
+        """Return the pose on the screw from this (t = 0) to the other (t = 1); t, shape (…), broadcasts."""
+        return _wrap(sclerp(self._data, other, t))
+
+    def __mul__(self, other: Any) -> DualQuaternion:
+        if isinstance(other, DualQuaternion):
+            return _wrap(functions.multiply(self._data, other._data))
+        number = as_number(other)
+        return _wrap(self._data * number) if number is not None else NotImplemented
+
+    __rmul__ = __mul__  # reached by numbers only
+
+    def __truediv__(self, other: Any) -> DualQuaternion:
+        number = as_number(other)
+        if number == 0:
+            raise ValueRangeError("division: a dual quaternion cannot be divided by 0")
+        return _wrap(self._data / number) if number is not None else NotImplemented
+
+    def __add__(self, other: Any) -> DualQuaternion:
+        term = coefficients(other)
+        return _wrap(add(self._data, term)) if term is not None else NotImplemented
+
+    def __sub__(self, other: Any) -> DualQuaternion:
+        term = coefficients(other)
+        return _wrap(add(self._data, -term)) if term is not None else NotImplemented
+
+    def __rsub__(self, other: Any) -> DualQuaternion:
+        return -self + other
+
+    __radd__ = __add__
+
+    def __neg__(self) -> DualQuaternion:
+        return _wrap(-self._data)
+
+    def __pow__(self, t: ArrayLike) -> DualQuaternion:
+        if isinstance(t, DualQuaternion):
+            return NotImplemented
+        return _wrap(power(self._data, t))
+
+    def __eq__(self, other: object) -> Any:
+        if isinstance(other, DualQuaternion | Real):
+            other = coefficients(other)
+        elif not isinstance(other, np.ndarray) or other.shape[-1:] != (8,):
+            return NotImplemented
+        y = np.asarray(other)
+        return y.shape in (self._data.shape, (8,)) and bool(np.all(close(self._data, y, TOLERANCE)))
+
+    def isclose(self, other: ArrayLike, tolerance: float = TOLERANCE) -> NDArray[np.bool_]:
+        """Return where all coefficients agree, shape (…); x and −x differ."""
+        return close(self._data, as_array("other", other, (8,)), tolerance)
+
+    def same_pose(self, other: ArrayLike, tolerance: float = TOLERANCE) -> NDArray[np.bool_]:
+        """Return where both are the same pose, shape (…); x and −x are."""
+        y = as_array("other", other, (8,))
+        return close(self._data, y, tolerance) | close(self._data, -y, tolerance)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self._data, dtype=dtype, copy=copy)  # type: ignore[call-overload]
+
+    def __len__(self) -> int:
+        if not self.batch_shape:
+            raise TypeError("a single DualQuaternion has no length; its coefficients are in .vec8")
+        return self.batch_shape[0]
+
+    def __getitem__(self, index: Any) -> DualQuaternion:
+        if not self.batch_shape:
+            raise TypeError("a single DualQuaternion cannot be indexed; its coefficients are in .vec8")
+        return _wrap(self._data[(*(index if isinstance(index, tuple) else (index,)), slice(None))])
+
+    def __iter__(self) -> Iterator[DualQuaternion]:
+        return (self[i] for i in range(len(self)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return DualQuaternion, (np.array(self._data),)
+
+    def __repr__(self) -> str:
+        if math.prod(self.batch_shape) > 8:
+            return f"<DualQuaternion batch {self.batch_shape}: {self._data.reshape(-1, 8)[0].tolist()}, …>"
+        return f"DualQuaternion({(self._data + 0.0).tolist()})"  # + 0.0 turns −0 into 0
+
+    def __str__(self) -> str:
+        return batch_text(self._data)
+
+
+def _wrap(data: Array) -> DualQuaternion:
+    """Make a DualQuaternion of a fresh array without a copy."""
+    out = DualQuaternion.__new__(DualQuaternion)
+    data.flags.writeable = False
+    out._data = data
+    return out
