@@ -91,8 +91,8 @@ def kinematics(chain, q, out):
     n = chain.shape[0] - 1
     if q.shape[0] != n or out.shape[0] != 8 + 14 * n:
         return WRONG_SIZE
-    pose_jacobian = out[8 : 8 + 8 * n]
-    twist_jacobian = out[8 + 8 * n :]
+    pose_jacobian = out[8 : 8 + 8 * n].reshape(8, n)
+    twist_jacobian = out[8 + 8 * n :].reshape(6, n)
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     check = 0.0
     for i in range(n):
@@ -101,29 +101,29 @@ def kinematics(chain, q, out):
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
         zx, zy, zz = _axis(w, x, y, z)
         if chain[i, 7] == PRISMATIC:
-            twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i] = 0.0, 0.0, 0.0
-            twist_jacobian[3 * n + i], twist_jacobian[4 * n + i], twist_jacobian[5 * n + i] = zx, zy, zz
+            twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i] = 0.0, 0.0, 0.0
+            twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i] = zx, zy, zz
         else:
-            twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i] = zx, zy, zz
-            twist_jacobian[3 * n + i] = py * zz - pz * zy
-            twist_jacobian[4 * n + i] = pz * zx - px * zz
-            twist_jacobian[5 * n + i] = px * zy - py * zx
+            twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i] = zx, zy, zz
+            twist_jacobian[3, i] = py * zz - pz * zy
+            twist_jacobian[4, i] = pz * zx - px * zz
+            twist_jacobian[5, i] = px * zy - py * zx
         w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[0:8])
     w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
     dw, dx, dy, dz = 0.5 * out[4], 0.5 * out[5], 0.5 * out[6], 0.5 * out[7]
     for i in range(n):
-        a, b, c = twist_jacobian[i], twist_jacobian[n + i], twist_jacobian[2 * n + i]
-        d, e, f = twist_jacobian[3 * n + i], twist_jacobian[4 * n + i], twist_jacobian[5 * n + i]
-        pose_jacobian[i] = -a * x - b * y - c * z
-        pose_jacobian[n + i] = a * w + b * z - c * y
-        pose_jacobian[2 * n + i] = b * w + c * x - a * z
-        pose_jacobian[3 * n + i] = c * w + a * y - b * x
-        pose_jacobian[4 * n + i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
-        pose_jacobian[5 * n + i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
-        pose_jacobian[6 * n + i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
-        pose_jacobian[7 * n + i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
+        a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
+        d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
+        pose_jacobian[0, i] = -a * x - b * y - c * z
+        pose_jacobian[1, i] = a * w + b * z - c * y
+        pose_jacobian[2, i] = b * w + c * x - a * z
+        pose_jacobian[3, i] = c * w + a * y - b * x
+        pose_jacobian[4, i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
+        pose_jacobian[5, i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
+        pose_jacobian[6, i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
+        pose_jacobian[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
     return OK if check == 0.0 else NOT_FINITE
 
 

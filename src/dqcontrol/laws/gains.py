@@ -1,0 +1,71 @@
+"""Gains: constant or changing with time."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+
+
+class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
+    """A gain that changes linearly between given times and is held before the first and after the last. [P16 5.9]
+
+    Parameters
+    ----------
+    times
+        s, increasing.
+    values
+        The gain at each time.
+
+    Examples
+    --------
+    >>> from dqcontrol.laws import Schedule
+    >>> Schedule([0, 6], [2.5, 5.0]).at(3.0).tolist()
+    [3.75]
+    """
+
+    times: Annotated[list[float], Meta(min_length=1, description="s, increasing")]
+    values: Annotated[list[float], Meta(min_length=1, description="gain at each time")]
+
+    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Return the gains at these times (s), shape (N,)."""
+        knots, values = as_array("schedule.times", self.times, (None,)), as_array("schedule.values", self.values, (None,))
+        if knots.ndim != 1 or knots.shape != values.shape:
+            raise ShapeError(f"schedule: expected as many values as times, got {values.shape} and {knots.shape}")
+        if (np.diff(knots) <= 0).any():
+            raise ValueRangeError(f"schedule.times: must increase, got {self.times}")
+        return np.interp(np.atleast_1d(times), knots, values)
+
+    @property
+    def end(self) -> float:
+        """Time of the last change, s."""
+        return float(self.times[-1])
+
+
+Gain = float | Schedule
+
+
+def gain_rows(field: str, gain: Gain, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a positive gain at each time, or one row if it is constant."""
+    rows = gain.at(times) if isinstance(gain, Schedule) else np.atleast_1d(as_array(field, gain, ()))
+    if (rows <= 0).any():
+        raise ValueRangeError(f"{field}: must be > 0, got {rows.min():g}")
+    return rows
+
+
+def gain_matrix_rows(
+    field: str, gain: Gain | ArrayLike, size: int, times: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the diagonal of a gain matrix at each time, shape (N or 1, size); a number stands for k I."""
+    if isinstance(gain, Schedule) or np.ndim(gain) == 0:
+        return np.repeat(gain_rows(field, gain, times)[:, None], size, axis=1)  # type: ignore[arg-type]
+    diagonal = as_array(field, gain, (size,))
+    if diagonal.ndim != 1:
+        raise ShapeError(f"{field}: expected a number or {size} diagonal entries, got shape {diagonal.shape}")
+    if (diagonal <= 0).any():
+        raise ValueRangeError(f"{field}: must be > 0, got {diagonal.min():g}")
+    return diagonal[None, :]

@@ -1,0 +1,169 @@
+"""What a control law is, and a law made ready for one robot, reference and period."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.errors import DivergedError, Error, as_array, as_positive
+from dqcontrol.references.sample import TIME, Sample
+from dqcontrol.robots.serial_arm import Kinematics, SerialArm
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+
+Array = NDArray[np.float64]
+
+# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out
+LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
+
+
+class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """Parameters of a control law; subclasses name a kernel of signature `LAW`."""
+
+    kernel: ClassVar[Kernel]
+    state_size: ClassVar[int] = 1
+
+    def parameter_rows(self, robot: SerialArm, times: Array) -> Array:
+        """Return the kernel's parameters at each time, shape (N, p), or (1, p) if they are constant."""
+        raise NotImplementedError
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return the length of the kernel's work array."""
+        raise NotImplementedError
+
+    def horizon(self, reference: Reference | None) -> float:
+        """Return the time after which the parameters no longer change, s."""
+        return 0.0
+
+    def prepare(self, robot: SerialArm, reference: Reference | None, dt: float) -> PreparedLaw:
+        """Check the parameters and compute what depends on time.
+
+        Parameters
+        ----------
+        robot
+            The robot to drive.
+        reference
+            The motion to follow; None where a law needs no horizon.
+        dt
+            Control period, s.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If a parameter is not allowed; nothing is raised later for that reason.
+        """
+        dt = as_positive("dt", dt)
+        steps = math.ceil(self.horizon(reference) / dt - 1e-9) + 1
+        rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps)))
+        return PreparedLaw(self.kernel, robot, rows, dt, self.state_size, self.work_size(robot))
+
+    def command(
+        self, robot: SerialArm, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None
+    ) -> Array:
+        """Return the inputs for one sample; prepare the law once instead when there are many."""
+        prepared = self.prepare(robot, None, dt)
+        values = as_array("q", q, (robot.configuration_size,))
+        return prepared.command(values, sample, prepared.initial_state(values) if state is None else state)
+
+
+class PreparedLaw:
+    """A law with its parameters over time for one robot.
+
+    Attributes
+    ----------
+    kernel
+        Compiled function of signature `LAW`.
+    parameters
+        One row a sample, or one row for all, shape (K, p).
+    dt
+        Control period, s.
+    """
+
+    def __init__(
+        self, kernel: Kernel, robot: SerialArm, parameters: Array, dt: float, state_size: int, work_size: int
+    ) -> None:
+        self.kernel = kernel
+        self.robot = robot
+        self.parameters = parameters
+        self.dt = dt
+        self.state_size = state_size
+        self._last = len(parameters) - 1
+        self.work: Array = np.zeros(work_size)
+        self.kinematics = Kinematics(robot.input_size)
+
+    def initial_state(self, q: ArrayLike) -> Array:
+        """Return the state before the first sample."""
+        return np.zeros(self.state_size)
+
+    def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
+        """Return the inputs u for one sample.
+
+        Parameters
+        ----------
+        q
+            Measured configuration, shape (n,), rad or m.
+        sample
+            Desired pose, twist and twist rate, inertial frame.
+        state
+            From `initial_state`; updated in place.
+        out
+            Written in place and returned, if given, shape (m,).
+
+        Returns
+        -------
+        u : ndarray, shape (m,)
+            rad/s or m/s.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q has the wrong size or is not finite.
+        DivergedError
+            If the result is not finite.
+        """
+        if out is None:
+            out = np.empty(self.robot.input_size)
+        data = sample.data
+        row = 0 if self._last == 0 else max(round(data[TIME] / self.dt), 0)
+        try:
+            self.step(q, data, row, state, out)
+        except TypeError:  # a list, integers
+            values = as_array("q", q, (self.robot.configuration_size,))
+            self.step(values, data, row, _as_state(state, self.state_size), out)
+        return out
+
+    def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
+        """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
+        kinematics = self.robot.kinematics(q, self.kinematics)
+        status = self.kernel(
+            q,
+            kinematics.pose,
+            kinematics.pose_jacobian,
+            kinematics.twist_jacobian,
+            sample,
+            self.parameters[min(k, self._last)],
+            state,
+            self.work,
+            out,
+        )
+        if status:
+            raise DivergedError(status_text(status))
+
+
+def status_text(status: int) -> str:
+    """Say what a law's status code means."""
+    return "the command is not finite" if status == NOT_FINITE else f"the law failed with status {status}"
+
+
+def _as_state(state: ArrayLike, size: int) -> Array:
+    if type(state) is not np.ndarray or state.dtype != np.float64 or state.shape != (size,):
+        raise Error(f"state: expected the array from initial_state, {size} numbers, got {state!r:.80}")
+    return state
+
+

@@ -1,0 +1,153 @@
+"""The closed loop: compiled where law and plant are, interpreted otherwise, with equal results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.errors import DivergedError
+from dqcontrol.laws.law import PreparedLaw, status_text
+from dqcontrol.loop import rollout as compiled
+from dqcontrol.plants.plant import CompiledPlant, LivePlant
+from dqcontrol.references.sample import POSE, Sample
+from dqcontrol.robots import kernels
+
+Array = NDArray[np.float64]
+_PROGRESS_EVERY = 50  # steps
+
+
+class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """End a run early, once the error norm has stayed below a tolerance."""
+
+    error: Annotated[float, Meta(gt=0, description="|vec8(1 − x*x_d)|")]
+    samples: Annotated[int, Meta(ge=1, description="consecutive samples")] = 50
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What the loop saw at each sample, and why it ended."""
+
+    q: Array
+    measured: Array
+    command: Array
+    stopped: str
+
+
+def close_loop(
+    law: PreparedLaw,
+    plant: LivePlant,
+    samples: Array,
+    stop: Stop | None = None,
+    *,
+    interpreted: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Trace:
+    """Drive a plant along samples with a law.
+
+    Parameters
+    ----------
+    law
+        From ``law.prepare``.
+    plant
+        From ``plant.start``; it is moved.
+    samples
+        Desired motion, one row a period, shape (N, 21), inertial frame.
+    stop
+        When to end early.
+    interpreted
+        True: step in Python even if all parts are compiled; the result is the same to the last bit.
+    progress
+        Called with steps done and steps in all.
+
+    Returns
+    -------
+    Trace
+        Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and says
+        so in ``stopped``.
+    """
+    if isinstance(plant, CompiledPlant) and not interpreted:
+        return _rollout(law, plant, samples, stop)
+    return _interpret(law, plant, samples, stop, progress)
+
+
+def _stop_array(stop: Stop | None) -> Array:
+    return np.array([stop.error, float(stop.samples)]) if stop else np.zeros(2)
+
+
+def _records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
+    n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
+    return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
+
+
+def _ended(done: int, samples: Array, records: tuple[Array, Array, Array], failure: str | None) -> Trace:
+    if failure is not None:
+        stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
+    else:
+        stopped = "duration" if done == len(samples) else "settled"
+    q, measured, command = (array[:done] for array in records)
+    return Trace(q, measured, command, stopped)
+
+
+def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop | None) -> Trace:
+    records = _records(law, samples)
+    steps = np.zeros(10)
+    status = compiled.rollout(
+        kernels.kinematics.pointer,
+        law.kernel.pointer,
+        plant.kernel.pointer,
+        compiled.settled.pointer,
+        law.robot.chain,
+        law.parameters,
+        law.initial_state(plant.q),
+        law.work,
+        law.kinematics.data,
+        plant.parameters,
+        plant.state,
+        plant.noise,
+        plant.q,
+        plant.measured,
+        samples,
+        _stop_array(stop),
+        *records,
+        steps,
+    )
+    failure = None
+    if status:
+        in_plant = status >= compiled.PLANT_FAILED
+        failure = (
+            "the plant left the finite numbers" if in_plant else status_text(status - compiled.LAW_FAILED)
+        )
+        steps[0] -= in_plant
+    return _ended(int(steps[0]), samples, records, failure)
+
+
+def _interpret(
+    law: PreparedLaw,
+    plant: LivePlant,
+    samples: Array,
+    stop: Stop | None,
+    progress: Callable[[int, int], None] | None,
+) -> Trace:
+    records = _records(law, samples)
+    q, measured, command = records
+    state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
+    done, failure = 0, None
+    for k, row in enumerate(samples):
+        q[k], measured[k] = plant.q, plant.measured
+        try:
+            law.step(plant.measured, row, k, state, command[k])
+            done = k + 1
+            if stop and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
+                break
+            plant.step(command[k])
+        except DivergedError as error:
+            done, failure = k, str(error)
+            break
+        if progress and done % _PROGRESS_EVERY == 0:
+            progress(done, len(samples))
+    return _ended(done, samples, records, failure)

@@ -1,0 +1,108 @@
+"""The closed loop, compiled: one function for every robot, law and plant."""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.algebra.kernels import conjugate_multiply
+from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel, types
+from dqcontrol.laws.law import LAW
+from dqcontrol.plants.plant import PLANT
+from dqcontrol.robots.kernels import CHAIN
+
+LAW_FAILED, PLANT_FAILED = 100, 200  # added to the status of what failed
+
+SETTLED = STATUS(READ, READ, READ, WRITE)
+ROLLOUT = STATUS(
+    types.FunctionType(CHAIN),
+    types.FunctionType(LAW),
+    types.FunctionType(PLANT),
+    types.FunctionType(SETTLED),
+    READ2,  # chain
+    READ2,  # law parameters
+    WRITE,  # law state
+    WRITE,  # law work
+    WRITE,  # kinematics buffer
+    READ,  # plant parameters
+    WRITE,  # plant state
+    READ2,  # plant noise
+    WRITE,  # q
+    WRITE,  # measured
+    READ2,  # samples
+    READ,  # stop: tolerance, consecutive samples
+    WRITE2,  # record of q
+    WRITE2,  # record of measured
+    WRITE2,  # record of commands
+    WRITE,  # steps done, then the count of `settled` and its scratch (1 + 9)
+)
+
+
+@kernel(SETTLED)
+def settled(pose, desired, stop, count):
+    """Count consecutive samples with |vec8(1 − short(x*x_d))| within the tolerance; return 1 when there are enough."""
+    error = count[1:9]
+    conjugate_multiply(pose, desired, error)
+    error[0] = 1.0 - abs(error[0])
+    total = 0.0
+    for i in range(8):
+        total += error[i] * error[i]
+    count[0] = count[0] + 1.0 if math.sqrt(total) < stop[0] else 0.0
+    return 1 if count[0] >= stop[1] else 0
+
+
+@kernel(ROLLOUT)
+def rollout(
+    kinematics,
+    law,
+    plant,
+    settled_at,
+    chain,
+    law_parameters,
+    law_state,
+    work,
+    buffer,
+    plant_parameters,
+    plant_state,
+    noise,
+    q,
+    measured,
+    samples,
+    stop,
+    q_record,
+    measured_record,
+    command_record,
+    steps,
+):
+    """Run the loop until the samples end, the error has settled or something fails."""
+    n = q.shape[0]
+    m = command_record.shape[1]
+    pose = buffer[0:8]
+    pose_jacobian = buffer[8 : 8 + 8 * m].reshape(8, m)
+    twist_jacobian = buffer[8 + 8 * m : 8 + 14 * m].reshape(6, m)
+    last = law_parameters.shape[0] - 1
+    for k in range(samples.shape[0]):
+        for i in range(n):
+            q_record[k, i] = q[i]
+            measured_record[k, i] = measured[i]
+        status = kinematics(chain, measured, buffer)
+        if status == OK:
+            status = law(
+                measured,
+                pose,
+                pose_jacobian,
+                twist_jacobian,
+                samples[k],
+                law_parameters[min(k, last)],
+                law_state,
+                work,
+                command_record[k],
+            )
+        if status != OK:
+            return LAW_FAILED + status
+        steps[0] = k + 1.0
+        if stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
+            return OK
+        status = plant(command_record[k], plant_parameters, noise[k], plant_state, q, measured)
+        if status != OK:
+            return PLANT_FAILED + status
+    return OK

@@ -1,0 +1,35 @@
+"""Ideal joints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dqcontrol.compile import OK, kernel
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant
+from dqcontrol.robots.serial_arm import SerialArm
+
+
+@kernel(PLANT)
+def integrate(command, parameters, noise, state, q, measured):
+    """Advance q by T u."""
+    for i in range(q.shape[0]):
+        q[i] += parameters[0] * command[i]
+        measured[i] = q[i]
+    return OK
+
+
+class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
+    """Ideal joints: q(k+1) = q(k) + T u(k), measured without error.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> plant = dqc.plants.Integrator().start(dqc.load_robot("iiwa7"), np.zeros(7), dt=0.01, steps=1, seed=0)
+    >>> plant.step(np.ones(7))
+    >>> float(plant.q[0])
+    0.01
+    """
+
+    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at q0."""
+        return CompiledPlant(integrate, np.array([dt]), np.zeros(1), q0, np.zeros((steps, 1)))

@@ -1,0 +1,68 @@
+"""What a plant is: it takes the law's command and moves the robot."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from dqcontrol.compile import READ, STATUS, WRITE, Kernel
+from dqcontrol.errors import DivergedError
+from dqcontrol.robots.serial_arm import SerialArm
+
+Array = NDArray[np.float64]
+
+# command, parameters, noise of this step, state, q, measured
+PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
+
+
+@runtime_checkable
+class LivePlant(Protocol):
+    """A plant at work, at one configuration."""
+
+    q: Array
+    measured: Array
+
+    def step(self, command: Array) -> None:
+        """Apply the inputs, shape (m,), for one period; update ``q`` and ``measured`` in place."""
+        ...
+
+
+class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """Parameters of a plant."""
+
+    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
+        """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""
+        raise NotImplementedError
+
+
+class CompiledPlant:
+    """A plant whose step is a compiled function of signature `PLANT`.
+
+    Attributes
+    ----------
+    q, measured
+        True and measured configuration, shape (n,), updated in place.
+    noise
+        Pre-drawn standard normal numbers, one row a step.
+    """
+
+    def __init__(self, kernel: Kernel, parameters: Array, state: Array, q0: Array, noise: Array) -> None:
+        self.kernel = kernel
+        self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
+        self.state = np.ascontiguousarray(state, dtype=np.float64)
+        self.q = np.array(q0, dtype=np.float64)
+        self.measured = self.q.copy()
+        self.noise = noise
+        self._step = 0
+
+    def step(self, command: Array) -> None:
+        """Apply the inputs for one period."""
+        status = self.kernel(
+            command, self.parameters, self.noise[self._step], self.state, self.q, self.measured
+        )
+        if status:
+            raise DivergedError("the plant left the finite numbers")
+        self._step += 1
