@@ -1,9 +1,40 @@
 """Desired motions: pose, twist and twist rate over time."""
 
 from dqcontrol.references.circle import Circle, Spiral
+from dqcontrol.references.drawing import Drawing
+from dqcontrol.references.drawing_file import DrawingFile, load_drawing, parse_drawing
+from dqcontrol.references.points import Points
+from dqcontrol.references.points_file import load_points
 from dqcontrol.references.reference import Reference
+from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import Sample
+from dqcontrol.references.sequence import Repeat, Sequence
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.square import Square
+from dqcontrol.references.strokes import Arc, Line, Rest
+from dqcontrol.references.timing import CornerStops, StartRamp
+from dqcontrol.references.transformed import Transformed
 
-__all__ = ["Circle", "Reference", "Sample", "SetPoint", "Spiral", "Square"]
+__all__ = [
+    "Arc",
+    "Circle",
+    "CornerStops",
+    "Drawing",
+    "DrawingFile",
+    "Line",
+    "Points",
+    "Reference",
+    "Repeat",
+    "Rest",
+    "Sample",
+    "Sequence",
+    "SetPoint",
+    "Spiral",
+    "Square",
+    "StartRamp",
+    "Transformed",
+    "load_drawing",
+    "load_points",
+    "motion_samples",
+    "parse_drawing",
+]

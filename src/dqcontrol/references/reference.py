@@ -71,7 +71,7 @@ class Reference(ABC):
             raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
         if (asked < 0).any():
             raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
-        inside, at_corner = self._snapped(asked)
+        inside, at_corner = self.snapped(asked)
         out = self.motion(inside)
         out[at_corner, TWIST_RATE] = 0.0
         out[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
@@ -83,10 +83,13 @@ class Reference(ABC):
         row = self.samples([float(as_array("time", time, ()))])[0]
         return Sample(row[POSE], row[TWIST], row[TWIST_RATE], row[TIME])
 
-    def _snapped(self, times: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return the times within [0, duration], moved onto near corners, and which of them are corners."""
+    def snapped(self, times: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return the times (N,), s, put into [0, duration] and onto near corners, and which are corners.
+
+        For references made of other references, whose own times are sums and differences.
+        """
         marks = np.concatenate([[-np.inf], self.corners, [self.duration, np.inf]])
-        inside = np.minimum(times, self.duration)
+        inside = np.clip(times, 0.0, self.duration)
         after = np.searchsorted(marks, inside)
         left, right = marks[after - 1], marks[after]
         nearest = np.where(inside - left <= right - inside, left, right)

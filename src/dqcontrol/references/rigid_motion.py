@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.algebra import adjoint_twist, multiply
+from dqcontrol.algebra import adjoint_twist, multiply, pose
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
 
 Array = NDArray[np.float64]
@@ -43,21 +43,14 @@ def motion_samples(
         for each in (velocity, acceleration, angular_velocity, angular_acceleration)
     )
     out = np.zeros((len(p), SAMPLE_SIZE))
-    out[:, POSE] = poses(p, rotation)
+    out[:, POSE] = pose(rotation, p)
     out[:, TWIST] = np.concatenate([w, v + np.cross(p, w)], axis=1)
     out[:, TWIST_RATE] = np.concatenate([alpha, a + np.cross(v, w) + np.cross(p, alpha)], axis=1)
     return out
 
 
-def poses(position: Array, rotation: ArrayLike) -> Array:
-    """Return x = r + ε½pr = (1 + ε½p)r, shape (N, 8), of positions (N, 3), m, and unit quaternions (…, 4)."""
-    there, turned = np.zeros((len(position), 8)), np.zeros((len(position), 8))
-    there[:, 0], there[:, 5:8], turned[:, :4] = 1.0, 0.5 * position, rotation
-    return multiply(there, turned)
-
-
 def turned(rotation: Array, axis: Array, angle: Array) -> Array:
-    """Return a unit quaternion (4,) turned by angles (N,), rad, about a fixed unit axis (3,): shape (N, 4)."""
+    """Return a unit quaternion (4,) turned by angles (N,), rad, about a unit axis (3,): shape (N, 4)."""
     half = 0.5 * angle[:, None]
     turn, whole = np.zeros((len(angle), 8)), np.zeros(8)
     turn[:, :4], whole[:4] = np.concatenate([np.cos(half), np.sin(half) * axis], axis=1), rotation

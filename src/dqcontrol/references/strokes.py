@@ -188,6 +188,13 @@ class Trace:
         return position, speed * along, speed * rate[:, None] * left, heading, rate
 
 
+def distance_home(strokes: Sequence[Stroke]) -> float:
+    """Return how far from the origin the strokes end, m; 0 if by no more than round-off."""
+    ends = [(stroke.x, stroke.y) for stroke in strokes if not isinstance(stroke, Rest)]
+    gap = math.hypot(*ends[-1])
+    return gap if gap > _SAME_POINT else 0.0
+
+
 @dataclass(frozen=True)
 class _Piece:
     start: tuple[float, float]

@@ -1,0 +1,99 @@
+"""Drawings: lines and arcs in one go, as for light painting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.references.planar import PlanarReference
+from dqcontrol.references.plane import Plane, plane_axes
+from dqcontrol.references.sample import as_unit
+from dqcontrol.references.strokes import Stroke, Trace, distance_home
+
+ORIENTATIONS = ("fixed", "path")
+TURN_SPEED = 1.0  # rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing(PlanarReference):
+    """Draw lines and arcs on a plane in one go, each stroke at constant speed.
+
+    Parameters
+    ----------
+    start
+        Pose at time 0, the paper's origin: unit dual quaternion, `DualQuaternion` or (8,), inertial frame, m.
+    strokes
+        `Line`, `Arc` and `Rest`, in paper coordinates; the first stroke starts at the origin.
+    plane
+        ``"xy"``, ``"xz"`` or ``"yz"``, or two perpendicular vectors (2, 3), inertial frame: the paper's
+        axes to the right and up.
+    orientation
+        ``"fixed"``: that of the start; ``"path"``: the hand turns about the paper's normal with the
+        tangent, from the start's orientation on.
+    turn_speed
+        rad/s; how fast a hand that follows the path turns on the spot where the tangent jumps.
+    repeat
+        How often the strokes are drawn; to repeat, they must end at the origin.
+
+    Attributes
+    ----------
+    duration
+        s.
+    length
+        Length of all strokes, m.
+    box
+        Least and greatest paper coordinates, shape (2, 2), m.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError, UnknownNameError
+        If the start is no unit dual quaternion, a stroke cannot be drawn, or a parameter is not as above.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import Arc, Line
+    >>> strokes = [Line(0.1, 0.0, speed=0.1), Arc(0.0, 0.0, 0.05, 0.0, clockwise=False, speed=0.1)]
+    >>> drawing = Drawing([1, 0, 0, 0, 0, 0, 0, 0], strokes)
+    >>> round(drawing.length, 4), drawing.box.round(4).tolist()
+    (0.2571, [[0.0, 0.0], [0.1, 0.05]])
+    """
+
+    start: ArrayLike
+    strokes: Sequence[Stroke]
+    _: KW_ONLY
+    plane: Plane = "xz"
+    orientation: str = "fixed"
+    turn_speed: float = TURN_SPEED
+    repeat: int = 1
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", as_unit("start", self.start))
+        strokes = tuple(self.strokes)
+        object.__setattr__(self, "strokes", strokes)
+        if self.orientation not in ORIENTATIONS:
+            raise unknown_name("orientation", self.orientation, ORIENTATIONS)
+        if not isinstance(self.repeat, int) or self.repeat < 1:
+            raise ValueRangeError(f"repeat: expected a whole number ≥ 1, got {self.repeat!r}")
+        follow = self.orientation == "path"
+        turn_speed = as_positive("turn_speed", self.turn_speed)
+        Trace.of(strokes)  # errors name the stroke before it is repeated
+        if self.repeat > 1 and (gap := distance_home(strokes)):
+            raise ValueRangeError(f"repeat: the drawing must end at its origin, it ends {gap:.6g} m from it")
+        trace = Trace.of(strokes * self.repeat, turn_speed if follow else None)
+        self._place(trace, self.start, plane_axes("plane", self.plane), follow=follow)  # type: ignore[arg-type]
+
+    @property
+    def length(self) -> float:
+        """Length of all strokes, m."""
+        return self.trace.length
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """Least and greatest paper coordinates, shape (2, 2), m."""
+        return self.trace.box()

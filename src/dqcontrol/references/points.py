@@ -1,0 +1,87 @@
+"""Poses given one by one, as recorded or computed elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.algebra import adjoint_twist, as_unit, conjugate, exp_screw, log_screw, multiply, renormalise
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.references.reference import Array, Reference, corners_between
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Reference):
+    """Run from pose to pose by ScLERP: constant twist between two, the short way round.
+
+    Poses of one orientation are so joined by straight lines at constant speed.
+
+    Parameters
+    ----------
+    times
+        Shape (N,), s, increasing, N ≥ 2; the first becomes time 0.
+    poses
+        Unit dual quaternions, shape (N, 8), inertial frame, m.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the shapes do not fit, the times do not increase, or a pose is no unit dual quaternion.
+
+    Examples
+    --------
+    >>> there = [[1, 0, 0, 0, 0, 0, 0, 0], [1, 0, 0, 0, 0, 0.1, 0, 0]]
+    >>> Points([0.0, 4.0], there).at(1.0).twist.round(12).tolist()
+    [0.0, 0.0, 0.0, 0.05, 0.0, 0.0]
+    """
+
+    times: ArrayLike
+    poses: ArrayLike
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    _times: Array = field(init=False, repr=False)
+    _poses: Array = field(init=False, repr=False)
+    _twists: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        times = as_array("times", self.times)
+        if times.ndim != 1 or len(times) < 2:
+            raise ShapeError(f"times: expected shape (N,) with N ≥ 2, got {times.shape}")
+        late = np.flatnonzero(np.diff(times) <= 0)
+        if len(late):
+            i = late[0]
+            raise ValueRangeError(
+                f"times: must increase, got {times[i + 1]:g} after {times[i]:g} at index {i + 1}"
+            )
+        poses = as_unit("poses", self.poses)
+        if poses.shape != (len(times), 8):
+            raise ShapeError(f"poses: expected shape ({len(times)}, 8) as there are times, got {poses.shape}")
+        poses = renormalise(poses)
+        signs = np.where(np.sum(poses[1:, :4] * poses[:-1, :4], axis=1) < 0, -1.0, 1.0)
+        poses[1:] *= np.cumprod(signs)[:, None]
+        times = times - times[0]
+        steps = log_screw(multiply(conjugate(poses[:-1]), poses[1:]))
+        twists = adjoint_twist(poses[:-1], 2 * steps / np.diff(times)[:, None])
+        values = {
+            "times": times,
+            "poses": poses,
+            "duration": float(times[-1]),
+            "corners": corners_between(twists, np.concatenate([twists[1:], np.zeros((1, 6))]), times[1:]),
+            "_times": times,
+            "_poses": poses,
+            "_twists": twists,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        i = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self._twists) - 1)
+        out = np.zeros((len(times), SAMPLE_SIZE))
+        elapsed = times - self._times[i]
+        out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), self._poses[i])
+        out[:, TWIST] = self._twists[i]
+        return out

@@ -1,0 +1,139 @@
+"""The points file: a table of positions or poses as comma-separated values."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.algebra import pose, renormalise
+from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
+from dqcontrol.references.points import Points
+from dqcontrol.references.reference import Array
+from dqcontrol.references.sample import as_unit
+from dqcontrol.references.text_file import as_number, read_text
+
+POSITION = ("x", "y", "z")
+QUATERNION = ("qw", "qx", "qy", "qz")
+DUAL_QUATERNION = ("pw", "px", "py", "pz", "dw", "dx", "dy", "dz")
+_COLUMNS = ("time", *POSITION, *QUATERNION, *DUAL_QUATERNION)
+_LAYOUTS = (POSITION, POSITION + QUATERNION, DUAL_QUATERNION)
+_UNIT_TOLERANCE = 1e-3  # of numbers written with few digits; they are then normalised
+
+
+def load_points(
+    path: str | os.PathLike[str], start: ArrayLike | None = None, duration: float | None = None
+) -> Points:
+    r"""Return the reference that runs through the points of a file.
+
+    The first line that is neither empty nor a comment (``#``) names the columns, in any order: ``time`` (s;
+    may be left out) and either ``x, y, z`` (m, inertial frame), or these and ``qw, qx, qy, qz`` (unit
+    quaternion), or the dual quaternion ``pw, px, py, pz, dw, dx, dy, dz``. Each further line is one point.
+
+    Parameters
+    ----------
+    path
+        The file.
+    start
+        Pose that gives the orientation if the file has positions only: `DualQuaternion` or shape (8,).
+    duration
+        s, shared equally among the points, if the file has no ``time``.
+
+    Raises
+    ------
+    FileFormatError
+        If the file cannot be read; the message begins with the file and the line.
+    ValueRangeError
+        If ``start`` or ``duration`` is needed and not given, or ``duration`` is given and not needed.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "points.csv"
+    >>> _ = file.write_text("x, y, z\n0, 0, 0\n0.1, 0, 0\n")
+    >>> load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=2.0).corners.tolist()
+    [2.0]
+    """
+    rows = _rows(read_text(path))
+    number, names = next(rows, (1, []))
+    where = f"{path}:{number}"
+    names = [name.lower() for name in names]
+    _check_names(where, names)
+    lines, values = [], []
+    for number, words in rows:
+        where = f"{path}:{number}"
+        if len(words) != len(names):
+            raise FileFormatError(
+                f"{where}: expected {len(names)} values ({', '.join(names)}), got {len(words)}"
+            )
+        values.append([as_number(f"{where}: {name}", word) for name, word in zip(names, words, strict=True)])
+        lines.append(where)
+    if len(values) < 2:
+        raise FileFormatError(f"{path}: expected at least two points, got {len(values)}")
+    table = dict(zip(names, np.array(values).T, strict=True))
+    return Points(_times(path, table, lines, duration), _poses(path, table, lines, start))
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the values of each line that is neither empty nor a comment."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        content = line.partition("#")[0]
+        if content.strip():
+            yield number, [word.strip() for word in next(csv.reader([content]))]
+
+
+def _check_names(where: str, names: list[str]) -> None:
+    for name in names:
+        if name not in _COLUMNS:
+            raise FileFormatError(
+                f"{where}: unknown column '{name:.40}'{suggest(name, _COLUMNS)} "
+                f"(allowed: {', '.join(_COLUMNS)})"
+            )
+        if names.count(name) > 1:
+            raise FileFormatError(f"{where}: column '{name}' is there {names.count(name)} times")
+    found = set(names) - {"time"}
+    if found not in [set(layout) for layout in _LAYOUTS]:
+        allowed = "; or ".join(", ".join(layout) for layout in _LAYOUTS)
+        raise FileFormatError(f"{where}: expected the columns {allowed}; got {', '.join(names) or 'none'}")
+
+
+def _times(path: object, table: dict[str, Array], lines: list[str], duration: float | None) -> Array:
+    if "time" not in table:
+        if duration is None:
+            raise ValueRangeError(f"duration: {path} has no column 'time': give the duration (s)")
+        return np.linspace(0.0, as_positive("duration", duration), len(lines))
+    if duration is not None:
+        raise ValueRangeError(f"duration: {path} has its own column 'time', got {duration:g} besides")
+    times = table["time"]
+    for i in np.flatnonzero(np.diff(times) <= 0)[:1]:
+        raise FileFormatError(f"{lines[i + 1]}: time: must increase, got {times[i + 1]:g} after {times[i]:g}")
+    return times
+
+
+def _poses(path: object, table: dict[str, Array], lines: list[str], start: ArrayLike | None) -> Array:
+    if "pw" in table:
+        x = np.stack([table[name] for name in DUAL_QUATERNION], axis=1)
+        return _units(x, lines, "pw … dz")
+    position = np.stack([table[name] for name in POSITION], axis=1)
+    if "qw" in table:
+        r = np.zeros((len(lines), 8))
+        r[:, :4] = np.stack([table[name] for name in QUATERNION], axis=1)
+        return pose(_units(r, lines, "qw … qz")[:, :4], position)
+    if start is None:
+        raise ValueRangeError(f"start: {path} gives no orientation: give a pose that has it")
+    return pose(as_unit("start", start)[:4], position)
+
+
+def _units(x: Array, lines: list[str], columns: str) -> Array:
+    """Return dual quaternions (N, 8), normalised."""
+    norms = np.linalg.norm(x[:, :4], axis=1)
+    along = np.abs(np.sum(x[:, :4] * x[:, 4:], axis=1))
+    wrong = (np.abs(norms - 1) > _UNIT_TOLERANCE) | (along > _UNIT_TOLERANCE)
+    for i in np.flatnonzero(wrong)[:1]:
+        raise FileFormatError(
+            f"{lines[i]}: {columns}: must have norm 1, got {norms[i]:.6g} + ε {along[i]:.6g}"
+        )
+    return renormalise(x)

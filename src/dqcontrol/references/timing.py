@@ -1,0 +1,158 @@
+"""The same path at another pace: smooth starts, and smooth stops at corners.
+
+The path is run through with the time σ(t) of the given reference: pose x(σ), twist σ̇ξ, rate σ̇²ξ̇ + σ̈ξ.
+The rate σ̇ goes between 0 and 1 along 10s³ − 15s⁴ + 6s⁵, so that acceleration is continuous and jerk bounded:
+from rest to the speed V in T seconds along a line takes at most 1.875 V/T and 5.774 V/T² of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.references.reference import NO_CORNERS, Array, Reference
+from dqcontrol.references.sample import TWIST, TWIST_RATE
+
+_HALVINGS = 60
+
+
+class _Paced(Reference):
+    """A reference run through at a rate that changes smoothly, piece by piece."""
+
+    _inner: Reference
+    _pieces: Array  # rows: start, start in the inner time, seconds, rate at the start, rate at the end
+
+    def _pace(self, inner: Reference, pieces: Sequence[tuple[float, float, float]]) -> None:
+        """Take pieces (seconds, rate at the start, rate at the end)."""
+        seconds, before, after = np.array(pieces).T
+        ends, inner_ends = np.cumsum(seconds), np.cumsum(0.5 * seconds * (before + after))
+        table = np.stack(
+            [ends - seconds, inner_ends - 0.5 * seconds * (before + after), seconds, before, after]
+        )
+        object.__setattr__(self, "_inner", inner)
+        object.__setattr__(self, "_pieces", table)
+        object.__setattr__(self, "duration", float(ends[-1]))
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        inner_time, rate, change = self._inner_time(times)
+        out = self._inner.motion(self._inner.snapped(inner_time)[0])
+        twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
+        out[:, TWIST] *= rate
+        out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist
+        return out
+
+    def _inner_time(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return σ, σ̇ and σ̈."""
+        last = self._pieces.shape[1] - 1
+        i = np.clip(np.searchsorted(self._pieces[0], times, side="right") - 1, 0, last)
+        start, inner_start, seconds, before, after = self._pieces[:, i]
+        s, gain = (times - start) / seconds, after - before
+        s2 = s * s
+        inner_time = inner_start + seconds * (before * s + gain * s2 * s2 * (2.5 - 3 * s + s2))
+        rate = before + gain * s2 * s * (10 - 15 * s + 6 * s2)
+        return inner_time, rate, gain * 30 * s2 * (1 - s) ** 2 / seconds
+
+    def _outer_time(self, inner_times: Array) -> Array:
+        """Return the t with σ(t) given, by bisection: σ increases."""
+        low, high = np.zeros_like(inner_times), np.full_like(inner_times, self.duration)
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            before = self._inner_time(middle)[0] < inner_times
+            low, high = np.where(before, middle, low), np.where(before, high, middle)
+        return high
+
+
+@dataclass(frozen=True, eq=False)
+class StartRamp(_Paced):
+    """A reference that starts from rest and is at its own speed after the ramp.
+
+    Parameters
+    ----------
+    reference
+        What to start smoothly; of finite duration.
+    seconds
+        Length of the ramp, s; it covers half as much of the reference, which so takes half of it longer.
+
+    Raises
+    ------
+    ValueRangeError
+        If the ramp is not positive or longer than twice the reference, or the reference never ends.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import Circle
+    >>> circle = Circle([1, 0, 0, 0, 0, 0, 0, 0], radius=0.1, duration=10.0)
+    >>> StartRamp(circle, seconds=1.0).duration
+    10.5
+    """
+
+    reference: Reference
+    seconds: float
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        ramp, whole = as_positive("seconds", self.seconds), _finite(self.reference)
+        if ramp > 2 * whole:
+            raise ValueRangeError(f"seconds: must be ≤ {2 * whole:g}, twice the reference, got {ramp:g}")
+        rest = whole - 0.5 * ramp
+        self._pace(self.reference, [(ramp, 0.0, 1.0)] + ([(rest, 1.0, 1.0)] if rest > 0 else []))
+        corners = self._outer_time(self.reference.corners)
+        corners[self.reference.corners == whole] = self.duration
+        corners.flags.writeable = False
+        object.__setattr__(self, "corners", corners)
+
+
+@dataclass(frozen=True, eq=False)
+class CornerStops(_Paced):
+    """A reference that starts from rest, stops smoothly at each of its corners and at its end.
+
+    Parameters
+    ----------
+    reference
+        What to slow down; of finite duration.
+    seconds
+        s; how long it takes to come to rest, and again to reach the reference's own speed. Between two
+        corners so near that this cannot be reached, the speed stays below it.
+
+    Raises
+    ------
+    ValueRangeError
+        If the ramp is not positive or the reference never ends.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import Square
+    >>> square = Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0)
+    >>> smooth = CornerStops(square, seconds=0.5)
+    >>> smooth.duration, smooth.corners.tolist()
+    (10.0, [])
+    """
+
+    reference: Reference
+    seconds: float
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        ramp, whole = as_positive("seconds", self.seconds), _finite(self.reference)
+        pieces = []
+        for length in np.diff(np.unique([0.0, *self.reference.corners, whole])):
+            rate = min(1.0, length / ramp)
+            pieces.append((ramp, 0.0, rate))
+            if length > ramp:
+                pieces.append((length - ramp, 1.0, 1.0))
+            pieces.append((ramp, rate, 0.0))
+        self._pace(self.reference, pieces)
+        object.__setattr__(self, "corners", NO_CORNERS)
+
+
+def _finite(reference: Reference) -> float:
+    if not np.isfinite(reference.duration):
+        raise ValueRangeError("reference: never ends, so it has no pace to change")
+    return reference.duration
