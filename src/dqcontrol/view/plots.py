@@ -1,0 +1,307 @@
+"""Figures of runs over time. Each function returns a matplotlib figure and shows or saves nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ExistsError, ShapeError, unknown_name
+from dqcontrol.loop.record import Record
+from dqcontrol.robots.limits import Limits
+from dqcontrol.view.paths import path_3d
+from dqcontrol.view.style import COLOURS, DESIRED, LIMIT, legend_below, line_style, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+FORMATS = ("pdf", "png", "svg")
+UNITS = ("m", "rad")
+_WIDTH = 7.0  # in; a full text width
+_FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
+
+
+@styled
+def pose_coefficients(record: Record) -> Figure:
+    """Plot the eight coefficients of the end pose over the desired ones.
+
+    Signs follow the hand continuously and the desired pose takes the nearer sign, so that a change between x
+    and −x, which are one pose, does not show as a jump.
+
+    Parameters
+    ----------
+    record
+        The run.
+
+    Examples
+    --------
+    >>> pose_coefficients(run.record).savefig("pose.png")  # doctest: +SKIP
+    """
+    pose, desired = _continuous(record)
+    figure = new_figure(_WIDTH, 6.2)
+    grid = figure.subplots(4, 2, sharex=True)
+    for i, name in enumerate(("$w$", "$i$", "$j$", "$k$")):
+        for part, unit in ((0, ""), (1, " [m]")):
+            axes = grid[i, part]
+            axes.plot(record.time, pose[:, 4 * part + i], color=COLOURS[0], label="hand")
+            axes.plot(record.time, desired[:, 4 * part + i], color=DESIRED, ls="--", lw=1.1, label="desired")
+            axes.set_ylabel(name + unit)
+            _at_least(axes, 1e-3)
+    grid[0, 0].set_title("primary part")
+    grid[0, 1].set_title("dual part")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    figure.align_ylabels()
+    legend_below(figure, grid[0, 0])
+    return figure
+
+
+@styled
+def errors(record: Record) -> Figure:
+    """Plot the error of a run: its norm |1 − x* x_d| (logarithmic), in mm and in degrees."""
+    return _errors({"": record})
+
+
+@styled
+def compare_errors(records: Mapping[str, Record]) -> Figure:
+    """Plot the errors of several runs by label, as `errors` does for one.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+
+    Examples
+    --------
+    >>> compare_errors({"K": first.record, "LQR": second.record})  # doctest: +SKIP
+    """
+    figure = _errors(records)
+    legend_below(figure, figure.axes[0])
+    return figure
+
+
+@styled
+def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[str] | None = None) -> Figure:
+    """Plot each configuration variable in a panel of its own, with the limits that are near.
+
+    Parameters
+    ----------
+    record
+        The run.
+    limits
+        Of the configuration variables. A limit is drawn where it lies close to the motion, and stands in the
+        panel's title in any case.
+    units
+        ``"rad"`` (shown in degrees) or ``"m"`` for each variable; rad if omitted.
+
+    Raises
+    ------
+    ShapeError
+        If limits or units do not fit the record.
+    UnknownNameError
+        If a unit is neither.
+    """
+    units = _units("units", units, record.joint_names)
+    if limits is not None and len(limits.lower) != len(units):
+        raise ShapeError(f"limits: expected {len(units)} as in the record's q, got {len(limits.lower)}")
+    columns = 2 if len(units) > 1 else 1
+    rows = -(-len(units) // columns)
+    figure = new_figure(_WIDTH, 0.7 + 1.35 * rows)
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
+    for i, (name, unit) in enumerate(zip(record.joint_names, units, strict=True)):
+        axes = panels[i]
+        scale, sign = (180 / np.pi, "°") if unit == "rad" else (1.0, "m")
+        axes.plot(record.time, scale * record.q[:, i], color=COLOURS[0])
+        _at_least(axes, scale * 0.01)
+        title = name
+        if limits is not None:
+            lower, upper = scale * limits.lower[i], scale * limits.upper[i]
+            title += f"   ({_bound(lower)} … {_bound(upper)} {sign})"
+            _near_limits(axes, lower, upper)
+        axes.set_title(title, loc="left")
+        axes.set_ylabel(f"[{sign}]")
+    for axes in panels[len(units) :]:  # an empty panel carries the time axis of its column
+        axes.spines.left.set_visible(False)
+        axes.tick_params(left=False, labelleft=False)
+        axes.grid(False)
+    for axes in panels[rows - 1 :: rows]:
+        axes.set_xlabel("time [s]")
+    figure.align_ylabels()
+    return figure
+
+
+@styled
+def control_signals(record: Record, units: Sequence[str] | None = None) -> Figure:
+    """Plot the commanded inputs and their norm, each held until the next sample.
+
+    Parameters
+    ----------
+    record
+        The run.
+    units
+        ``"rad"`` or ``"m"`` for each input, meaning rad/s or m/s; rad if omitted. Each unit has its panel.
+
+    Raises
+    ------
+    ShapeError, UnknownNameError
+        If the units do not fit the record, or one is neither.
+    """
+    units = _units("units", units, record.input_names)
+    kinds = [unit for unit in ("rad", "m") if unit in units]
+    figure = new_figure(_WIDTH, 1.9 * (len(kinds) + 1) + 0.4)
+    panels = figure.subplots(len(kinds) + 1, 1, sharex=True)
+    for axes, kind in zip(panels, kinds, strict=False):
+        mine = [i for i, unit in enumerate(units) if unit == kind]
+        for i in mine:
+            axes.step(
+                record.time, record.command[:, i], where="post", label=record.input_names[i], **line_style(i)
+            )
+        axes.set_ylabel(f"input [{kind}/s]")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 + (len(mine) - 1) // 8)
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run
+        norm = np.linalg.norm(record.command, axis=1)
+    panels[-1].step(record.time, norm, where="post", color=DESIRED)
+    panels[-1].set_ylabel(f"norm [{', '.join(f'{kind}/s' for kind in kinds)}]")
+    panels[-1].set_ylim(bottom=0)
+    panels[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
+    return figure
+
+
+def save_plots(
+    record: Record,
+    folder: str | Path,
+    limits: Limits | None = None,
+    *,
+    joint_units: Sequence[str] | None = None,
+    input_units: Sequence[str] | None = None,
+    formats: Sequence[str] = ("png",),
+) -> list[Path]:
+    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints`` and ``inputs``.
+
+    Parameters
+    ----------
+    record
+        The run.
+    folder
+        Made if missing; must not hold files of these names.
+    limits, joint_units
+        As for `joint_angles`.
+    input_units
+        As for `control_signals`.
+    formats
+        Any of ``"png"``, ``"svg"``, ``"pdf"``.
+
+    Returns
+    -------
+    The files, in the order above.
+
+    Raises
+    ------
+    ExistsError
+        If a file exists; then none is written.
+    UnknownNameError, ShapeError
+        If a format or unit does not exist, or something does not fit the record.
+
+    Examples
+    --------
+    >>> save_plots(run.record, "out", robot.limits, formats=["png", "svg"])  # doctest: +SKIP
+    """
+    import matplotlib
+
+    folder = Path(folder)
+    names = ("path", "errors", "pose", "joints", "inputs")
+    for kind in formats:
+        if kind not in FORMATS:
+            raise unknown_name("formats", kind, FORMATS)
+    for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
+        if path.exists():
+            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
+    figures = (
+        path_3d(record),
+        errors(record),
+        pose_coefficients(record),
+        joint_angles(record, limits, joint_units),
+        control_signals(record, input_units),
+    )
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    with matplotlib.rc_context({"svg.hashsalt": "dqcontrol"}):  # the same run gives the same bytes
+        for name, figure in zip(names, figures, strict=True):
+            for kind in formats:
+                written.append(folder / f"{name}.{kind}")
+                date = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
+                figure.savefig(written[-1], metadata={date: None} if date else None)
+    return written
+
+
+def _errors(records: Mapping[str, Record]) -> Figure:
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    figure = new_figure(_WIDTH, 5.0)
+    panels = figure.subplots(3, 1, sharex=True)
+    for i, (label, record) in enumerate(records.items()):
+        style = line_style(i) | {"label": label}
+        panels[0].plot(record.time, np.maximum(record.error, _FLOOR), **style)
+        panels[1].plot(record.time, 1e3 * record.position_error, **style)
+        panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
+    panels[0].set_yscale("log")
+    panels[0].set_ylabel(r"$|1 - x^{*} x_d|$")
+    panels[1].set_ylabel("position [mm]")
+    panels[2].set_ylabel("orientation [°]")
+    for axes, least in ((panels[1], 1e-3), (panels[2], 1e-3)):
+        axes.set_ylim(0, max(least, axes.get_ylim()[1]))
+    panels[2].set_xlabel("time [s]")
+    figure.align_ylabels()
+    return figure
+
+
+def _continuous(record: Record) -> tuple[Array, Array]:
+    """Return pose and desired pose with signs that do not jump."""
+    pose, desired = record.pose.copy(), record.desired_pose.copy()
+    with np.errstate(invalid="ignore", over="ignore"):
+        flips = np.where((pose[1:, :4] * pose[:-1, :4]).sum(axis=1) < 0, -1.0, 1.0)
+        pose[1:] *= np.cumprod(flips)[:, None]
+        desired *= np.where((pose[:, :4] * desired[:, :4]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    return pose, desired
+
+
+def _units(field: str, units: Sequence[str] | None, names: Sequence[str]) -> Sequence[str]:
+    if units is None:
+        return ["rad"] * len(names)
+    if len(units) != len(names):
+        raise ShapeError(f"{field}: expected {len(names)} units, got {len(units)}")
+    for unit in units:
+        if unit not in UNITS:
+            raise unknown_name(field, unit, UNITS)
+    return units
+
+
+def _at_least(axes: Axes, span: float) -> None:
+    """Widen an axis that shows little more than round-off."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - span / 2, middle + span / 2)
+
+
+def _near_limits(axes: Axes, lower: float, upper: float) -> None:
+    """Draw the limits that lie within one height of the panel from it."""
+    low, high = axes.get_ylim()
+    height = high - low
+    if np.isfinite(lower) and low - lower < height:
+        axes.axhline(lower, color=LIMIT, ls="--", lw=1.1)
+        axes.set_ylim(bottom=min(low, lower - 0.08 * height))
+    if np.isfinite(upper) and upper - high < height:
+        axes.axhline(upper, color=LIMIT, ls="--", lw=1.1)
+        axes.set_ylim(top=max(high, upper + 0.08 * height))
+
+
+def _bound(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−").replace("inf", "∞")
