@@ -33,17 +33,24 @@ class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
 
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """Return the gains at these times (s), shape (N,)."""
-        knots, values = as_array("schedule.times", self.times, (None,)), as_array("schedule.values", self.values, (None,))
-        if knots.ndim != 1 or knots.shape != values.shape:
-            raise ShapeError(f"schedule: expected as many values as times, got {values.shape} and {knots.shape}")
-        if (np.diff(knots) <= 0).any():
-            raise ValueRangeError(f"schedule.times: must increase, got {self.times}")
-        return np.interp(np.atleast_1d(times), knots, values)
+        return np.interp(np.atleast_1d(times), *self._checked())
 
     @property
     def end(self) -> float:
         """Time of the last change, s."""
-        return float(self.times[-1])
+        return float(self._checked()[0][-1])
+
+    def _checked(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return times and values as arrays."""
+        knots = as_array("schedule.times", self.times, (None,))
+        values = as_array("schedule.values", self.values, (None,))
+        if knots.ndim != 1 or knots.shape != values.shape or not knots.size:
+            raise ShapeError(
+                f"schedule: expected as many values as times, one or more, got {values.shape} and {knots.shape}"
+            )
+        if (np.diff(knots) <= 0).any():
+            raise ValueRangeError(f"schedule.times: must increase, got {self.times}")
+        return knots, values
 
 
 Gain = float | Schedule

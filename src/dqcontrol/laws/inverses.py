@@ -8,6 +8,7 @@ from msgspec import Meta, Struct
 
 from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, inlined
 from dqcontrol.errors import as_positive
+from dqcontrol.laws.least_norm import least_norm
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
 
 DAMPED, FILTERED = 0.0, 1.0
@@ -147,40 +148,17 @@ def solve(matrix, rows, n, y, inverse, work, out):
 
 
 @inlined
-def solve_regular(pose, twist_jacobian, hand_twist, bound, work, out):
+def solve_regular(pose, twist_jacobian, hand_twist, bound, out):
     """Write the smallest u that gives the hand a twist [ω ; ṗ], inertial axes; return whether it is regular there.
 
     Regular: every singular value of the hand's Jacobian [ω ; ṗ] = J_h u is above ``bound``. Far from singularities any
     task matrix N = C J_h with C of full column rank has N⁺ = J_h⁺C⁺, so that one 6 × 6 system serves all laws.
     """
-    n = twist_jacobian.shape[1]
-    if n < 6:
+    if twist_jacobian.shape[1] < 6:
         return False
-    matrix = work[0 : 6 * n].reshape(6, n)
-    gram = work[6 * n : 6 * n + 36].reshape(6, 6)
-    column = work[6 * n + 36 : 6 * n + 42]
     w, i, j, k = pose[0], -pose[1], -pose[2], -pose[3]
     dw, di, dj, dk = pose[4], pose[5], pose[6], pose[7]
     px = 2.0 * (dw * i + di * w + dj * k - dk * j)
     py = 2.0 * (dw * j - di * k + dj * w + dk * i)
     pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
-    for c in range(n):
-        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-        matrix[0, c], matrix[1, c], matrix[2, c] = x, y, z
-        matrix[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
-        matrix[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
-        matrix[5, c] = twist_jacobian[5, c] - (px * y - py * x)
-    _gram(matrix, 6, n, False, gram)
-    if not cholesky(gram, 6):
-        return False
-    if not inverse_trace(gram, 6, column) * bound * bound <= 1.0:
-        return False
-    for r in range(6):
-        column[r] = hand_twist[r]
-    cholesky_solve(gram, 6, column)
-    for c in range(n):
-        value = 0.0
-        for r in range(6):
-            value += matrix[r, c] * column[r]
-        out[c] = value
-    return True
+    return least_norm(twist_jacobian, px, py, pz, hand_twist, bound * bound, out)

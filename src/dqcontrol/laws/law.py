@@ -10,7 +10,7 @@ from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, Kernel
-from dqcontrol.errors import DivergedError, Error, as_array, as_positive
+from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
 Array = NDArray[np.float64]
+
+_MOST_STEPS = 10_000_000
 
 # q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
@@ -59,7 +61,9 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
             If a parameter is not allowed; nothing is raised later for that reason.
         """
         dt = as_positive("dt", dt)
-        steps = math.ceil(self.horizon(reference) / dt - 1e-9) + 1
+        steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
+        if steps > _MOST_STEPS:
+            raise ValueRangeError(f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million")
         rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps)))
         return PreparedLaw(self.kernel, robot, rows, dt, self.state_size, self.work_size(robot))
 
@@ -123,19 +127,25 @@ class PreparedLaw:
         Raises
         ------
         ShapeError, ValueRangeError
-            If q has the wrong size or is not finite.
+            If q or ``out`` has the wrong size, or q is not finite.
+        Error
+            If the state does not come from `initial_state`.
         DivergedError
             If the result is not finite.
         """
         if out is None:
             out = np.empty(self.robot.input_size)
+        elif out.shape != (self.robot.input_size,):
+            raise ShapeError(f"out: expected shape ({self.robot.input_size},), got {out.shape}")
+        if type(state) is not np.ndarray or state.dtype != np.float64 or state.shape != (self.state_size,):
+            raise Error(f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}")
         data = sample.data
         row = 0 if self._last == 0 else max(round(data[TIME] / self.dt), 0)
         try:
             self.step(q, data, row, state, out)
         except TypeError:  # a list, integers
             values = as_array("q", q, (self.robot.configuration_size,))
-            self.step(values, data, row, _as_state(state, self.state_size), out)
+            self.step(values, data, row, state, out)
         return out
 
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
@@ -159,11 +169,3 @@ class PreparedLaw:
 def status_text(status: int) -> str:
     """Say what a law's status code means."""
     return "the command is not finite" if status == NOT_FINITE else f"the law failed with status {status}"
-
-
-def _as_state(state: ArrayLike, size: int) -> Array:
-    if type(state) is not np.ndarray or state.dtype != np.float64 or state.shape != (size,):
-        raise Error(f"state: expected the array from initial_state, {size} numbers, got {state!r:.80}")
-    return state
-
-

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra.kernels import conjugate_multiply, rotate
-from dqcontrol.compile import OK, inlined
+from dqcontrol.compile import NOT_FINITE, OK, inlined
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import FILTERED, HEAD, FilteredInverse, Inverse, solve, solve_regular, work_size
@@ -132,8 +132,18 @@ def solve_left_error(target, error, pose, pose_jacobian, twist_jacobian, desired
         square = _regular_hand_twist(target, error, pose, hand_twist)
         # σmin(N) ≥ ½ s σmin(J_h), s the smaller singular value of [[1, 0], [|D|, 1]]
         smallest = 0.25 * (math.sqrt(square + 4.0) - math.sqrt(square))
-        if solve_regular(pose, twist_jacobian, hand_twist, inverse[1] / smallest, rest, out):
-            return OK
+        if solve_regular(pose, twist_jacobian, hand_twist, inverse[1] / smallest, out):
+            return _finite(out)
     matrix = rest[0 : 8 * n].reshape(8, n)
     error_jacobian(pose_jacobian, desired, sign, matrix)
-    return solve(matrix, 8, n, target, inverse, rest[8 * n :], out)
+    status = solve(matrix, 8, n, target, inverse, rest[8 * n :], out)
+    return _finite(out) if status == OK else status
+
+
+@inlined
+def _finite(command):
+    """Return the status of a command, which may have overflowed."""
+    check = 0.0
+    for i in range(command.shape[0]):
+        check += 0.0 * command[i]
+    return OK if check == 0.0 else NOT_FINITE

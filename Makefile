@@ -1,0 +1,59 @@
+# `make demo` and `make test` do all their own set-up in .venv; they need Python ≥ 3.11 and make.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
+
+.PHONY: demo test test-all lint format bench clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
+	@echo "make test      check style and types, run the tests"
+	@echo "make test-all  also the long tests"
+	@echo "make bench     compare speed with Pinocchio"
+	@echo "make clean     remove the environment and the results of the demo"
+
+$(VENV)/created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "dqcontrol needs Python 3.11 or newer: make PYTHON=/path/to/python3.11 …" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	  || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq python3-venv; } \
+	  || { echo "install Python's venv module first: apt-get install python3-venv" >&2; exit 1; }
+	@echo "creating the environment in $(VENV)"
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/demo: $(VENV)/created pyproject.toml
+	@echo "installing dqcontrol with MuJoCo and example robots (about 350 MB to download)"
+	@$(PIP) -e '.[physics,robots]'
+	@touch $@
+
+$(VENV)/test: $(VENV)/created pyproject.toml
+	@echo "installing dqcontrol with everything that its tests compare it with"
+	@$(PIP) -e '.[physics,robots,test]'
+	@touch $@
+
+demo: $(VENV)/demo
+	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force
+
+lint: $(VENV)/test
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/pyright
+
+test: lint
+	@$(BIN)/pytest
+
+test-all: lint
+	@$(BIN)/pytest -m ''
+
+bench: $(VENV)/test
+	@$(BIN)/python benchmarks/speed.py
+
+format: $(VENV)/test
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) results/demo

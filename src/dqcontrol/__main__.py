@@ -1,0 +1,5 @@
+"""``python -m dqcontrol``."""
+
+from dqcontrol.cli import main
+
+main()
