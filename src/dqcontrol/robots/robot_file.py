@@ -96,8 +96,8 @@ class RobotFile(_Part):
     """A robot file.
 
     ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
-    ``convention`` says which Denavit–Hartenberg form the rows have; left out with fixed poses. ``base`` is the
-    pose of the first frame in the inertial one, ``tool`` that of the tool in the last frame.
+    ``convention`` says which Denavit–Hartenberg form the rows have; left out with fixed poses. ``base`` is
+    the pose of the first frame in the inertial one, ``tool`` that of the tool in the last frame.
     """
 
     name: Annotated[str, Meta(min_length=1)]

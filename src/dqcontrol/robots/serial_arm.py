@@ -12,6 +12,7 @@ from dqcontrol.compile import WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import kernels
 from dqcontrol.robots.dh import JOINT_TYPES, chain_from_dh, compose
+from dqcontrol.robots.gravity import body_table, gravity_torques
 from dqcontrol.robots.limits import Inertia, Limits
 
 Array = NDArray[np.float64]
@@ -215,6 +216,44 @@ class SerialArm:
     def rotation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_r, shape (…, 4, n), with vec4(ṙ) = J_r q̇."""
         return self._jacobians(q)[1][..., :4, :]
+
+    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
+        """Return the joint torques that hold the arm still, τ_g = ∂U/∂q.
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+        gravity
+            Acceleration of free fall in the base frame, shape (3,), m/s².
+
+        Returns
+        -------
+        Array
+            Shape (…, n), N·m or N.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong, a value is not finite, or the arm has no inertia.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> dqc.load_robot("iiwa7").gravity_torque([0, 1.57, 0, 0, 0, 0, 0]).shape
+        (7,)
+        """
+        if self.inertia is None:
+            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
+        n = self.configuration_size
+        values, fall = as_array("q", q, (n,)), as_array("gravity", gravity, (3,))
+        if fall.ndim != 1:
+            raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
+        rows = np.ascontiguousarray(values.reshape(-1, n))
+        out = np.empty_like(rows)
+        bodies = body_table(self.inertia)
+        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out)
+        return out.reshape(values.shape)
 
     def _jacobians(self, q: ArrayLike) -> tuple[Array, Array, Array]:
         m = self.input_size

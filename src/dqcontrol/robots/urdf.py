@@ -28,8 +28,8 @@ def load_urdf(
 ) -> SerialArm:
     """Load the serial chain between two links of a URDF file.
 
-    Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at zero,
-    is lumped into the inertia of the joint that moves it. Meshes are never opened.
+    Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at
+    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened.
 
     Parameters
     ----------
