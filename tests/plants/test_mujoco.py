@@ -10,6 +10,7 @@ from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, skeleton
 from dqcontrol.plants.plant import LivePlant
 from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.load import example_urdfs, load_robot
 from dqcontrol.robots.serial_arm import SerialArm
 
 mujoco: Any = pytest.importorskip("mujoco")
@@ -119,6 +120,56 @@ def test_gravity_torque_is_the_slope_of_the_potential_energy():
         mujoco.mj_forward(model, data)
         slope = [(potential(q + h) - potential(q - h)) / 2e-5 for h in 1e-5 * np.eye(7)]
         np.testing.assert_allclose(data.qfrc_bias, slope, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["iiwa7", "meka-a2"])
+def test_own_models_move_and_weigh_what_the_robot_says(name):
+    robot = load_robot(name)
+    model = plain_model(robot)
+    data = mujoco.MjData(model)
+    for q in np.random.default_rng(SEED).uniform(-1, 1, (5, robot.configuration_size)):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        np.testing.assert_allclose(data.qfrc_bias, robot.gravity_torque(q), atol=1e-11)
+    live = MujocoPlant().start(robot, np.full(robot.configuration_size, 0.2), 0.01, 100, 0)
+    run(live, np.full(robot.configuration_size, 0.1), 100)
+    np.testing.assert_allclose(live.q, 0.3 - 0.1 * live.damping / live.stiffness, atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("file", "tip"),
+    [
+        ("panda_description/urdf/panda.urdf", "panda_hand_tcp"),
+        ("ur_description/urdf/ur5_robot.urdf", "tool0"),
+    ],
+)
+def test_urdf_arms_have_pinocchios_kinematics_and_dynamics(file, tip):
+    pinocchio: Any = pytest.importorskip("pinocchio")
+    try:
+        path = example_urdfs()[file]
+    except MissingExtraError as error:
+        pytest.skip(str(error))
+    robot = load_robot(path, tip_link=tip)
+    model = plain_model(robot)
+    data = mujoco.MjData(model)
+    whole = pinocchio.buildModelFromUrdf(str(path))
+    others = [whole.getJointId(name) for name in whole.names[1:] if name not in robot.joint_names]
+    other = pinocchio.buildReducedModel(whole, others, pinocchio.neutral(whole))
+    state = other.createData()
+    n = robot.configuration_size
+    rng = np.random.default_rng(SEED)
+    for _ in range(5):
+        q, qdot, qddot = rng.uniform(-1, 1, (3, n))
+        data.qpos[:], data.qvel[:] = q, qdot
+        mujoco.mj_forward(model, data)
+        torque = np.empty(n)
+        mujoco.mj_mulM(model, data, torque, qddot)
+        torque += data.qfrc_bias
+        np.testing.assert_allclose(torque, pinocchio.rnea(other, state, q, qdot, qddot), atol=1e-11)
+        pinocchio.framesForwardKinematics(other, state, q)
+        frame = state.oMf[other.getFrameId(tip)]
+        np.testing.assert_allclose(data.site("hand").xpos, frame.translation, atol=1e-12)
+        np.testing.assert_allclose(data.site("hand").xmat.reshape(3, 3), frame.rotation, atol=1e-12)
 
 
 def test_free_motion_keeps_its_energy():

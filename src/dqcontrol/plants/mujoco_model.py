@@ -181,10 +181,10 @@ class _Shapes:
         end, radius = self.robot.chain[i, 4:7], 0.85 * self.radii[i]
         length = np.linalg.norm(end)
         if i == 0:
-            self.add(body, "CYLINDER", [1.7 * self.radii[0], 0.1 * self.radii[0]], _BASE, pos=end * [1, 1, 0])
+            self.add(body, "CYLINDER", [1.7 * self.radii[0], 0.1 * self.radii[0]], _BASE)
         if length > 0.5 * radius:
-            colour = _BASE if i == 0 else _SHELL
-            self.add(body, "CAPSULE", [radius], colour, fromto=[0, 0, 0, *end])
+            kind = "CYLINDER" if i == len(self.radii) - 1 else "CAPSULE"  # the hand's point lies on the end
+            self.add(body, kind, [radius], _BASE if i == 0 else _SHELL, fromto=[0, 0, 0, *end])
 
     def drum(self, body: Any, i: int) -> None:
         """Draw joint i as a drum about its axis."""
@@ -205,8 +205,8 @@ class _Shapes:
 
     def triad(self, body: Any) -> None:
         """Draw the axes of the hand: x red, y green, z blue."""
-        tool, length, axis = self.robot.chain[-1], 0.075 * self.reach, np.empty(3)
+        tool, length, axis = self.robot.chain[-1], 0.06 * self.reach, np.empty(3)
         for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
             self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))
             ends = [*tool[4:7], *(tool[4:7] + length * axis)]
-            self.add(body, "CAPSULE", [0.006 * self.reach], colour, fromto=ends)
+            self.add(body, "CAPSULE", [0.0045 * self.reach], colour, fromto=ends)
