@@ -79,13 +79,7 @@ def apply(operation: Any, size: int, **operands: Array) -> Array:
         out = np.empty(size)
         compiled(*map(np.ascontiguousarray, operands.values()), out)
         return out
-    leads = [operand.shape[:-1] for operand in operands.values()]
-    try:
-        lead = np.broadcast_shapes(*leads)
-    except ValueError:
-        raise ShapeError(
-            f"{', '.join(operands)}: batches of shapes {', '.join(map(str, leads))} do not broadcast"
-        ) from None
+    lead = broadcast_lead(**operands)
     rows = []
     for operand in operands.values():
         width = operand.shape[-1]
@@ -95,6 +89,17 @@ def apply(operation: Any, size: int, **operands: Array) -> Array:
     out = np.empty((math.prod(lead), size))
     _BATCHES[len(rows)](compiled.pointer, *rows, out)
     return out.reshape(*lead, size)
+
+
+def broadcast_lead(**operands: Array) -> tuple[int, ...]:
+    """Return the common shape of the leading axes (all but the last), or an error naming the operands."""
+    leads = [operand.shape[:-1] for operand in operands.values()]
+    try:
+        return np.broadcast_shapes(*leads)
+    except ValueError:
+        raise ShapeError(
+            f"{', '.join(operands)}: batches of shapes {', '.join(map(str, leads))} do not broadcast"
+        ) from None
 
 
 def as_unit(field: str, value: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import kernels
-from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, index_of
+from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
 from dqcontrol.algebra.functions import translation
 from dqcontrol.errors import ValueRangeError, as_array
 
@@ -31,8 +31,8 @@ def pose(rotation: ArrayLike, translation: ArrayLike) -> Array:
 
     Examples
     --------
-    >>> pose([1, 0, 0, 0], [0.1, 0.2, 0.3]).tolist()
-    [1.0, 0.0, 0.0, 0.0, 0.0, 0.05, 0.1, 0.15]
+    >>> pose([1, 0, 0, 0], [0.1, 0.2, 0.3])[5:].tolist()
+    [0.05, 0.1, 0.15]
     """
     return apply(
         kernels.set_pose,
@@ -137,6 +137,7 @@ def rotation_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
     """
     n = as_array("axis", axis, (3,))
     half = 0.5 * as_array("angle", angle)[..., None]
+    broadcast_lead(axis=n, angle=half)
     length = np.linalg.norm(n, axis=-1, keepdims=True)
     if (length == 0).any():
         raise ValueRangeError(f"axis: must not be zero{index_of(length[..., 0] == 0)}")

@@ -245,12 +245,13 @@ class DualQuaternion:
         return _wrap(power(self._data, t))
 
     def __eq__(self, other: object) -> Any:
-        if isinstance(other, DualQuaternion | Real):
-            other = coefficients(other)
-        elif not isinstance(other, np.ndarray) or other.shape[-1:] != (8,):
+        if isinstance(other, Real):
+            y = np.broadcast_to(np.asarray(coefficients(other)), self._data.shape)
+        elif isinstance(other, DualQuaternion | np.ndarray):
+            y = np.asarray(other)
+        else:
             return NotImplemented
-        y = np.asarray(other)
-        return y.shape in (self._data.shape, (8,)) and bool(np.all(close(self._data, y, TOLERANCE)))
+        return y.shape == self._data.shape and bool(np.all(close(self._data, y, TOLERANCE)))
 
     def isclose(self, other: ArrayLike, tolerance: float = TOLERANCE) -> NDArray[np.bool_]:
         """Return where all coefficients agree, shape (…); x and −x differ."""

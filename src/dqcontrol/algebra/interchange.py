@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.batch import Array, as_unit
+from dqcontrol.algebra.batch import Array, as_unit, broadcast_lead
 from dqcontrol.algebra.conversions import as_unit_quaternion, matrix_from_pose, pose, rotation_from_matrix
 from dqcontrol.algebra.functions import translation
 from dqcontrol.errors import MissingExtraError, ShapeError, as_array
@@ -58,7 +58,9 @@ def pose_from_mujoco(position: ArrayLike, quaternion: ArrayLike) -> Array:
 
     Raises `ShapeError`, `ValueRangeError` if a shape is wrong, a value not finite or a norm not 1.
     """
-    return pose(as_unit_quaternion("quaternion", quaternion), as_array("position", position, (3,)))
+    r, p = as_unit_quaternion("quaternion", quaternion), as_array("position", position, (3,))
+    broadcast_lead(position=p, quaternion=r)
+    return pose(r, p)
 
 
 def mujoco_from_pose(x: ArrayLike) -> tuple[Array, Array]:

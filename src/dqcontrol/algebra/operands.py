@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra.batch import Array
+from dqcontrol.algebra.batch import Array, broadcast_lead
 from dqcontrol.errors import ShapeError, as_array
 
 _SHOWN_AS_ZERO = 5e-13
@@ -37,23 +37,15 @@ def coefficients(value: Any) -> Array | None:
 
 def add(a: Array, b: Array) -> Array:
     """Return the sum of two batches."""
-    try:
-        return a + b
-    except ValueError:
-        raise ShapeError(
-            f"sum: batches of shapes {a.shape[:-1]} and {b.shape[:-1]} do not broadcast"
-        ) from None
+    broadcast_lead(a=a, b=b)
+    return a + b
 
 
 def close(a: Array, b: Array, tolerance: float) -> NDArray[np.bool_]:
     """Return where all 8 coefficients agree, relative to the largest of them where that exceeds 1."""
-    try:
-        scale = np.maximum(1.0, np.maximum(np.abs(a).max(axis=-1), np.abs(b).max(axis=-1)))
-        return np.abs(a - b).max(axis=-1) <= tolerance * scale
-    except ValueError:
-        raise ShapeError(
-            f"other: batches of shapes {a.shape[:-1]} and {b.shape[:-1]} do not broadcast"
-        ) from None
+    broadcast_lead(value=a, other=b)
+    scale = np.maximum(1.0, np.maximum(np.abs(a).max(axis=-1), np.abs(b).max(axis=-1)))
+    return np.abs(a - b).max(axis=-1) <= tolerance * scale
 
 
 def text(x: Array) -> str:
