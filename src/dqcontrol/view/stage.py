@@ -58,13 +58,17 @@ def add_stage(
             contype=0,
             conaffinity=0,
         )
+    if hasattr(mujoco, "mjtLightType"):
+        directional = {"type": mujoco.mjtLightType.mjLIGHT_DIRECTIONAL}
+    else:  # early MuJoCo 3.3
+        directional = {"directional": True}
     for beside, up, strength, shadow in ((-25, 1.5, 0.5, True), (70, 1.0, 0.22, False)):
         towards = math.radians(azimuth + 180 + beside)
         spot = reach * np.array([math.cos(towards), math.sin(towards), up])
         spec.worldbody.add_light(
             pos=spot,
             dir=-spot / np.linalg.norm(spot),
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+            **directional,
             castshadow=shadow,
             diffuse=[strength] * 3,
             specular=[0.25] * 3,
