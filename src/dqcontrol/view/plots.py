@@ -72,10 +72,7 @@ def errors(record: Record) -> Figure:
 def compare_errors(records: Mapping[str, Record]) -> Figure:
     """Plot the errors of several runs by label, as `errors` does for one.
 
-    Raises
-    ------
-    ShapeError
-        If there is no run.
+    Raises `ShapeError` if there is no run.
 
     Examples
     --------
@@ -147,10 +144,7 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     units
         ``"rad"`` or ``"m"`` for each input, meaning rad/s or m/s; rad if omitted. Each unit has its panel.
 
-    Raises
-    ------
-    ShapeError, UnknownNameError
-        If the units do not fit the record, or one is neither.
+    Raises `ShapeError` or `UnknownNameError` if the units do not fit the record, or one is neither.
     """
     units = _units("units", units, record.input_names)
     kinds = [unit for unit in ("rad", "m") if unit in units]
@@ -253,10 +247,9 @@ def _errors(records: Mapping[str, Record]) -> Figure:
         panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
     panels[0].set_yscale("log")
     panels[0].set_ylabel(r"$|1 - x^{*} x_d|$")
-    panels[1].set_ylabel("position [mm]")
-    panels[2].set_ylabel("orientation [°]")
-    for axes, least in ((panels[1], 1e-3), (panels[2], 1e-3)):
-        axes.set_ylim(0, max(least, axes.get_ylim()[1]))
+    for axes, label in ((panels[1], "position [mm]"), (panels[2], "orientation [°]")):
+        axes.set_ylabel(label)
+        axes.set_ylim(0, max(1e-3, axes.get_ylim()[1]))
     panels[2].set_xlabel("time [s]")
     figure.align_ylabels()
     return figure

@@ -13,6 +13,7 @@ from dqcontrol.errors import ExistsError, FileFormatError
 from dqcontrol.experiments.metric_tables import summary_table
 from dqcontrol.experiments.metrics import Metrics
 from dqcontrol.experiments.tables import Table
+from dqcontrol.loop.record import Record
 
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
 _CAPTIONS = {
@@ -27,11 +28,12 @@ _PAGE = """<!DOCTYPE html>
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<meta http-equiv="Content-Security-Policy"
+  content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
 <title>{title}</title>
 <style>
-body {{ font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 60rem; margin: 2rem auto;
-  padding: 0 1rem; }}
+body {{ font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 60rem;
+  margin: 2rem auto; padding: 0 1rem; }}
 h1 {{ font-size: 1.6rem; margin-bottom: 0.2rem; }}
 h2 {{ font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; }}
 p.facts {{ color: #555; margin-top: 0; }}
@@ -58,12 +60,12 @@ pre {{ background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85re
 
 def write_report(
     folder: str | Path,
+    record: Record,
     metrics: Metrics,
     *,
     title: str = "Run",
-    stopped: str = "",
     spec: str = "",
-    plots: Sequence[str | Path] = (),
+    plots: Sequence[str | Path] | None = None,
     tables: Sequence[Table] = (),
 ) -> Path:
     """Write ``report.html`` into a folder: facts, metrics, figures and the experiment's text in one file.
@@ -72,17 +74,17 @@ def write_report(
     ----------
     folder
         Made if missing; must not hold a ``report.html``.
+    record
+        The run, for why it ended; a divergence is shown as a warning.
     metrics
         Of the run.
     title
         Heading.
-    stopped
-        Why the run ended; a divergence is shown as a warning.
     spec
         Text of the resolved experiment.
     plots
-        PNG, SVG or JPEG files, put into the page in this order, as `save_plots` returns them. Other kinds (PDF) are
-        left out, and so is the second format of a figure.
+        PNG, SVG or JPEG files, put into the page in this order; one format of each is shown. If omitted,
+        those that `save_plots` has written into the folder.
     tables
         More tables, shown after the metrics.
 
@@ -99,18 +101,24 @@ def write_report(
 
     Examples
     --------
-    >>> plots = save_plots(run.record, "out")  # doctest: +SKIP
-    >>> write_report("out", run.metrics, title="Circle", plots=plots)  # doctest: +SKIP
+    >>> save_plots(run.record, "out")  # doctest: +SKIP
+    >>> write_report("out", run.record, run.metrics, title="Circle")  # doctest: +SKIP
     """
     from dqcontrol import __version__
 
     target = Path(folder) / "report.html"
     if target.exists():
         raise ExistsError(f"{target}: exists already; choose another folder or remove it")
-    facts = [f"{metrics.duration:.4g} s", f"{metrics.samples} samples"]
-    if stopped:
-        facts.append(f"stopped by {stopped}" if ":" not in stopped else f"stopped: {stopped}")
-    facts.append(f"dqcontrol {__version__}")
+    stopped = record.stopped
+    facts = [
+        f"{record.duration:.4g} s",
+        f"{len(record)} samples",
+        f"ended: {stopped}",
+        f"dqcontrol {__version__}",
+    ]
+    if plots is None:
+        candidates = (target.with_name(name + kind) for name in _CAPTIONS for kind in _TYPES)
+        plots = [path for path in candidates if path.exists()]
     parts = ["<h2>Metrics</h2>", _table(summary_table(metrics)), *map(_table, tables)]
     figures = _figures(plots)
     if figures:
