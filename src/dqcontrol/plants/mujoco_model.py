@@ -79,7 +79,7 @@ def skeleton(robot: SerialArm) -> Any:
         if slides:
             draw.rail(parent, i)
         body = parent.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
-        body.mass, body.inertia, body.explicitinertial = 1.0, np.ones(3), True
+        body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1])
         if np.isfinite(lower) and np.isfinite(upper):
