@@ -119,7 +119,7 @@ def test_summary_leaves_out_what_does_not_exist():
 
 def test_comparison_has_a_row_a_run():
     table = comparison_table({"K": metrics(0.1), "LQR": metrics(0.2)}, PUBLISHED)
-    assert [c.heading for c in table.columns][:3] == ["Run", "Err. integral [s]", "Control integral [rad]"]
+    assert [c.heading for c in table.columns][:3] == ["Run", "Error integral [s]", "Control integral [rad]"]
     assert [row[:2] for row in table.rows] == [["K", pytest.approx(0.05)], ["LQR", pytest.approx(0.1)]]
     with pytest.raises(UnknownNameError, match=re.escape("'error.integrl'; did you mean 'error.integral'?")):
         comparison_table({}, ["error.integrl"])
@@ -129,7 +129,7 @@ def test_repeats_give_mean_and_sample_deviation():
     table = repeats_table(
         {"K": [metrics(0.1), metrics(0.2), metrics(0.3)], "one": [metrics()]}, ["error.integral"]
     )
-    assert [c.heading for c in table.columns][2:] == ["Err. integral [s]", "± Err. integral [s]"]
+    assert [c.heading for c in table.columns][2:] == ["Error integral [s]", "± Error integral [s]"]
     assert list(table.rows[0]) == ["K", 3, pytest.approx(0.1), pytest.approx(0.05)]
     assert list(table.rows[1]) == ["one", 1, pytest.approx(0.05), None]
     assert repeats_table({"K": [metrics()]}, ["settling_time"]).rows[0][2] is None

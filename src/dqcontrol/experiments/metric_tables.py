@@ -9,28 +9,37 @@ from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.experiments.metrics import Metrics
 from dqcontrol.experiments.tables import Cell, Column, Table
 
-_SIGNALS = {
-    "error": ("Err.", "", "s"),
+_SIGNALS = {  # title, unit, unit of the integral; in [P16]: Err., control signal, Eff., L.Vel., L.Acc.
+    "error": ("Error", "", "s"),
     "control": ("Control", "rad/s", "rad"),
-    "joint_step": ("Eff.", "rad", "rad s"),
-    "hand_speed": ("L.Vel.", "m/s", "m"),
-    "hand_acceleration": ("L.Acc.", "m/s²", "m/s"),
+    "joint_step": ("Joint step", "rad", "rad s"),
+    "hand_speed": ("Hand speed", "m/s", "m"),
+    "hand_acceleration": ("Hand acceleration", "m/s²", "m/s"),
 }
 _DEVIATIONS = {"position": ("Position error", "mm"), "orientation": ("Orientation error", "°")}
+_PARTS = {
+    "mean": "mean",
+    "rms": "RMS",
+    "peak": "peak",
+    "final": "final",
+    "settled_mean": "mean, settled",
+    "settled_rms": "RMS, settled",
+    "settled_peak": "peak, settled",
+}
 
 METRIC_COLUMNS: dict[str, Column] = {
     "duration": Column("Duration", "s"),
     "samples": Column("Samples"),
     **{
-        f"{key}.{part}": Column(f"{title} {part}", integral_unit if part == "integral" else unit)
-        for key, (title, unit, integral_unit) in _SIGNALS.items()
-        for part in ("integral", "mean", "rms", "peak")
-    },
-    "final_error": Column("Err. final"),
-    **{
-        f"{key}.{part}": Column(f"{title} {part.replace('_', ' ')}", unit)
+        f"{key}.{part}": Column(f"{title} {part_title}", unit)
         for key, (title, unit) in _DEVIATIONS.items()
-        for part in ("mean", "rms", "peak", "final", "settled_mean", "settled_rms", "settled_peak")
+        for part, part_title in _PARTS.items()
+    },
+    "final_error": Column("Error final"),
+    **{
+        f"{key}.{part}": Column(f"{title} {part_title}", integral_unit if part == "integral" else unit)
+        for key, (title, unit, integral_unit) in _SIGNALS.items()
+        for part, part_title in (("integral", "integral"), ("mean", "mean"), ("rms", "RMS"), ("peak", "peak"))
     },
     "joint_path_length": Column("Joint path length", "rad"),
     "effort": Column("Effort √∫|u|²", "rad/√s"),
