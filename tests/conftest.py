@@ -1,0 +1,49 @@
+"""Arms that the tests of several rooms drive."""
+
+import numpy as np
+import pytest
+
+from dqcontrol.robots import Inertia, SerialArm
+
+
+def _arm(n, prismatic=(), seed=0, limits=None, mass=None):
+    rng = np.random.default_rng([seed, n])
+    size = 1.5 / n
+    inertia = None
+    if mass is not None:
+        inertia = Inertia(
+            np.full(n, mass), rng.uniform(-size, size, (n, 3)) / 2, np.tile(0.01 * np.eye(3), (n, 1, 1))
+        )
+    return SerialArm.from_dh(
+        theta=rng.uniform(-1, 1, n),
+        d=rng.uniform(0.3, 1, n) * size,
+        a=rng.uniform(0.3, 1, n) * size,
+        alpha=rng.choice([-1.6, 1.6], n) + rng.uniform(-0.3, 0.3, n),
+        joint_types=["prismatic" if i in prismatic else "revolute" for i in range(n)],
+        tool=[np.cos(0.3), 0, np.sin(0.3), 0, 0, 0.05, 0, 0.02] @ _unit_dual(),
+        limits=limits,
+        inertia=inertia,
+        name=f"arm of {n}",
+    )
+
+
+def _unit_dual():
+    """Return the matrix that takes the part along P off the dual part of the tool above."""
+    tool = np.array([np.cos(0.3), 0, np.sin(0.3), 0])
+    off = np.eye(8)
+    off[4:, 4:] -= np.outer(tool, tool)
+    return off
+
+
+@pytest.fixture(scope="session")
+def make_arm():
+    """Return a function that makes an arm of n joints, 1.5 m long or so, of the same numbers each time."""
+    return _arm
+
+
+@pytest.fixture(scope="session")
+def slide():
+    """Return one sliding joint along x: its closed loop is linear, q⁺ = q + kT (q_d − q)."""
+    return SerialArm.from_dh(
+        [np.pi / 2], [0], [0], [np.pi / 2], ["prismatic"], base=[0.5, 0.5, 0.5, 0.5, 0, 0, 0, 0]
+    )

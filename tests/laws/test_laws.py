@@ -1,0 +1,271 @@
+"""Commands against their definitions, by NumPy and by finite differences."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.laws import DampedInverse, FilteredInverse, Proportional, ProportionalFeedforward, Schedule
+from dqcontrol.references import Sample
+
+SEED = 20260714
+CONJUGATE = np.diag([1.0, -1, -1, -1, 1, -1, -1, -1])
+GAINS = [1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0]
+SHAPES = [
+    (1, ()),
+    (1, (0,)),
+    (5, ()),
+    (5, (1,)),
+    (6, ()),
+    (6, (0, 2)),
+    (7, ()),
+    (7, (1,)),
+    (8, ()),
+    (60, (3, 20)),
+]
+
+
+def left_error(pose, desired):
+    return np.eye(8)[0] - algebra.short(algebra.multiply(algebra.conjugate(pose), desired))
+
+
+def short_desired(pose, desired):
+    """Return the sign of the desired pose that takes the short way."""
+    return desired * np.sign((algebra.conjugate(pose)[0] * desired[0]) + pose[1:4] @ desired[1:4])
+
+
+def task_matrix(arm, q, desired):
+    """Return N = H⁻(x_d) C8 J. [P16 3.7]"""
+    return algebra.hamilton_minus(desired) @ CONJUGATE @ arm.pose_jacobian(q)
+
+
+def filtered(matrix, threshold, damping):
+    """Return the filtered inverse as its formula says, through the SVD. [Chiaverini 1997]"""
+    u, sigma, vt = np.linalg.svd(matrix, full_matrices=False)
+    extra = np.where(sigma < threshold, (1 - (sigma / threshold) ** 2) * damping**2, 0)
+    gain = np.divide(sigma, sigma**2 + extra, out=np.zeros_like(sigma), where=sigma > 1e-13)
+    return vt.T @ (gain[:, None] * u.T)
+
+
+def situations(make_arm, n, prismatic, count=12):
+    """Yield arms, configurations and samples; poses within about 1 rad and 0.2 m, twists of order 1."""
+    rng = np.random.default_rng([SEED, n, len(prismatic)])
+    for i in range(count):
+        arm = make_arm(n, prismatic, seed=i)
+        q = rng.uniform(-1, 1, n)
+        step = algebra.exp_screw(rng.uniform(-0.25, 0.25, 6))
+        desired = algebra.multiply(arm.fkm(q), step) * rng.choice([-1, 1])
+        yield arm, q, Sample(desired, rng.normal(size=6))
+
+
+def feedforward(pose, desired, twist):
+    velocity = 0.5 * algebra.multiply(np.concatenate([[0], twist[:3], [0], twist[3:]]), desired)
+    return algebra.multiply(algebra.conjugate(pose), velocity)
+
+
+@pytest.mark.parametrize("gain", [3.0, GAINS], ids=["number", "diagonal"])
+@pytest.mark.parametrize(("n", "prismatic"), SHAPES)
+def test_command_is_the_pseudoinverse_of_the_task(make_arm, n, prismatic, gain):
+    inverse = FilteredInverse(threshold=1e-5, damping=0.01)
+    for arm, q, sample in situations(make_arm, n, prismatic):
+        pose = arm.fkm(q)
+        desired = short_desired(pose, sample.pose)
+        matrix = task_matrix(arm, q, desired)
+        assert np.linalg.svd(matrix)[1][min(n, 6) - 1] > 1e-4, "the arm is singular there, take another seed"
+        target = np.array(gain) * left_error(pose, sample.pose)
+        pinv = np.linalg.pinv(matrix, rcond=1e-9)
+        tolerance = 1e-12 * np.linalg.norm(pinv, 2) ** 2 + 1e-12
+        for law, wanted in (
+            (Proportional(gain=gain, inverse=inverse), pinv @ target),
+            (
+                ProportionalFeedforward(gain=gain, inverse=inverse),
+                pinv @ (target - feedforward(pose, desired, sample.twist)),
+            ),
+        ):
+            u = law.command(arm, q, sample, dt=0.01)
+            assert np.abs(u - wanted).max() < tolerance * (1 + np.abs(target).max())
+
+
+@pytest.mark.parametrize("n", [1, 5, 6, 7])
+def test_task_matrix_is_the_derivative_of_the_error(make_arm, n):
+    for arm, q, sample in situations(make_arm, n, (), 4):
+        h = 1e-6
+        columns = [
+            (left_error(arm.fkm(q + h * d), sample.pose) - left_error(arm.fkm(q - h * d), sample.pose))
+            / (2 * h)
+            for d in np.eye(n)
+        ]
+        law = Proportional(gain=2.0, inverse=DampedInverse(damping=0.1))
+        u = law.command(arm, q, sample, dt=0.01)
+        matrix = -np.array(columns).T
+        wanted = np.linalg.solve(
+            matrix.T @ matrix + 0.01 * np.eye(n), matrix.T @ (2 * left_error(arm.fkm(q), sample.pose))
+        )
+        assert u == pytest.approx(wanted, abs=1e-7)
+
+
+def test_error_derivative_with_feedforward_is_the_projected_decay(make_arm):
+    for arm, q, sample in situations(make_arm, 7, (), 6):
+        u = ProportionalFeedforward(gain=4.0, inverse=FilteredInverse(threshold=1e-5)).command(
+            arm, q, sample, dt=0.01
+        )
+        h = 1e-6
+        ahead, behind = (
+            left_error(
+                arm.fkm(q + t * u), algebra.multiply(algebra.exp_screw(t * sample.twist / 2), sample.pose)
+            )
+            for t in (h, -h)
+        )
+        derivative = (ahead - behind) / (2 * h)
+        e = left_error(arm.fkm(q), sample.pose)
+        matrix = task_matrix(arm, q, short_desired(arm.fkm(q), sample.pose))
+        assert derivative == pytest.approx(-4.0 * matrix @ np.linalg.pinv(matrix, rcond=1e-9) @ e, abs=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 5, 6, 7, 60])
+@pytest.mark.parametrize("damping", [0.01, 0.3])
+def test_damped_inverse(make_arm, n, damping):
+    for arm, q, sample in situations(make_arm, n, (), 5):
+        matrix = task_matrix(arm, q, short_desired(arm.fkm(q), sample.pose))
+        inverse = matrix.T @ np.linalg.inv(matrix @ matrix.T + damping**2 * np.eye(8))
+        u = Proportional(gain=2.0, inverse=DampedInverse(damping=damping)).command(arm, q, sample, dt=0.01)
+        assert u == pytest.approx(inverse @ (2 * left_error(arm.fkm(q), sample.pose)), abs=1e-9)
+
+
+@pytest.mark.parametrize(("n", "prismatic"), SHAPES)
+def test_filtered_inverse_whatever_its_threshold(make_arm, n, prismatic):
+    """From far below the smallest singular value, where one factorisation does, to far above it."""
+    for arm, q, sample in situations(make_arm, n, prismatic, 4):
+        matrix = task_matrix(arm, q, short_desired(arm.fkm(q), sample.pose))
+        smallest = np.linalg.svd(matrix)[1][min(n, 6) - 1]
+        target = 2 * left_error(arm.fkm(q), sample.pose)
+        for factor in (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.01, 1.1, 2, 10):
+            inverse = FilteredInverse(threshold=factor * smallest, damping=0.05)
+            u = Proportional(gain=2.0, inverse=inverse).command(arm, q, sample, dt=0.01)
+            wanted = filtered(matrix, factor * smallest, 0.05) @ target
+            assert np.abs(u - wanted).max() < 1e-10 * max(1, 1 / smallest**2)
+
+
+def test_filtered_inverse_is_continuous_at_its_threshold(make_arm):
+    for arm, q, sample in situations(make_arm, 7, (), 6):
+        matrix = task_matrix(arm, q, short_desired(arm.fkm(q), sample.pose))
+        sigma = np.linalg.svd(matrix)[1][5]
+        below, above = (
+            Proportional(
+                gain=2.0, inverse=FilteredInverse(threshold=sigma * (1 + side), damping=0.05)
+            ).command(arm, q, sample, dt=0.01)
+            for side in (-1e-9, 1e-9)
+        )
+        assert below == pytest.approx(above, abs=1e-6 * max(1, np.abs(below).max()))
+
+
+@pytest.mark.parametrize("law", [Proportional, ProportionalFeedforward])
+def test_through_a_singularity(law):
+    """Through the stretched elbow of the iiwa the command stays that of the SVD formula, and continuous."""
+    arm = dqc.load_robot("iiwa7")
+    prepared = law(gain=2.0).prepare(arm, None, 0.01)
+    rng = np.random.default_rng(SEED)
+    offset, twist = rng.uniform(-0.1, 0.1, 6), rng.normal(size=6)
+    elbows = np.concatenate([np.linspace(0.3, 1e-9, 500), [0.0], np.linspace(-1e-9, -0.3, 500)])
+    regular, filtered_count, last = 0, 0, None
+    for elbow in elbows:
+        q = np.array([0.1, 0.6, 0.2, elbow, 0.1, 0.7, 0.0])
+        pose = arm.fkm(q)
+        sample = Sample(algebra.multiply(pose, algebra.exp_screw(offset)), twist)
+        matrix = task_matrix(arm, q, sample.pose)
+        if np.linalg.svd(matrix)[1][5] > 0.02:
+            regular += 1
+        else:
+            filtered_count += 1
+        target = 2 * left_error(pose, sample.pose)
+        if law is ProportionalFeedforward:
+            target = target - feedforward(pose, sample.pose, twist)
+        u = prepared.command(q, sample, prepared.initial_state(q))
+        assert u == pytest.approx(filtered(matrix, 0.02, 0.05) @ target, abs=1e-7 * (1 + np.abs(u).max()))
+        if last is not None:
+            assert np.abs(u - last).max() < 0.5
+        last = u
+    assert min(regular, filtered_count) > 20
+
+
+@pytest.mark.parametrize("law", [Proportional(gain=3.0), ProportionalFeedforward(gain=3.0)])
+def test_a_pose_and_its_negative_are_one(make_arm, law):
+    for arm, q, sample in situations(make_arm, 7, (), 8):
+        opposite = Sample(-sample.pose, sample.twist)
+        u = law.command(arm, q, sample, dt=0.01)
+        assert law.command(arm, q, opposite, dt=0.01) == pytest.approx(u, abs=1e-12 * np.abs(u).max())
+        there = Sample(-arm.fkm(q))
+        assert np.abs(Proportional(gain=3.0).command(arm, q, there, dt=0.01)).max() < 1e-12
+
+
+def test_instant_motion_of_a_pure_rotation_and_a_pure_translation():
+    """θ̇ = −2k sin(θ/2) about the axis without moving the hand; ṗ = k (p_d − p) without turning it."""
+    arm, rng = dqc.load_robot("iiwa7"), np.random.default_rng(SEED)
+    q = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
+    pose = arm.fkm(q)
+    for angle in (1e-6, 0.1, 1.0, 2.0, 3.0):
+        axis = rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        turn = algebra.pose(np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis]), [0, 0, 0])
+        u = Proportional(gain=3.0).command(arm, q, Sample(algebra.multiply(pose, turn)), dt=0.01)
+        omega = arm.twist_jacobian(q)[:3] @ u
+        assert np.linalg.norm(omega) == pytest.approx(6 * np.sin(angle / 2), rel=1e-9)
+        assert np.abs(arm.translation_jacobian(q) @ u).max() < 1e-9
+        assert omega / np.linalg.norm(omega) == pytest.approx(
+            algebra.matrix_from_pose(pose)[:3, :3] @ axis, abs=1e-6
+        )
+    shift = np.array([0.05, -0.08, 0.03])
+    desired = algebra.pose(algebra.rotation(pose), algebra.translation(pose) + shift)
+    u = Proportional(gain=3.0).command(arm, q, Sample(desired), dt=0.01)
+    assert arm.translation_jacobian(q) @ u == pytest.approx(3 * shift, abs=1e-12)
+    assert np.abs(arm.twist_jacobian(q)[:3] @ u).max() < 1e-12
+
+
+def test_schedule_is_linear_between_and_held_outside():
+    schedule = Schedule([1.0, 2.0, 4.0], [3.0, 5.0, 4.0])
+    assert schedule.at([0, 1, 1.5, 2, 3, 4, 9]).tolist() == [3, 3, 4, 5, 4.5, 4, 4]
+    assert schedule.end == 4.0
+    assert Schedule([-5.0, -1.0], [2.0, 3.0]).at(0.0).tolist() == [3]
+
+
+def test_scheduled_gain_is_that_of_the_sample_time(make_arm):
+    arm, q = make_arm(6), np.full(6, 0.3)
+    schedule = Schedule([0.1, 0.3], [2.0, 6.0])
+    law = Proportional(gain=schedule).prepare(arm, None, 0.01)
+    assert law.parameters.shape[0] == 31
+    constant = Proportional(gain=1.0)
+    desired = arm.fkm(q + 0.05)
+    for time, gain in ((0.0, 2.0), (0.1, 2.0), (0.15, 3.0), (0.2, 4.0), (0.3, 6.0), (50.0, 6.0)):
+        sample = Sample(desired, time=time)
+        u = law.command(q, sample, law.initial_state(q))
+        assert u == pytest.approx(gain * constant.command(arm, q, sample, dt=0.01), rel=1e-12)
+    for early in (Schedule([-2.0], [3.0]), Schedule([-2.0, -1.0], [1.0, 3.0])):
+        u = Proportional(gain=early).command(arm, q, Sample(desired), dt=0.01)
+        assert u == pytest.approx(3 * constant.command(arm, q, Sample(desired), dt=0.01), rel=1e-12)
+
+
+def test_hysteresis_keeps_the_sign_until_the_real_part_has_passed_it(make_arm):
+    """Turn the target through half a turn: the sign flips where Re(x*x_d) = −δ, and back at +δ."""
+    arm, q = make_arm(6), np.full(6, 0.3)
+    pose = arm.fkm(q)
+
+    def sample(real):
+        turn = algebra.pose([real, 0, 0, np.sqrt(1 - real**2)], [0, 0, 0])
+        return Sample(algebra.multiply(pose, turn))
+
+    for delta in (0.0, 0.2, 0.5):
+        law = Proportional(gain=1.0, hysteresis=delta).prepare(arm, None, 0.01)
+        state = law.initial_state(q)
+        for real, sign in (
+            (0.9, 1),
+            (-delta + 1e-9, 1),
+            (-delta - 1e-9, -1),
+            (delta - 1e-9, -1),
+            (delta + 1e-9, 1),
+            (-0.9, -1),
+        ):
+            law.command(q, sample(real), state)
+            assert state[0] == sign, (delta, real)
+        fresh = law.initial_state(q)
+        law.command(q, sample(-1e-9), fresh)
+        assert fresh[0] == -1, "without a past the short way is taken at once"

@@ -1,0 +1,141 @@
+"""What laws refuse, and what they say."""
+
+import numpy as np
+import pytest
+
+from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError
+from dqcontrol.laws import DampedInverse, FilteredInverse, Proportional, ProportionalFeedforward, Schedule
+from dqcontrol.references import Sample
+
+ONE = [1.0, 0, 0, 0, 0, 0, 0, 0]
+LAWS = [Proportional, ProportionalFeedforward]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(
+    ("gain", "kind", "text"),
+    [
+        (0, ValueRangeError, r"^gain: must be > 0, got 0$"),
+        (-2, ValueRangeError, r"^gain: must be > 0, got -2$"),
+        (float("nan"), ValueRangeError, r"^gain: must be finite, got nan$"),
+        (float("inf"), ValueRangeError, r"^gain: must be finite, got inf$"),
+        ([1.0] * 7, ShapeError, r"^gain: expected shape \(…, 8\), got shape \(7,\)$"),
+        ([1.0] * 7 + [0.0], ValueRangeError, r"^gain: must be > 0, got 0$"),
+        ([1.0] * 7 + [np.nan], ValueRangeError, r"^gain: must be finite"),
+        (np.ones((2, 8)), ShapeError, r"^gain: expected a number or 8 diagonal entries, got shape \(2, 8\)$"),
+        ("3", ShapeError, r"^gain: expected real numbers, got '3'$"),
+        (None, ShapeError, r"^gain: expected real numbers, got None$"),
+        (1j, ShapeError, r"^gain: expected real numbers, got 1j$"),
+        (
+            Schedule([], []),
+            ShapeError,
+            r"^schedule: expected as many values as times, one or more, got \(0,\) and",
+        ),
+        (
+            Schedule([0], [1, 2]),
+            ShapeError,
+            r"^schedule: expected as many values as times.*got \(2,\) and \(1,\)$",
+        ),
+        (Schedule([0, 0], [1, 2]), ValueRangeError, r"^schedule.times: must increase, got \[0, 0\]$"),
+        (Schedule([1, 0], [1, 2]), ValueRangeError, r"^schedule.times: must increase, got \[1, 0\]$"),
+        (Schedule([0, np.nan], [1, 2]), ValueRangeError, r"^schedule.times: must be finite"),
+        (Schedule([0, 1], [1, np.nan]), ValueRangeError, r"^schedule.values: must be finite"),
+        (Schedule(["a"], [1]), ShapeError, r"^schedule.times: expected real numbers, got \['a'\]$"),
+        (Schedule([0, 1], [1, 0]), ValueRangeError, r"^gain: must be > 0, got 0$"),
+        (Schedule([0, 1e9], [1, 2]), ValueRangeError, r"its parameters change over 100,000,000,001 periods"),
+    ],
+    ids=str,
+)
+def test_gains(make_arm, law, gain, kind, text):
+    with pytest.raises(kind, match=text):
+        law(gain=gain).prepare(make_arm(6), None, 0.01)
+
+
+@pytest.mark.parametrize("bad", [0, -1, float("nan"), "a", None])
+@pytest.mark.parametrize("field", ["damped.damping", "filtered.threshold", "filtered.damping"])
+def test_inverses(make_arm, field, bad):
+    kind, name = field.split(".")
+    inverse = (DampedInverse if kind == "damped" else FilteredInverse)(**{name: bad})
+    with pytest.raises(
+        Error, match=rf"^inverse.{name}: (must be > 0|must be finite|expected real numbers), got"
+    ):
+        Proportional(gain=1.0, inverse=inverse).prepare(make_arm(6), None, 0.01)
+
+
+@pytest.mark.parametrize("bad", [1.0, -0.1, float("nan"), "a"])
+def test_hysteresis(make_arm, bad):
+    with pytest.raises(
+        Error, match=r"^hysteresis: (must be in \[0, 1\)|must be finite|expected real numbers), got"
+    ):
+        Proportional(gain=1.0, hysteresis=bad).prepare(make_arm(6), None, 0.01)
+
+
+@pytest.mark.parametrize("bad", [0, -0.01, float("nan"), "a"])
+def test_period(make_arm, bad):
+    with pytest.raises(Error, match=r"^dt: (must be > 0|must be finite|expected real numbers), got"):
+        Proportional(gain=1.0).prepare(make_arm(6), None, bad)
+
+
+@pytest.mark.parametrize(
+    ("q", "text"),
+    [
+        (np.zeros(5), r"^q: expected shape \(6,\) for arm of 6, got \(5,\)$"),
+        (np.zeros((2, 6)), r"^q: expected shape \(6,\) for arm of 6, got \(2, 6\)$"),
+        (np.zeros(0), r"^q: expected shape \(6,\) for arm of 6, got \(0,\)$"),
+        ([0.0] * 7, r"^q: expected shape \(6,\) for arm of 6, got \(7,\)$"),
+        (np.full(6, np.nan), r"^q: must be finite, got \[nan"),
+        ([0, 0, 0, 0, 0, np.inf], r"^q: must be finite, got"),
+        ("zero", r"^q: expected real numbers, got 'zero'$"),
+        (None, r"^q: expected real numbers, got None$"),
+    ],
+    ids=str,
+)
+def test_configurations(make_arm, q, text):
+    law = Proportional(gain=1.0).prepare(make_arm(6), None, 0.01)
+    with pytest.raises(Error, match=text):
+        law.command(q, Sample(ONE), law.initial_state(np.zeros(6)))
+
+
+def test_lists_integers_and_foreign_layouts_are_configurations(make_arm):
+    arm, q = make_arm(6), np.array([1.0, 0, 1, 0, 1, 0])
+    law = Proportional(gain=1.0).prepare(arm, None, 0.01)
+    sample = Sample(arm.fkm(q + 0.1))
+    wanted = law.command(q, sample, law.initial_state(q))
+    frozen = q.copy()
+    frozen.flags.writeable = False
+    for same in (q.tolist(), q.astype(int), q.astype(np.float32), np.repeat(q, 2)[::2], frozen):
+        assert np.array_equal(law.command(same, sample, law.initial_state(q)), wanted)
+        assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, dt=0.01), wanted)
+    out = np.empty(6)
+    assert law.command(q, sample, law.initial_state(q), out) is out
+    assert np.array_equal(out, wanted)
+
+
+@pytest.mark.parametrize("state", [np.zeros(0), np.zeros(2), [0.0], np.zeros(1, dtype=int), None])
+def test_state_comes_from_initial_state(make_arm, state):
+    law = Proportional(gain=1.0).prepare(make_arm(6), None, 0.01)
+    with pytest.raises(Error, match=r"^state: expected the array from initial_state, 1 numbers, got"):
+        law.command(np.zeros(6), Sample(ONE), state)
+
+
+def test_output_of_the_wrong_size(make_arm):
+    law = Proportional(gain=1.0).prepare(make_arm(6), None, 0.01)
+    with pytest.raises(ShapeError, match=r"^out: expected shape \(6,\), got \(3,\)$"):
+        law.command(np.zeros(6), Sample(ONE), law.initial_state(np.zeros(6)), np.empty(3))
+
+
+@pytest.mark.parametrize(
+    "inverse", [FilteredInverse(), FilteredInverse(threshold=10), DampedInverse(damping=1e-3)]
+)
+@pytest.mark.parametrize("n", [5, 7])
+def test_a_command_that_overflows_is_an_error(make_arm, n, inverse):
+    arm, q = make_arm(n), np.full(n, 0.4)
+    with pytest.raises(DivergedError, match=r"^the command is not finite$"):
+        Proportional(gain=1.7e308, inverse=inverse).command(
+            arm, q, Sample([0, 1, 0, 0, 0, 0, 1e3, 0]), dt=0.01
+        )
+
+
+def test_laws_are_frozen():
+    with pytest.raises(AttributeError):
+        Proportional(gain=1.0).gain = 2.0  # type: ignore[misc]
