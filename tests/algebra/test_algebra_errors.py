@@ -61,6 +61,11 @@ ARGUMENTS = {  # function: {argument: (a good value, its trailing shape)}
     "vec8": {"x": (X, POSE)},
     "zyz_from_rotation": {"rotation": (X[:4], QUATERNION)},
 }
+LIBRARIES = {
+    "dqrobotics_from_pose": "dqrobotics",
+    "scipy_from_rotation": "scipy",
+    "se3_from_pose": "pinocchio",
+}
 OBJECTS = {"pose_from_se3", "pose_from_dqrobotics", "rotation_from_scipy"}  # tested with their libraries
 CASES = [(function, argument) for function, arguments in ARGUMENTS.items() for argument in arguments]
 UNIT = {
@@ -98,10 +103,8 @@ def test_the_table_is_complete():
 
 @pytest.mark.parametrize("function", ARGUMENTS)
 def test_the_good_values_pass(function):
-    if function in ("dqrobotics_from_pose", "scipy_from_rotation", "se3_from_pose"):
-        pytest.importorskip(
-            {"d": "dqrobotics", "sc": "scipy", "se": "pinocchio"}[function[: 1 + (function[0] == "s")]]
-        )
+    if function in LIBRARIES:
+        pytest.importorskip(LIBRARIES[function], reason="the function makes an object of this library")
     assert call(function) is not None
 
 

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from dqcontrol import algebra
 from dqcontrol.algebra import kernels
 
-pin = pytest.importorskip("pinocchio", reason="Pinocchio is the reference for adjoints")
 ONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
@@ -91,6 +90,7 @@ def test_adjoint(x, data):
 
 
 def test_adjoint_matrix_agrees_with_pinocchio():
+    pytest.importorskip("pinocchio", reason="Pinocchio is the reference")
     swap = np.roll(np.eye(6), 3, axis=1)  # Pinocchio stacks [v ; ω]
     for x in random_poses(np.random.default_rng(1), 20):
         assert error(algebra.adjoint_matrix(x), swap @ algebra.se3_from_pose(x).action @ swap) < 1e-14

@@ -50,7 +50,8 @@ def se3_from_pose(x: ArrayLike) -> Any:
 
     Raises `ShapeError`, `ValueRangeError` if x is not (8,) or not unit; `MissingExtraError` if not installed.
     """
-    return _library("pinocchio").SE3(matrix_from_pose(_single(x)))
+    matrix = matrix_from_pose(_single(x))
+    return _library("pinocchio").SE3(matrix)
 
 
 def pose_from_mujoco(position: ArrayLike, quaternion: ArrayLike) -> Array:
@@ -85,7 +86,8 @@ def dqrobotics_from_pose(x: ArrayLike) -> Any:
 
     Raises `ShapeError`, `ValueRangeError` if x is not (8,) or not unit; `MissingExtraError` if not installed.
     """
-    return _library("dqrobotics").DQ(_single(x))
+    x = _single(x)
+    return _library("dqrobotics").DQ(x)
 
 
 def _single(x: ArrayLike) -> Array:

@@ -21,10 +21,10 @@ _SERIES_BELOW = 0.3  # rad; beyond it the closed forms of V and V⁻¹ lose fewe
 def half_angle(r, out):
     """Write a(r) with r = cos|a| + sin|a| a/|a|, |a| ≤ π; not by acos, which loses half the digits near 0."""
     s = math.sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
-    if s < 1e-7 and r[0] > 0.0:
-        scale = (1.0 - (s / r[0]) ** 2 / 3.0) / r[0]
-    elif s > 0.0:
+    if s > 0.0:
         scale = math.atan2(s, r[0]) / s
+    elif r[0] > 0.0:
+        scale = 1.0 / r[0]
     else:
         scale = math.nan  # r = −1: every axis would do
     out[0] = scale * r[1]
