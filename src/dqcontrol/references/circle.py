@@ -124,10 +124,7 @@ def _around(radius: float, duration: float, turns: float, clockwise: bool) -> Tr
     """Return the trace that starts at the top of a circle."""
     radius, duration = as_positive("radius", radius), as_positive("duration", duration)
     rate = 2 * math.pi * as_positive("turns", turns) / duration
-    return Trace(
-        np.zeros((1, 2)),
-        np.array([0.0 if clockwise else math.pi]),
-        np.array([rate * radius]),
-        np.array([-rate if clockwise else rate]),
-        np.array([0.0, duration]),
-    )
+    heading = np.array([0.0 if clockwise else math.pi])
+    turn_rate = np.array([-rate if clockwise else rate])
+    speed, times = np.array([rate * radius]), np.array([0.0, duration])
+    return Trace(np.zeros((1, 2)), heading, speed, turn_rate, heading, turn_rate, times)

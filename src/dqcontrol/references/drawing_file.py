@@ -238,9 +238,9 @@ class _Parser:
             return
         axes = np.reshape(self._numbers(words, "UX UY UZ VX VY VZ"), (2, 3))
         try:
-            plane_axes("axes", axes)
+            plane_axes(self.where, axes)
         except ValueRangeError as error:
-            raise self._fail(str(error)) from None
+            raise FileFormatError(str(error)) from None
         self._set("plane", axes)
 
     def orientation(self, words: list[str]) -> None:

@@ -53,7 +53,7 @@ class PlanarReference(Reference):
         return self._samples(times, self.trace.at(times))
 
     def _samples(self, times: Array, traced: tuple[Array, Array, Array, Array, Array]) -> Array:
-        position, velocity, acceleration, heading, rate = traced
+        position, velocity, acceleration, yaw, rate = traced
         p = translation(self._start) + position @ self._axes + times[:, None] * self._advance
         v = velocity @ self._axes + self._advance
         a = acceleration @ self._axes
@@ -61,6 +61,4 @@ class PlanarReference(Reference):
         if not self._follow:
             return motion_samples(p, v, a, r)
         normal = np.cross(self._axes[0], self._axes[1])
-        return motion_samples(
-            p, v, a, turned(r, normal, heading - self.trace.heading[0]), rate[:, None] * normal
-        )
+        return motion_samples(p, v, a, turned(r, normal, yaw - self.trace.yaw[0]), rate[:, None] * normal)

@@ -44,11 +44,11 @@ def plane_axes(field: str, plane: Plane) -> NDArray[np.float64]:
         raise ShapeError(f"{field}: expected shape (2, 3), got {axes.shape}")
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)
     if (lengths < 1e-9).any():
-        raise ValueRangeError(f"{field}: axes must not be zero, got {axes.tolist()}")
+        raise ValueRangeError(f"{field}: must have no zero axis, got {axes.tolist()}")
     axes = axes / lengths
     if abs(axes[0] @ axes[1]) > 1e-6:
         angle = np.degrees(np.arccos(axes[0] @ axes[1]))
-        raise ValueRangeError(f"{field}: axes must be perpendicular, got {angle:.6g} degrees between them")
+        raise ValueRangeError(f"{field}: must have perpendicular axes, got {angle:.6g} degrees between them")
     axes[1] -= (axes[0] @ axes[1]) * axes[0]
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 

@@ -12,6 +12,9 @@ from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE, Sample
 
 Array = NDArray[np.float64]
 
+SMOOTH = (
+    1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
+)
 SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
 
 
@@ -99,9 +102,11 @@ class Reference(ABC):
 
 def corners_between(left: Array, right: Array, times: Array) -> Array:
     """Return those of the times (k,) at which the twists before, (k, 6), and after, (k, 6), differ."""
-    jump = np.abs(left - right).max(axis=1, initial=0.0)
-    scale = max(np.abs(left).max(initial=0.0), np.abs(right).max(initial=0.0))
-    chosen = times[jump > 1e-6 * scale]
+    jumps = np.zeros(len(times), dtype=bool)
+    for half in (slice(0, 3), slice(3, 6)):
+        size = max(np.abs(left[:, half]).max(initial=0.0), np.abs(right[:, half]).max(initial=0.0))
+        jumps |= np.abs(left[:, half] - right[:, half]).max(axis=1, initial=0.0) > SMOOTH * size
+    chosen = times[jumps]
     chosen.flags.writeable = False
     return chosen
 

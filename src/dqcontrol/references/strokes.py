@@ -18,7 +18,7 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 Array = NDArray[np.float64]
 
 _SAME_POINT = 1e-9  # m
-_SAME_HEADING = 1e-9  # rad
+_SMOOTH_TURN = 1e-3  # rad; a tangent that jumps by less comes of rounded coordinates
 _OFF_CIRCLE = 0.01  # the two radii of an arc may differ by this fraction
 
 
@@ -89,9 +89,12 @@ class Trace:
     start
         Point at which each piece starts, shape (n, 2), m.
     heading
-        Direction in which it starts, shape (n,), rad from the first paper axis; never jumps by whole turns.
+        Direction in which it starts, shape (n,), rad from the first paper axis.
     speed, turn_rate
         Constant in each piece, shape (n,), m/s, rad/s; counterclockwise is positive.
+    yaw, yaw_rate
+        Where a hand that follows the path points when each piece starts, and how fast it turns, shape (n,),
+        rad, rad/s. It is the heading, but never jumps.
     times
         Start of each piece and end of the last, shape (n + 1,), s.
     """
@@ -100,6 +103,8 @@ class Trace:
     heading: Array
     speed: Array
     turn_rate: Array
+    yaw: Array
+    yaw_rate: Array
     times: Array
 
     @classmethod
@@ -135,19 +140,20 @@ class Trace:
         moving = [piece for piece in pieces if piece.speed]
         if not moving:
             raise ValueRangeError("strokes: expected at least one line or arc, got none")
-        rows, heading = [], moving[0].heading
+        rows, yaw = [], moving[0].heading
         for piece in pieces:
-            gap = math.remainder(piece.heading - heading, 2 * math.pi) if piece.speed else 0.0
-            if turn_speed is not None and abs(gap) > _SAME_HEADING:
-                rows.append(
-                    (*piece.start, heading, 0.0, math.copysign(turn_speed, gap), abs(gap) / turn_speed)
-                )
-            heading += gap
-            rows.append((*piece.start, heading, piece.speed, piece.turn_rate, piece.seconds))
-            heading += piece.turn_rate * piece.seconds
+            gap = math.remainder(piece.heading - yaw, 2 * math.pi) if piece.speed else 0.0
+            if turn_speed is not None and abs(gap) > _SMOOTH_TURN:
+                rate = math.copysign(turn_speed, gap)
+                rows.append((*piece.start, yaw, 0.0, rate, yaw, rate, gap / rate))
+                yaw, gap = yaw + gap, 0.0
+            yaw_rate = piece.turn_rate + gap / piece.seconds
+            rows.append((*piece.start, yaw + gap, piece.speed, piece.turn_rate, yaw, yaw_rate, piece.seconds))
+            yaw += yaw_rate * piece.seconds
         table = np.array(rows)
-        times = np.concatenate([[0.0], np.cumsum(table[:, 5])])
-        return cls(table[:, :2], table[:, 2], table[:, 3], table[:, 4], times)
+        times = np.concatenate([[0.0], np.cumsum(table[:, 7])])
+        heading, speed, turn_rate, yaw, yaw_rate = table[:, 2:7].T
+        return cls(table[:, :2], heading, speed, turn_rate, yaw, yaw_rate, times)
 
     @property
     def length(self) -> float:
@@ -167,7 +173,7 @@ class Trace:
         return np.array([points.min(axis=0), points.max(axis=0)])
 
     def at(self, times: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return position, velocity, acceleration (N, 2), heading and turn rate (N,) at times (N,), s."""
+        """Return position, velocity, acceleration (N, 2), yaw and yaw rate (N,) at times (N,), s."""
         i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.speed) - 1)
         return self._within(i, times - self.times[i])
 
@@ -185,7 +191,8 @@ class Trace:
         position = self.start[i] + chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        return position, speed * along, speed * rate[:, None] * left, heading, rate
+        yaw = self.yaw[i] + self.yaw_rate[i] * elapsed
+        return position, speed * along, speed * rate[:, None] * left, yaw, self.yaw_rate[i]
 
 
 def distance_home(strokes: Sequence[Stroke]) -> float:

@@ -40,7 +40,12 @@ class _Paced(Reference):
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
         inner_time, rate, change = self._inner_time(times)
-        out = self._inner.motion(self._inner.snapped(inner_time)[0])
+        inner_time = np.clip(inner_time, 0.0, self._inner.duration)
+        # Not by `snapped`: where the rate is almost 0, 1 ns of the inner time is many milliseconds.
+        if len(self.corners):
+            near = np.clip(np.searchsorted(self.corners, times), 0, len(self.corners) - 1)
+            inner_time = np.where(times == self.corners[near], self._inner.corners[near], inner_time)
+        out = self._inner.motion(inner_time)
         twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
         out[:, TWIST] *= rate
         out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist

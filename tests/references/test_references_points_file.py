@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from reference_samples import QUARTER, START
+
+from dqcontrol import algebra
+from dqcontrol import references as r
+from dqcontrol.errors import FileFormatError, ValueRangeError
+
+POSES = np.array([START, -QUARTER, -np.eye(8)[0]])  # the signs that do not jump
+POSITIONS = algebra.translation(POSES)
+TIMES = np.array([10.0, 11.5, 12.0])
+
+
+def write(path, names, *columns):
+    rows = np.column_stack(columns)
+    lines = [", ".join(names), *(", ".join(f"{value:.17g}" for value in row) for row in rows)]
+    path.write_text("# recorded\n\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def test_positions_take_the_orientation_of_the_start(tmp_path):
+    path = write(tmp_path / "p.csv", ["x", "y", "z"], POSITIONS)
+    points = r.load_points(path, start=START, duration=3.0)
+    poses = points.samples([0.0, 1.5, 3.0])[:, :8]
+    np.testing.assert_allclose(poses, algebra.pose(START[:4], POSITIONS), atol=1e-14)
+
+
+def test_positions_and_quaternions_with_times(tmp_path):
+    names = ["x", "y", "z", "qw", "qx", "qy", "qz", "time"]
+    points = r.load_points(write(tmp_path / "p.csv", names, POSITIONS, POSES[:, :4], TIMES))
+    assert points.duration == 2.0
+    np.testing.assert_allclose(points.samples([0.0, 1.5, 2.0])[:, :8], POSES, atol=1e-14)
+
+
+def test_dual_quaternions_in_any_order_of_columns(tmp_path):
+    names = ["dz", "TIME", "pw", "px", "py", "pz", "dw", "dx", "dy"]
+    path = write(tmp_path / "p.csv", names, POSES[:, 7], TIMES, POSES[:, :7])
+    np.testing.assert_allclose(r.load_points(path).samples([0.0, 1.5, 2.0])[:, :8], POSES, atol=1e-14)
+
+
+def test_few_digits_are_normalised(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("time,x,y,z,qw,qx,qy,qz\n0,0,0,0,0.707,0.707,0,0\n1,0,0,1,0.707,0.707,0,0\n")
+    pose = r.load_points(path).samples([0.0])[0, :8]
+    np.testing.assert_allclose(pose, [0.5**0.5, 0.5**0.5, 0, 0, 0, 0, 0, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"p.csv:1: expected the columns x, y, z; or x, y, z, qw, .* got none"),
+        ("x,y,zz\n", r"p.csv:1: unknown column 'zz'; did you mean 'z'\? \(allowed: time, x, y, z, qw"),
+        ("x,y\n", r"p.csv:1: expected the columns x, y, z; or .* got x, y"),
+        ("x,y,z,pw\n", r"p.csv:1: expected the columns"),
+        ("x,y,z,x\n", r"p.csv:1: column 'x' is there 2 times"),
+        ("0,0,0\n1,0,0\n", r"p.csv:1: unknown column '0'"),
+        ("time,x,y,z\n0,0,0,0\n1,0,0\n", r"p.csv:3: expected 4 values \(time, x, y, z\), got 3"),
+        ("time,x,y,z\n0,0,0,0\n1,0,,0\n", r"p.csv:3: y: expected a number, got ''"),
+        ("time,x,y,z\n0,0,0,0\n\n1,0,nan,0\n", r"p.csv:4: y: must be finite, got nan"),
+        ("time,x,y,z\n0,0,0,0\n", r"p.csv: expected at least two points, got 1"),
+        ("time,x,y,z\n0,0,0,0\n1,0,0,0\n1,0,0,1\n", r"p.csv:4: time: must increase, got 1 after 1"),
+        (
+            "time,x,y,z,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n1,0,0,0,1,1,0,0\n",
+            r"p.csv:3: qw … qz: must have norm 1, got 1.41",
+        ),
+        (
+            "time,pw,px,py,pz,dw,dx,dy,dz\n0,1,0,0,0,0,0,0,0\n1,1,0,0,0,1,0,0,0\n",
+            r"p.csv:3: pw … dz: .* 1 \+ ε 1",
+        ),
+        (
+            "time,x,y,z,qw,qx,qy,qz\n0,0,0,0,0,0,0,0\n1,0,0,0,1,0,0,0\n",
+            r"p.csv:2: qw … qz: must have norm 1, got 0",
+        ),
+    ],
+)
+def test_bad_files(text, message, tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=message):
+        r.load_points(path, start=START)
+
+
+@pytest.mark.parametrize(
+    ("names", "arguments", "message"),
+    [
+        ("x,y,z", {"start": START}, r"duration: .*p.csv has no column 'time'"),
+        ("x,y,z", {"start": START, "duration": 0}, r"duration: must be > 0, got 0"),
+        (
+            "time,x,y,z",
+            {"start": START, "duration": 2},
+            r"duration: .*p.csv has its own column 'time', got 2 besides",
+        ),
+        ("time,x,y,z", {}, r"start: .*p.csv gives no orientation"),
+        ("time,x,y,z", {"start": np.ones(8)}, r"start: expected a unit dual quaternion"),
+    ],
+)
+def test_bad_arguments(names, arguments, message, tmp_path):
+    path = tmp_path / "p.csv"
+    count = len(names.split(","))
+    path.write_text("\n".join([names, ",".join("0" * count), ",".join("1" * count)]))
+    with pytest.raises(ValueRangeError, match=message):
+        r.load_points(path, **arguments)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(FileFormatError, match=r"none.csv: no such file"):
+        r.load_points(tmp_path / "none.csv")
