@@ -1,10 +1,10 @@
 """Experiments: specs, runs, studies, metrics and tables."""
 
+from dqcontrol.experiments.metric_tables import comparison_table, repeats_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.run import Run, run
 from dqcontrol.experiments.spec import Spec, read_spec
-from dqcontrol.experiments.study import Study, load_run, load_runs, run_study
-from dqcontrol.experiments.summary import summary
+from dqcontrol.experiments.study import Study, load_run, load_runs, run_study, summary
 from dqcontrol.experiments.tables import Column, Table
 
 __all__ = [
@@ -14,11 +14,14 @@ __all__ = [
     "Spec",
     "Study",
     "Table",
+    "comparison_table",
     "evaluate",
     "load_run",
     "load_runs",
     "read_spec",
+    "repeats_table",
     "run",
     "run_study",
     "summary",
+    "summary_table",
 ]

@@ -111,7 +111,8 @@ class Run:
         (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8")
-        save_plots(self.record, folder, self.robot.limits)
+        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
+        save_plots(self.record, folder, self.robot.limits, joint_units=units, input_units=units)
         write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
 
 

@@ -12,10 +12,22 @@ from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.output import MARK, new_folder
 from dqcontrol.experiments.run import Run, prepare, run_one
 from dqcontrol.experiments.spec import RobotSpec, read_spec, spec_text
-from dqcontrol.experiments.summary import summary
-from dqcontrol.experiments.tables import Table
+from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop import load_record
 from dqcontrol.robots import load_robot
+
+COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
+    "position.settled_mean": Column("mean", "mm", ".3g"),
+    "position.settled_rms": Column("RMS", "mm", ".3g"),
+    "position.settled_peak": Column("max", "mm", ".3g"),
+    "orientation.settled_rms": Column("RMS", "°", ".3g"),
+    "orientation.settled_peak": Column("max", "°", ".3g"),
+    "effort": Column("effort", "rad/√s", ".3g"),
+    "control.peak": Column("peak |u|", "rad/s", ".3g"),
+    "hand_speed.peak": Column("peak speed", "m/s", ".3g"),
+    "hand_acceleration.peak": Column("peak acc.", "m/s²", ".3g"),
+    "limit_margin": Column("limit margin", "rad", ".3g"),
+}
 
 StudyProgress = Callable[[str, int, int], None]  # label, steps done, steps in all
 
@@ -94,6 +106,15 @@ def run_study(source: str | Path | dict[str, Any], *, progress: StudyProgress | 
             if progress:
                 progress(label, len(setting.samples), len(setting.samples))
     return Study(setting.spec.name, spec_text(setting.spec, setting.folder), runs)
+
+
+def summary(runs: Mapping[str, Run], title: str = "") -> Table:
+    """Return one row a run; errors in mm and degrees are those after the start that the spec excludes."""
+    rows = []
+    for label, run in runs.items():
+        flat = run.metrics.flat()
+        rows.append([label, *(flat[key] for key in COMPARED), run.record.stopped])
+    return Table([Column("run"), *COMPARED.values(), Column("ended by")], rows, title)
 
 
 def load_run(folder: str | Path) -> Run:

@@ -11,7 +11,8 @@ from dqcontrol.laws.pose_error import GAIN, HYSTERESIS, LeftErrorLaw, left_error
 @kernel(LAW)
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) with ẋ_d = ½ξ_d x_d."""
-    error, target, velocity, half_twist = work[0:8], work[8:16], work[16:24], work[24:32]
+    own = work[pose_jacobian.shape[1] :]
+    error, target, velocity, half_twist = own[0:8], own[8:16], own[16:24], own[24:32]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -14,6 +13,8 @@ from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import FILTERED, HEAD, FilteredInverse, Inverse, solve, solve_regular, work_size
 from dqcontrol.laws.law import Law
+from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
+from dqcontrol.laws.preferred import add_preferred, pose_rate
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ class LeftErrorLaw(Law, frozen=True, kw_only=True):
         return self.gain.end if isinstance(self.gain, Schedule) else 0.0
 
     def work_size(self, robot: SerialArm) -> int:
-        """Return room for error, target, scratch, N and the solver's own."""
-        return 32 + 8 * robot.input_size + work_size()
+        """Return room for the preferred motion, error, target, scratch, N and the solver's own."""
+        return 48 + 9 * robot.input_size + work_size()
 
 
 @inlined
@@ -91,59 +92,30 @@ def error_jacobian(pose_jacobian, desired, sign, out):
 
 
 @inlined
-def _regular_hand_twist(target, error, pose, out):
-    """Write the hand twist [ω ; ṗ] that solves N u = target in the least squares sense; return |D|² of x_e.
-
-    N u = −½ξ_b x_e with x_e = P + εD and ξ_b the body twist. With a = −2 t_P P*, b = −2 t_D P*, d = D P* this is
-    ω_b ≈ Im a, ω_b·d ≈ −Re b, v_b = Im b − ω_b × d: one rank-one correction.
-    """
-    pw, px, py, pz = 1.0 - error[0], error[1], error[2], error[3]  # P*
-    tw, tx, ty, tz = -2.0 * target[0], -2.0 * target[1], -2.0 * target[2], -2.0 * target[3]
-    ax = tw * px + tx * pw + ty * pz - tz * py
-    ay = tw * py - tx * pz + ty * pw + tz * px
-    az = tw * pz + tx * py - ty * px + tz * pw
-    tw, tx, ty, tz = -2.0 * target[4], -2.0 * target[5], -2.0 * target[6], -2.0 * target[7]
-    bw = tw * pw - tx * px - ty * py - tz * pz
-    bx = tw * px + tx * pw + ty * pz - tz * py
-    by = tw * py - tx * pz + ty * pw + tz * px
-    bz = tw * pz + tx * py - ty * px + tz * pw
-    tw, tx, ty, tz = -error[4], -error[5], -error[6], -error[7]
-    dx = tw * px + tx * pw + ty * pz - tz * py
-    dy = tw * py - tx * pz + ty * pw + tz * px
-    dz = tw * pz + tx * py - ty * px + tz * pw
-    square = dx * dx + dy * dy + dz * dz
-    correction = (ax * dx + ay * dy + az * dz + bw) / (1.0 + square)
-    ax, ay, az = ax - correction * dx, ay - correction * dy, az - correction * dz
-    bx -= ay * dz - az * dy
-    by -= az * dx - ax * dz
-    bz -= ax * dy - ay * dx
-    rotate(pose, (ax, ay, az), out[0:3])
-    rotate(pose, (bx, by, bz), out[3:6])
-    return square
-
-
-@inlined
 def solve_left_error(target, error, pose, pose_jacobian, twist_jacobian, desired, sign, inverse, work, out):
-    """Write out = N⁺ target."""
+    """Write out = z + N⁺ (target − N z) with the preferred motion z; target and error are overwritten."""
     n = pose_jacobian.shape[1]
-    rest = work[32:]
+    preferred, scratch, rest = work[0:n], work[n + 32 : n + 48], work[n + 48 :]
+    if pose_rate(pose_jacobian, preferred, scratch):
+        conjugate_multiply(scratch, desired, scratch[8:16])
+        for i in range(8):
+            target[i] -= sign * scratch[8 + i]
     if inverse[0] == FILTERED:
-        hand_twist = work[16:22]
-        square = _regular_hand_twist(target, error, pose, hand_twist)
-        # σmin(N) ≥ ½ s σmin(J_h), s the smaller singular value of [[1, 0], [|D|, 1]]
-        smallest = 0.25 * (math.sqrt(square + 4.0) - math.sqrt(square))
-        if solve_regular(pose, twist_jacobian, hand_twist, inverse[1] / smallest, out):
-            return _finite(out)
+        body_twist, hand_twist = scratch[0:6], scratch[6:12]
+        for i in range(8):  # N u = −½ξ_b x_e with x_e = 1 − e
+            target[i] = -target[i]
+            error[i] = -error[i]
+        error[0] += 1.0
+        square = nearest_twist(target, error, body_twist)
+        rotate(pose, body_twist[0:3], hand_twist[0:3])
+        rotate(pose, body_twist[3:6], hand_twist[3:6])
+        bound = inverse[1] / smallest_singular_value(square)
+        if solve_regular(pose, twist_jacobian, hand_twist, bound, out):
+            return add_preferred(preferred, out)
+        for i in range(8):
+            target[i] = -target[i]
     matrix = rest[0 : 8 * n].reshape(8, n)
     error_jacobian(pose_jacobian, desired, sign, matrix)
     status = solve(matrix, 8, n, target, inverse, rest[8 * n :], out)
-    return _finite(out) if status == OK else status
-
-
-@inlined
-def _finite(command):
-    """Return the status of a command, which may have overflowed."""
-    check = 0.0
-    for i in range(command.shape[0]):
-        check += 0.0 * command[i]
-    return OK if check == 0.0 else NOT_FINITE
+    add_preferred(preferred, out)
+    return status

@@ -10,7 +10,8 @@ from dqcontrol.laws.pose_error import GAIN, HYSTERESIS, LeftErrorLaw, left_error
 @kernel(LAW)
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ K vec8(e)."""
-    error, target = work[0:8], work[8:16]
+    own = work[pose_jacobian.shape[1] :]
+    error, target = own[0:8], own[8:16]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]

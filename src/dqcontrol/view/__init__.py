@@ -7,6 +7,7 @@ from dqcontrol.view.plots import (
     errors,
     joint_angles,
     pose_coefficients,
+    save_comparison,
     save_plots,
 )
 from dqcontrol.view.report import write_report
@@ -19,6 +20,7 @@ __all__ = [
     "joint_angles",
     "path_3d",
     "pose_coefficients",
+    "save_comparison",
     "save_plots",
     "write_report",
 ]

@@ -235,6 +235,33 @@ def save_plots(
     return written
 
 
+def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[Path]:
+    """Write the figures that show several runs together, ``paths.png`` and ``errors.png``, and return the files.
+
+    Parameters
+    ----------
+    records
+        Runs by label.
+    folder
+        Made if missing; must not hold files of these names.
+
+    Raises
+    ------
+    ExistsError
+        If a file exists; then none is written.
+    """
+    from dqcontrol.view.paths import compare_paths
+
+    files = [Path(folder) / "paths.png", Path(folder) / "errors.png"]
+    for path in files:
+        if path.exists():
+            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for path, figure in zip(files, (compare_paths(records), compare_errors(records)), strict=True):
+        figure.savefig(path)
+    return files
+
+
 def _errors(records: Mapping[str, Record]) -> Figure:
     if not records:
         raise ShapeError("records: expected at least one run, got none")
