@@ -10,15 +10,16 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.errors import DivergedError
+from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
-from dqcontrol.references.sample import POSE, Sample
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
+_LOST = "the measured configuration is not finite"
 
 
 class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -69,7 +70,20 @@ def close_loop(
     Trace
         Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and says
         so in ``stopped``.
+
+    Raises
+    ------
+    ShapeError
+        If law, plant and samples do not fit together.
     """
+    n = law.robot.configuration_size
+    if np.shape(plant.q) != (n,):
+        raise ShapeError(f"plant: expected {n} joints, as the law, got shape {np.shape(plant.q)}")
+    samples = np.ascontiguousarray(as_array("samples", samples, (SAMPLE_SIZE,)))
+    if samples.ndim != 2:
+        raise ShapeError(f"samples: expected shape (N, {SAMPLE_SIZE}), got {samples.shape}")
+    if isinstance(plant, CompiledPlant) and len(plant.noise) < len(samples):
+        raise ShapeError(f"plant: was started for {len(plant.noise)} periods, got {len(samples)} samples")
     if isinstance(plant, CompiledPlant) and not interpreted:
         return _rollout(law, plant, samples, stop)
     return _interpret(law, plant, samples, stop, progress)
@@ -117,12 +131,13 @@ def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop 
         steps,
     )
     failure = None
-    if status:
-        in_plant = status >= compiled.PLANT_FAILED
-        failure = (
-            "the plant left the finite numbers" if in_plant else status_text(status - compiled.LAW_FAILED)
-        )
-        steps[0] -= in_plant
+    if status >= compiled.PLANT_FAILED:
+        failure = "the plant left the finite numbers"
+        steps[0] -= 1
+    elif status >= compiled.LAW_FAILED:
+        failure = status_text(status - compiled.LAW_FAILED)
+    elif status:
+        failure = _LOST
     return _ended(int(steps[0]), samples, records, failure)
 
 
@@ -147,6 +162,11 @@ def _interpret(
             plant.step(command[k])
         except DivergedError as error:
             done, failure = k, str(error)
+            break
+        except ValueRangeError:
+            if np.isfinite(plant.measured).all():
+                raise
+            done, failure = k, _LOST
             break
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))

@@ -10,7 +10,7 @@ from dqcontrol.laws.law import LAW
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kernels import CHAIN
 
-LAW_FAILED, PLANT_FAILED = 100, 200  # added to the status of what failed
+LAW_FAILED, PLANT_FAILED = 100, 200  # added to the status of what failed; the kinematics' own stays
 
 SETTLED = STATUS(READ, READ, READ, WRITE)
 ROLLOUT = STATUS(
@@ -85,18 +85,19 @@ def rollout(
             q_record[k, i] = q[i]
             measured_record[k, i] = measured[i]
         status = kinematics(chain, measured, buffer)
-        if status == OK:
-            status = law(
-                measured,
-                pose,
-                pose_jacobian,
-                twist_jacobian,
-                samples[k],
-                law_parameters[min(k, last)],
-                law_state,
-                work,
-                command_record[k],
-            )
+        if status != OK:
+            return status
+        status = law(
+            measured,
+            pose,
+            pose_jacobian,
+            twist_jacobian,
+            samples[k],
+            law_parameters[min(k, last)],
+            law_state,
+            work,
+            command_record[k],
+        )
         if status != OK:
             return LAW_FAILED + status
         steps[0] = k + 1.0

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol.compile import OK, kernel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant
+from dqcontrol.compile import OK, WRONG_SIZE, kernel
+from dqcontrol.errors import as_positive
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.serial_arm import SerialArm
 
 
 @kernel(PLANT)
 def integrate(command, parameters, noise, state, q, measured):
     """Advance q by T u."""
+    if command.shape[0] != q.shape[0]:
+        return WRONG_SIZE
     for i in range(q.shape[0]):
         q[i] += parameters[0] * command[i]
         measured[i] = q[i]
@@ -31,5 +34,12 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
     """
 
     def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-        """Return the plant at q0."""
+        """Return the plant at q0.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q0 or dt does not fit.
+        """
+        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
         return CompiledPlant(integrate, np.array([dt]), np.zeros(1), q0, np.zeros((steps, 1)))

@@ -6,10 +6,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, STATUS, WRITE, Kernel
-from dqcontrol.errors import DivergedError
+from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, Kernel
+from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
 from dqcontrol.robots.serial_arm import SerialArm
 
 Array = NDArray[np.float64]
@@ -38,6 +38,14 @@ class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_
         raise NotImplementedError
 
 
+def start_configuration(robot: SerialArm, q0: ArrayLike) -> Array:
+    """Return q0 as an array (n,), or say why it does not fit the robot."""
+    start = as_array("q0", q0, (robot.configuration_size,))
+    if start.ndim != 1:
+        raise ShapeError(f"q0: expected shape ({robot.configuration_size},), got {start.shape}")
+    return start
+
+
 class CompiledPlant:
     """A plant whose step is a compiled function of signature `PLANT`.
 
@@ -60,9 +68,13 @@ class CompiledPlant:
 
     def step(self, command: Array) -> None:
         """Apply the inputs for one period."""
+        if self._step == len(self.noise):
+            raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
         status = self.kernel(
             command, self.parameters, self.noise[self._step], self.state, self.q, self.measured
         )
+        if status == WRONG_SIZE:
+            raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:
             raise DivergedError("the plant left the finite numbers")
         self._step += 1

@@ -8,11 +8,13 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import OK, kernel
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant
+from dqcontrol.compile import OK, WRONG_SIZE, kernel
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.gravity import body_table, gravity_torque
 from dqcontrol.robots.serial_arm import SerialArm
+
+COMMAND_MODES = ("integrated", "measured")
 
 # parameters: head, then rate limit (n), compliance α/K (n), bodies (4n), chain (8 (n + 1))
 _DT, _DECAY, _MEASURED_MODE, _DELAY, _RESOLUTION, _NOISE, _SAG, _GRAVITY = 0, 1, 2, 3, 4, 5, 6, 7
@@ -23,6 +25,8 @@ _HEAD = 10
 def servo(command, parameters, noise, state, q, measured):
     """Move the target, let the joints follow it, read the encoders."""
     n = q.shape[0]
+    if command.shape[0] != n:
+        return WRONG_SIZE
     delay = int(parameters[_DELAY])
     rate = parameters[_HEAD : _HEAD + n]
     compliance = parameters[_HEAD + n : _HEAD + 2 * n]
@@ -100,16 +104,21 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             If a parameter is out of range, or the robot has no inertia and there is sag.
         """
         n = robot.configuration_size
+        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
+        if self.command_mode not in COMMAND_MODES:
+            raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
         delay_steps = round(as_positive("plant.delay", self.delay, zero_allowed=True) / dt)
         if abs(delay_steps * dt - self.delay) > 1e-9:
             raise ValueRangeError(
                 f"plant.delay: must be a multiple of the period {dt:g} s, got {self.delay:g} s"
             )
-        stiffness = np.broadcast_to(as_array("plant.stiffness", self.stiffness), (n,))
+        stiffness = as_array("plant.stiffness", self.stiffness)
+        if stiffness.shape not in ((), (n,)):
+            raise ShapeError(f"plant.stiffness: expected one number or {n}, got shape {stiffness.shape}")
         if (stiffness <= 0).any():
             raise ValueRangeError(f"plant.stiffness: must be > 0, got {stiffness.min():g}")
         sag = as_positive("plant.sag", self.sag, zero_allowed=True)
-        compliance = sag / stiffness
+        compliance = np.broadcast_to(sag / stiffness, n)
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
         rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
