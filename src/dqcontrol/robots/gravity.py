@@ -1,7 +1,7 @@
 """Gravity torque of a chain, compiled.
 
-A body table has a row ``[mass, centre (3)]`` for each joint: the body that the joint moves, in the joint's frame after
-its screw, kg and m.
+A body table has a row ``[mass, centre (3)]`` (kg, m) for each joint: the body that the joint moves, in the
+joint's frame after its screw.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def body_table(inertia: Inertia) -> NDArray[np.float64]:
 def gravity_torque(chain, bodies, q, gravity, out):
     """Write the n torques τ_g = ∂U/∂q that hold the arm still; gravity (3,) is in the base frame.
 
-    With M and S the mass and first moment of all bodies from joint i on: τ_i = −g · (z × (S − M o)), or −M g · z if
-    prismatic. The first pass sums up all bodies, the second takes them off again one by one: no scratch memory.
+    With M and S the mass and first moment of all bodies from joint i on: τ_i = −g · (z × (S − M o)), or
+    −M g · z if prismatic. The first pass sums up all bodies, the second takes them off again: no scratch memory.
     """
     n = chain.shape[0] - 1
     if q.shape[0] != n or bodies.shape[0] != n or out.shape[0] != n:

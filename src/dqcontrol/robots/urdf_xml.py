@@ -8,6 +8,7 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, suggest
 
+_DEEPEST = 50
 _JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _NUMBERS = {  # element: attributes that hold numbers, and how many
     "origin": {"xyz": 3, "rpy": 3},
@@ -55,6 +56,10 @@ class CheckedXml:
             if not self.data.strip():
                 text = "is empty"
             raise FileFormatError(f"{path}:{error.lineno}: not well-formed XML: {text}") from None
+        except FileFormatError:
+            raise
+        except (ValueError, LookupError) as error:  # an encoding that expat does not know
+            raise FileFormatError(f"{path}:1: not well-formed XML: {error}") from None
         for kind in ("parent", "child"):
             for (tag, name), line in self.lines.items():
                 if tag == "joint" and (kind, name) not in self.lines:
@@ -81,6 +86,8 @@ class CheckedXml:
         if " " in tag and "xacro" in tag:
             raise self._fault("is a xacro file; expand it first: xacro FILE > robot.urdf")
         depth = len(self._stack)
+        if depth > _DEEPEST:
+            raise self._fault(f"more than {_DEEPEST} elements inside each other")
         self._stack.append(tag)
         if depth == 0:
             if tag != "robot":
