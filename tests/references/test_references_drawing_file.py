@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,10 @@ from dqcontrol import algebra
 from dqcontrol import references as r
 from dqcontrol.errors import FileFormatError, ValueRangeError
 
-EXAMPLES = Path(__file__).parents[2] / "examples" / "drawings"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples" / "drawings"
+PAGE = (ROOT / "docs" / "drawing-files.md").read_text(encoding="utf-8")
+FLAG = PAGE.split("```")[1]
 DRAWING = """\
 # A comment.
 start 0.4 0.1 0.5 0 1 0 0
@@ -72,6 +76,26 @@ def test_examples_fit_any_robot(path):
     assert drawing.samples([0.0])[0, :8] == pytest.approx(START)
     width, height = drawing.box[1] - drawing.box[0]
     assert 0.1 < max(width, height) <= 0.3
+
+
+def test_the_drawing_in_the_documentation_is_one():
+    drawing = r.parse_drawing(FLAG).drawing(START)
+    np.testing.assert_allclose(drawing.box, [[0, 0.0], [0.12, 0.23]], atol=1e-12)
+
+
+def test_the_messages_in_the_documentation_are_those_of_the_program():
+    for change, line in (("line 0 0.2", "lin 0 0.2"), ("arc 0.06 0.2", "arc 0.07 0.2"), ("speed 0.05", "")):
+        with pytest.raises(FileFormatError) as error:
+            r.parse_drawing(FLAG.replace(change, line, 1), "flag.txt")
+        assert f"{error.value}\n" in PAGE
+
+
+def test_the_documentation_names_every_command():
+    commands = set(re.findall(r"^\| `(\w+)", PAGE, re.MULTILINE))
+    with pytest.raises(FileFormatError) as error:
+        r.parse_drawing("draw")
+    allowed = str(error.value).partition("allowed: ")[2].rstrip(")")
+    assert commands == set(allowed.split(", "))
 
 
 def test_byte_order_mark_and_windows_line_ends(tmp_path):
