@@ -26,7 +26,7 @@ def gravity_torque(chain, bodies, q, gravity, out):
     """Write the n torques τ_g = ∂U/∂q that hold the arm still; gravity (3,) is in the base frame.
 
     With M and S the mass and first moment of all bodies from joint i on: τ_i = −g · (z × (S − M o)), or
-    −M g · z if prismatic. The first pass sums up all bodies, the second takes them off again: no scratch memory.
+    −M g · z if prismatic. The first pass sums up all bodies, the second takes them off: no scratch memory.
     """
     n = chain.shape[0] - 1
     if q.shape[0] != n or bodies.shape[0] != n or out.shape[0] != n:
