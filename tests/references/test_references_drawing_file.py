@@ -14,7 +14,7 @@ from dqcontrol.errors import FileFormatError, ValueRangeError
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples" / "drawings"
 PAGE = (ROOT / "docs" / "drawing-files.md").read_text(encoding="utf-8")
-FLAG = PAGE.split("```")[1]
+FLAG = PAGE.split("```\n")[1]
 DRAWING = """\
 # A comment.
 start 0.4 0.1 0.5 0 1 0 0
