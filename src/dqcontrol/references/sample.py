@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 POSE, TWIST, TWIST_RATE, TIME = slice(0, 8), slice(8, 14), slice(14, 20), 20
 SAMPLE_SIZE = 21  # a sample as compiled code sees it: pose, twist, twist rate, time
@@ -43,8 +43,8 @@ class Sample:
     def __post_init__(self) -> None:
         data = np.empty(SAMPLE_SIZE)
         data[POSE] = as_unit("pose", self.pose)
-        data[TWIST] = np.broadcast_to(as_array("twist", self.twist), (6,))
-        data[TWIST_RATE] = np.broadcast_to(as_array("twist_rate", self.twist_rate), (6,))
+        data[TWIST] = _six("twist", self.twist)
+        data[TWIST_RATE] = _six("twist_rate", self.twist_rate)
         data[TIME] = as_array("time", self.time, ())
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
@@ -52,9 +52,19 @@ class Sample:
             object.__setattr__(self, name, data[part])
 
 
+def _six(field: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return a twist (6,), or a number that stands for all six."""
+    array = as_array(field, value)
+    if array.shape not in ((), (6,)):
+        raise ShapeError(f"{field}: expected shape (6,), got {array.shape}")
+    return array
+
+
 def as_unit(field: str, pose: ArrayLike) -> NDArray[np.float64]:
     """Return a unit dual quaternion (8,), renormalised, or say what is wrong with it."""
     x = as_array(field, getattr(pose, "vec8", pose), (8,))
+    if x.ndim != 1:
+        raise ShapeError(f"{field}: expected shape (8,), got {x.shape}")
     norm, along = np.linalg.norm(x[:4]), x[:4] @ x[4:]
     if abs(norm - 1) > 1e-6 or abs(along) > 1e-6:
         raise ValueRangeError(
