@@ -1,18 +1,19 @@
 """Numba's options and cache, in one place.
 
-A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use, not
-when it is imported, and its machine code is cached. From Python it is called like a function; other compiled code
-receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the interpreted loop runs the
-very same machine code. Small functions that kernels share are marked `inlined`.
+A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use,
+not when it is imported, and its machine code is cached. From Python it is called like a function; other
+compiled code receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the
+interpreted loop runs the very same machine code. Small functions that kernels share are marked `inlined`.
 
-The cache folder is named after a hash of all package sources, of Numba's version and of the processor, because
-Numba's own staleness check sees only the file of the function itself, not those of its callees.
+The cache folder is named after a hash of all package sources, of Numba's version and of the processor,
+because Numba's own staleness check sees only the file of the function itself, not those of its callees.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -42,7 +43,9 @@ _KEPT_CACHES = 4
 
 
 def _source_hash() -> str:
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()}".encode())
+    digest = hashlib.sha256(
+        f"{numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()}".encode()
+    )
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode())
@@ -69,7 +72,10 @@ def _writable_cache() -> Path | None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        others = sorted((p for p in root.iterdir() if p.is_dir() and p != folder), key=lambda p: p.stat().st_mtime)
+        caches = (
+            p for p in root.iterdir() if re.fullmatch("[0-9a-f]{16}", p.name) and p.is_dir() and p != folder
+        )
+        others = sorted(caches, key=lambda p: p.stat().st_mtime)  # names of hashes only: the rest is not ours
         for old in others[: -(_KEPT_CACHES - 1)]:
             shutil.rmtree(old, ignore_errors=True)
     except (OSError, RuntimeError):  # RuntimeError: no home folder
@@ -86,7 +92,9 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool) -> Any:
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=_cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=_cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(
+            function
+        )
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 
@@ -166,8 +174,8 @@ def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | 
     except Exception:
         if _cache is None:
             raise
-        # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is not the
-        # cache's, the second attempt raises it again.
+        # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is
+        # not the cache's, the second attempt raises it again.
         shutil.rmtree(_cache, ignore_errors=True)
         _cache.mkdir(parents=True, exist_ok=True)
         return _compiled(function, signature, fastmath)
@@ -193,4 +201,6 @@ def _announce(function: Callable[..., Any]) -> None:
             )
     elif not _announced and not any(_cache.glob(f"*/*{function.__name__}-*.nbi")):
         _announced = True
-        print("dqcontrol: compiling kernels, once per version (up to a minute) …", file=sys.stderr, flush=True)
+        print(
+            "dqcontrol: compiling kernels, once per version (up to a minute) …", file=sys.stderr, flush=True
+        )
