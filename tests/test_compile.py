@@ -72,7 +72,7 @@ def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
 
 
 def test_an_edit_in_another_file_is_seen(tmp_path):
-    """The kernel is in loop/, what it calls in algebra/: Numba alone would go on with the old machine code."""
+    """The kernel is in loop/, what it calls in algebra/: Numba alone would use the old machine code."""
     copy = tmp_path / "source" / "dqcontrol"
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     cache = tmp_path / "cache"

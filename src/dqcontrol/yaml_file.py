@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from itertools import compress
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import yaml
@@ -118,37 +119,94 @@ def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
 def _reworded(message: str, data: Any, schema: Any) -> str:
     """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?"."""
     text, _, place = message.partition(" - at ")
-    steps = re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.strip("`"))
-    field = "".join(f".{key}" if key else f"[{index}]" for key, index in steps).lstrip(".")
-    prefix = f"{field}: " if field else ""
     text = text.replace("`", "'")
-    names = _field_names(schema, [key for key, _ in steps if key])
+    field, kinds, around = "", [schema], []
+    for key, index in re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.strip("`")):
+        if index and index != "...":
+            field, data = f"{field}[{index}]", data[int(index)]
+            continue
+        if index:
+            kinds = [inner for kind in kinds for inner in _values(kind)]
+            step = _unfit(kinds, data)
+        else:
+            step, around = key, list(_structs(kinds))
+            hints = [get_type_hints(struct, include_extras=True) for struct in _chosen(around, data)]
+            kinds = [hint[key] for hint in hints if key in hint]
+        field = f"{field}.{step}" if field else str(step)
+        data = data.get(step) if isinstance(data, dict) else None
+    prefix = f"{field}: " if field else ""
     if match := re.fullmatch(r"Object contains unknown field '(.*)'", text):
-        return f"{prefix}unknown key '{match[1]}'{suggest(match[1], names)} (allowed: {', '.join(names)})"
+        return f"{prefix}unknown key '{match[1]}'{_instead(match[1], _keys(_chosen(list(_structs(kinds)), data)))}"
     if match := re.fullmatch(r"Object missing required field '(.*)'", text):
         return f"{prefix}missing key '{match[1]}'"
+    if match := re.fullmatch(r"Invalid value '(.*)'", text):
+        tags = [str(struct.__struct_config__.tag) for struct in around]
+        return f"{prefix}unknown name '{match[1]}'{_instead(match[1], tags)}"
+    if match := re.fullmatch(r"Invalid enum value '(.*)'", text):
+        return f"{prefix}unknown name '{match[1]}'{_instead(match[1], list(_literals(kinds)))}"
+    if " matching regex " in text:
+        text = f"Expected {next(_patterns(kinds), text)}"
     text = text[:1].lower() + text[1:]
-    if ", got " in text:
-        return prefix + text
-    for key, index in steps:
+    return prefix + text if ", got " in text else f"{prefix}{text}, got {data!r:.80}"
+
+
+def _instead(name: str, allowed: list[str]) -> str:
+    allowed = list(dict.fromkeys(allowed))
+    return f"{suggest(name, allowed)} (allowed: {', '.join(allowed)})"
+
+
+def _chosen(structs: list[Any], data: Any) -> list[Any]:
+    """Return those structures that the data's tag names, or all."""
+    tagged = [s.__struct_config__ for s in structs]
+    fits = (isinstance(data, dict) and data.get(c.tag_field) == c.tag for c in tagged)
+    return list(compress(structs, fits)) or structs
+
+
+def _keys(structs: list[Any]) -> list[str]:
+    tags = [s.__struct_config__.tag_field for s in structs if s.__struct_config__.tag_field]
+    return tags + [field.encode_name for s in structs for field in msgspec.structs.fields(s)]
+
+
+def _unfit(kinds: list[Any], data: Any) -> Any:
+    """Return the key of the first entry that cannot be converted, because msgspec does not name it."""
+    for key, value in data.items():
         try:
-            data = data[key] if key else data[int(index)]
-        except (TypeError, KeyError, IndexError, ValueError):
-            return prefix + text
-    return f"{prefix}{text}, got {data!r:.80}"
+            msgspec.convert(value, Union[tuple(kinds)])  # noqa: UP007
+        except msgspec.ValidationError:
+            return key
+    return "…"
 
 
-def _field_names(schema: Any, keys: list[str]) -> list[str]:
-    """Return the keys that are allowed in the structure at the end of a path of keys."""
-    structs = list(_structs(schema))
-    for key in keys:
-        hints = [get_type_hints(s, include_extras=True) for s in structs]
-        structs = [inner for h in hints if key in h for inner in _structs(h[key])]
-    return [field.encode_name for s in structs for field in msgspec.structs.fields(s)]
+def _values(kind: Any) -> Iterator[Any]:
+    """Find the types of the values of all dictionaries in a type."""
+    if get_origin(kind) is dict:
+        yield get_args(kind)[1]
+    else:
+        for inner in get_args(kind):
+            yield from _values(inner)
 
 
-def _structs(kind: Any) -> Iterator[Any]:
-    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        yield kind
-    for inner in get_args(kind):
-        yield from _structs(inner)
+def _structs(kinds: Any) -> Iterator[Any]:
+    """Find all structures in types."""
+    for kind in kinds:
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            yield kind
+        yield from _structs(get_args(kind))
+
+
+def _literals(kinds: Any) -> Iterator[str]:
+    """Find all allowed texts in types."""
+    for kind in kinds:
+        if get_origin(kind) is Literal:
+            yield from (value for value in get_args(kind) if isinstance(value, str))
+        else:
+            yield from _literals(get_args(kind))
+
+
+def _patterns(kinds: Any) -> Iterator[str]:
+    """Find what the patterns of texts in types mean."""
+    for kind in kinds:
+        for meta in getattr(kind, "__metadata__", ()):
+            if meta.pattern and meta.description:
+                yield meta.description
+        yield from _patterns(get_args(kind))

@@ -27,14 +27,14 @@ class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """Base of all parts of a spec."""
 
 
-class StartPose(Part):
-    """Where the reference starts, in the base frame; what is left out is the hand's at the start configuration."""
+class StartPose(Part, frozen=True, kw_only=True):
+    """Where the reference starts, base frame; what is left out is the hand's at the start configuration."""
 
     position: Annotated[Vector | None, Meta(description="m")] = None
     quaternion: Annotated[tuple[float, float, float, float] | None, Meta(description="scalar first")] = None
 
 
-class Offset(Part):
+class Offset(Part, frozen=True, kw_only=True):
     """A displacement of the start pose, base axes: so far is the hand from its target when the run starts."""
 
     translation: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)

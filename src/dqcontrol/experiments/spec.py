@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import numpy as np
 import yaml
 from msgspec import UNSET, Meta, UnsetType
 
@@ -19,18 +20,26 @@ from dqcontrol.yaml_file import convert, parse_yaml, read_text
 AnyLaw = Proportional | ProportionalFeedforward
 AnyPlant = Integrator | Servo | MujocoPlant
 
-_Label = Annotated[str, Meta(pattern=r"^[^/\\\x00-\x1f]{1,60}$")]
+_Label = Annotated[
+    str,
+    Meta(
+        pattern=r"^(?!\.)[^/\\\x00-\x1f]{1,60}\Z",
+        description="labels of at most 60 characters without / and \\, not beginning with a dot",
+    ),
+]
 
 
-class RobotSpec(Part):
+class RobotSpec(Part, frozen=True, kw_only=True):
     """A robot by name or file, and the ends of its chain."""
 
-    source: Annotated[str, Meta(min_length=1, description="preset, .yaml or .urdf, or example-robot-data:PATH")]
+    source: Annotated[
+        str, Meta(min_length=1, description="preset, .yaml or .urdf, or example-robot-data:PATH")
+    ]
     base_link: str | None = None
     tip_link: str | None = None
 
 
-class Spec(Part):
+class Spec(Part, frozen=True, kw_only=True):
     """An experiment: one robot and one reference; one law and one plant, or several of each.
 
     Parameters
@@ -59,7 +68,13 @@ class Spec(Part):
         Length of the start that the settled errors leave out, s.
     """
 
-    name: Annotated[str, Meta(pattern=r"^[\w.-]{1,60}$", description="letters, digits, _ . -")]
+    name: Annotated[
+        str,
+        Meta(
+            pattern=r"^(?!\.)[\w.-]{1,60}\Z",
+            description="at most 60 letters, digits, _ . - and no dot first",
+        ),
+    ]
     robot: str | RobotSpec
     start: Annotated[list[float], Meta(min_length=1, description="rad or m")]
     period: Annotated[float, Meta(gt=0, le=10, description="s")]
@@ -109,12 +124,18 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         If the file is missing, malformed, or has an unknown or unfit key: ``path: field: …``.
     """
     if isinstance(source, dict):
-        where, folder, data = "spec", Path.cwd(), source
+        where, folder = "spec", Path.cwd()
+        try:
+            data = msgspec.to_builtins(source, enc_hook=_plain)
+        except (TypeError, NotImplementedError) as error:
+            raise FileFormatError(f"{where}: {error}") from None
     else:
         where, folder = str(source), Path(source).resolve().parent
         data = parse_yaml(where, read_text(where))
     if not isinstance(data, dict):
-        raise FileFormatError(f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant")
+        raise FileFormatError(
+            f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
+        )
     spec = convert(where, data, Spec)
     for check in ("law_by_label", "plant_by_label"):
         try:
@@ -124,8 +145,17 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     return spec, folder
 
 
+def _plain(value: Any) -> Any:
+    """Return NumPy's arrays and numbers, and paths, as what a YAML file would give."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"cannot hold {value!r:.80}")
+
+
 def spec_text(spec: Spec, folder: Path) -> str:
-    """Return the YAML of a spec with all defaults filled in and file names made absolute, so that it runs anywhere."""
+    """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
     data = msgspec.to_builtins(spec)
     if "file" in data["reference"]:
         data["reference"]["file"] = str((folder / data["reference"]["file"]).resolve())

@@ -133,7 +133,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         head[_NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
         head[_SAG] = sag
         head[_GRAVITY : _GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
-        bodies = body_table(robot.inertia) if sag else np.zeros((n, 4))
+        bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
         parameters = np.concatenate([head, rate, compliance, bodies.ravel(), robot.chain.ravel()])
         state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1)])
         noise = (
