@@ -136,7 +136,8 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
         data = data.get(step) if isinstance(data, dict) else None
     prefix = f"{field}: " if field else ""
     if match := re.fullmatch(r"Object contains unknown field '(.*)'", text):
-        return f"{prefix}unknown key '{match[1]}'{_instead(match[1], _keys(_chosen(list(_structs(kinds)), data)))}"
+        allowed = _keys(_chosen(list(_structs(kinds)), data))
+        return f"{prefix}unknown key '{match[1]}'{_instead(match[1], allowed)}"
     if match := re.fullmatch(r"Object missing required field '(.*)'", text):
         return f"{prefix}missing key '{match[1]}'"
     if match := re.fullmatch(r"Invalid value '(.*)'", text):

@@ -26,6 +26,8 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")
+    if target.is_symlink() and target.exists():
+        raise ExistsError(f"{target}: is a link; it is never replaced")
     if not (target / MARK).is_file():
         raise ExistsError(f"{target}: exists and holds no results of a run (no {MARK}); it is never replaced")
 
@@ -50,9 +52,22 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         yield draft
         draft.chmod(0o755)
         check_new(target, force=force)
-        if target.exists():
-            shutil.rmtree(target)
-        draft.rename(target)
+        _replace(target, draft)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
+
+
+def _replace(target: Path, draft: Path) -> None:
+    """Move the draft into place; what was there is deleted only after that."""
+    if not target.exists():
+        draft.rename(target)
+        return
+    old = draft.with_name(f"{draft.name}-old")
+    target.rename(old)
+    try:
+        draft.rename(target)
+    except BaseException:
+        old.rename(target)
+        raise
+    shutil.rmtree(old)

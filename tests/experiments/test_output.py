@@ -1,0 +1,122 @@
+"""Folders of results: complete or absent, never overwritten unasked."""
+
+import pytest
+
+from dqcontrol.errors import Error, ExistsError
+from dqcontrol.experiments.output import check_new, new_folder
+
+
+def fill(folder, text="new", force=False):
+    with new_folder(folder, force=force) as draft:
+        assert draft.parent == folder.parent
+        (draft / "spec.yaml").write_text("name: a")
+        (draft / "new.txt").write_text(text)
+
+
+def files(folder):
+    return sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*"))
+
+
+def test_written_at_once_with_parents(tmp_path):
+    fill(tmp_path / "results" / "deep" / "run")
+    assert files(tmp_path) == [
+        "results",
+        "results/deep",
+        "results/deep/run",
+        "results/deep/run/new.txt",
+        "results/deep/run/spec.yaml",
+    ]
+    assert (tmp_path / "results/deep/run").stat().st_mode & 0o777 == 0o755
+
+
+@pytest.mark.parametrize("kind", ["results", "other folder", "empty folder", "file", "dangling link"])
+def test_what_exists_is_not_replaced(tmp_path, kind):
+    target = tmp_path / "run"
+    if kind == "results":
+        fill(target, "old")
+    elif kind == "other folder":
+        target.mkdir()
+        (target / "thesis.tex").write_text("three years")
+    elif kind == "empty folder":
+        target.mkdir()
+    elif kind == "file":
+        target.write_text("a file")
+    else:
+        target.symlink_to(tmp_path / "nowhere")
+    before = files(tmp_path)
+    with pytest.raises(ExistsError, match=r"run: exists; choose another folder, or replace it with --force"):
+        fill(target)
+    if kind == "results":
+        fill(target, force=True)
+        assert (target / "new.txt").read_text() == "new"
+    else:
+        with pytest.raises(ExistsError, match=r"run: exists and holds no results of a run \(no spec.yaml\)"):
+            fill(target, force=True)
+    assert files(tmp_path) == before
+
+
+def test_a_link_to_results_is_not_replaced(tmp_path):
+    fill(tmp_path / "run", "old")
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "run")
+    with pytest.raises(ExistsError, match=r"link: is a link; it is never replaced$"):
+        fill(link, force=True)
+    assert (tmp_path / "run" / "new.txt").read_text() == "old"
+
+
+@pytest.mark.parametrize("failure", [ValueError, KeyboardInterrupt, Error])
+@pytest.mark.parametrize("old", [False, True])
+def test_a_failure_while_writing_leaves_all_as_it_was(tmp_path, failure, old):
+    target = tmp_path / "run"
+    if old:
+        fill(target, "old")
+    before = files(tmp_path)
+
+    def write():
+        with new_folder(target, force=old) as draft:
+            (draft / "half.txt").write_text("half")
+            raise failure
+
+    with pytest.raises(failure):
+        write()
+    assert files(tmp_path) == before
+    if old:
+        assert (target / "new.txt").read_text() == "old"
+
+
+def test_a_folder_that_appears_meanwhile_is_kept(tmp_path):
+    target = tmp_path / "run"
+
+    def write():
+        with new_folder(target, force=False) as draft:
+            (draft / "spec.yaml").write_text("mine")
+            target.mkdir()
+            (target / "theirs.txt").write_text("theirs")
+
+    with pytest.raises(ExistsError):
+        write()
+    assert files(tmp_path) == ["run", "run/theirs.txt"]
+
+
+def test_the_old_results_survive_when_the_new_cannot_be_moved(tmp_path, monkeypatch):
+    target = tmp_path / "run"
+    fill(target, "old")
+    rename = type(target).rename
+
+    def failing(self, other):
+        if (self / "new.txt").read_text() == "new":
+            raise OSError("disk trouble")
+        return rename(self, other)
+
+    monkeypatch.setattr(type(target), "rename", failing)
+    with pytest.raises(OSError, match="disk trouble"):
+        fill(target, force=True)
+    assert files(tmp_path) == ["run", "run/new.txt", "run/spec.yaml"]
+    assert (target / "new.txt").read_text() == "old"
+
+
+def test_where_nothing_can_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(Error, match=r"run: cannot be written: (Not a directory|File exists)$"):
+        fill(tmp_path / "file" / "run")
+    check_new(tmp_path / "new", force=False)

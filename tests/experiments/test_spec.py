@@ -1,0 +1,224 @@
+"""Specs: what they say of bad input, before anything moves."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.experiments.run import prepare
+from dqcontrol.experiments.spec import read_spec, spec_text
+from dqcontrol.laws import Proportional
+
+K = {"kind": "proportional", "gain": 10}
+BASE = {
+    "name": "circle",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.01,
+    "reference": {"kind": "circle", "radius": 0.07, "duration": 2},
+    "law": K,
+    "plant": {"kind": "integrator"},
+}
+GONE = object()
+
+
+def changed(**changes):
+    data = copy.deepcopy(BASE)
+    for name, value in changes.items():
+        data[name] = value
+        if value is GONE:
+            del data[name]
+    return data
+
+
+def circle(**changes):
+    return {**BASE["reference"], **changes}
+
+
+def test_the_base_of_these_tests_is_right(tmp_path):
+    path = tmp_path / "spec.yaml"
+    path.write_text(yaml.safe_dump(BASE))
+    from_file, from_dict = prepare(path), prepare(BASE)
+    assert from_file.spec == from_dict.spec
+    assert (from_file.folder, from_dict.folder) == (tmp_path, Path.cwd())
+    assert len(from_file.samples) == 201
+    assert from_file.spec.is_single
+    assert not prepare(changed(law=GONE, laws={"a": K, "b": K})).spec.is_single
+
+
+UNFIT = [
+    (changed(lawz=K), r"unknown key 'lawz'; did you mean 'law'\? \(allowed: name, robot, start, period, "),
+    (changed(law={"kind": "proportional", "gian": 1}),
+     r"law: unknown key 'gian'; did you mean 'gain'\? \(allowed: kind, [^()]*gain, [^()]*\)$"),
+    (changed(plant={"kind": "servo", "time_konstant": 1}),
+     r"plant: unknown key 'time_konstant'; did you mean 'time_constant'\? \(allowed: kind, command_mode, "
+     r"time_constant, sag, stiffness, delay, encoder_resolution, encoder_noise, rate_limit, gravity\)$"),
+    (changed(plant={"kind": "integrator", "sag": 1}), r"plant: unknown key 'sag' \(allowed: kind\)$"),
+    (changed(reference=circle(length=1)),
+     r"reference: unknown key 'length'.* \(allowed: kind, start, offset, radius, duration, plane, turns, clockwise\)$"),
+    (changed(reference=circle(offset={"translatoin": [0, 0, 0]})),
+     r"reference.offset: unknown key 'translatoin'; did you mean 'translation'\? \(allowed: translation, rotation\)$"),
+    (changed(law=GONE, laws={"a": K, "b": {"kind": "proportional", "gian": 1}}),
+     r"laws.b: unknown key 'gian'; did you mean 'gain'\? \(allowed: kind, [^()]*gain, [^()]*\)$"),
+    (changed(law={**K, "inverse": {"kind": "damped", "dampin": 1}}),
+     r"law.inverse: unknown key 'dampin'; did you mean 'damping'\? \(allowed: kind, damping\)$"),
+    (changed(law={**K, "gain": {"times": [0], "value": [1]}}),
+     r"law.gain: unknown key 'value'; did you mean 'values'\? \(allowed: times, values\)$"),
+    (changed(robot={"sorce": "iiwa7"}), r"robot: unknown key 'sorce'; did you mean 'source'\?"),
+    (changed(stop={"eror": 1}), r"stop: unknown key 'eror'; did you mean 'error'\? \(allowed: error, samples\)$"),
+    (changed(law={"kind": "proportionl", "gain": 1}),
+     r"law.kind: unknown name 'proportionl'; did you mean 'proportional'\? \(allowed: .*proportional-feedforward"),
+    (changed(law=GONE, laws={"a": {"kind": "P", "gain": 1}}), r"laws.a.kind: unknown name 'P'.* \(allowed: "),
+    (changed(plant={"kind": "sevro"}), r"plant.kind: unknown name 'sevro'; did you mean 'servo'\?"),
+    (changed(reference=circle(kind="circel")), r"reference.kind: unknown name 'circel'; did you mean 'circle'\?"),
+    (changed(reference=circle(plane="xq")), r"reference.plane: unknown name 'xq'.* \(allowed: xy, xz, yz\)$"),
+    (changed(plant={"kind": "servo", "command_mode": "measurd"}),
+     r"plant.command_mode: unknown name 'measurd'; did you mean 'measured'\? \(allowed: integrated, measured\)$"),
+    (changed(law={"gain": 1}), r"law: missing key 'kind'$"),
+    (changed(law={"kind": "proportional"}), r"law: missing key 'gain'$"),
+    (changed(period=GONE), r"missing key 'period'$"),
+    (changed(period="fast"), r"period: expected 'float', got 'str'$"),
+    (changed(period=0), r"period: expected 'float' > 0.0, got 0$"),
+    (changed(period=-0.01), r"period: expected 'float' > 0.0, got -0.01$"),
+    (changed(start=[0, "a"]), r"start\[1\]: expected 'float', got 'str'$"),
+    (changed(start=[]), r"start: expected 'array' of length >= 1, got \[\]$"),
+    (changed(start=0.5), r"start: expected 'array', got 'float'$"),
+    (changed(robot=3), r"robot: expected 'str \| object', got 'int'$"),
+    (changed(reference=3), r"reference: expected 'object', got 'int'$"),
+    (changed(reference=circle(radius=-0.1)), r"reference.radius: expected 'float' > 0.0, got -0.1$"),
+    (changed(law=3), r"law: expected 'object', got 'int'$"),
+    (changed(law={**K, "hysteresis": 1}), r"law.hysteresis: expected 'float' < 1.0, got 1$"),
+    (changed(law={**K, "inverse": {"kind": "damped", "damping": 0}}), r"law.inverse.damping: expected 'float' > 0"),
+    (changed(plant={"kind": "servo", "time_constant": 0}), r"plant.time_constant: expected 'float' > 0.0, got 0$"),
+    (changed(seed=-1), r"seed: expected 'int' >= 0, got -1$"),
+    (changed(seed=1.5), r"seed: expected 'int', got 'float'$"),
+    (changed(settle=-1), r"settle: expected 'float' >= 0.0, got -1$"),
+    (changed(stop={"error": 0}), r"stop.error: expected 'float' > 0.0, got 0$"),
+    (changed(name="a/b"), r"name: expected at most 60 letters, digits, _ \. - and no dot first, got 'a/b'$"),
+    (changed(name=".."), r"name: expected at most 60 letters, digits, _ \. - and no dot first, got '\.\.'$"),
+    (changed(law=GONE, laws={"a/b": K}), r"laws: expected labels of at most 60 characters without / and \\, "),
+    (changed(law=GONE, laws={"..": K}), r"laws: expected labels of .*not beginning with a dot, got"),
+    (changed(law=GONE, laws={}), r"laws: expected 'object' of length >= 1, got {}$"),
+    (changed(laws={"a": K}), r"law: give either 'law' \(one\) or 'laws' \(several by label\)$"),
+    (changed(law=GONE), r"law: give either 'law' \(one\) or 'laws' \(several by label\)$"),
+    (changed(plants={"a": BASE["plant"]}), r"plant: give either 'plant' \(one\) or 'plants'"),
+    (changed(plant=GONE), r"plant: give either 'plant' \(one\) or 'plants'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("data", "text"), UNFIT, ids=[text[:40] for _, text in UNFIT])
+def test_what_does_not_fit_is_named_with_file_and_field(tmp_path, data, text):
+    path = tmp_path / "my.yaml"
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(FileFormatError, match="^spec: " + text):
+        read_spec(data)
+    with pytest.raises(FileFormatError, match=f"^{path}: {text}"):
+        read_spec(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("name: a\nrobot: [iiwa7\nstart: 3\n", r":3: "),
+        ("name: a\nname: b\n", r":2: key 'name' appears twice$"),
+        ("name: a\n\tlaw: 3\n", r":2: "),
+        ("a: &x 1\nb: *x\n", r":2: aliases are not read here; write the value out$"),
+        ("period: .nan\n", r": period: must be finite, got nan$"),
+        ("start: [0, .inf]\n", r": start\[1\]: must be finite, got inf$"),
+        ("", r": is empty or no mapping; it needs name, robot, start, period, reference, law, plant$"),
+        ("- a\n- b\n", r": is empty or no mapping; it needs"),
+        ("just text", r": is empty or no mapping; it needs"),
+        ("a: !!python/object:os.system {}\n", r":1: "),
+    ],
+)
+def test_malformed_files(tmp_path, text, message):
+    path = tmp_path / "my.yaml"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=f"^{path}{message}"):
+        read_spec(path)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(FileFormatError, match=r"none\.yaml: cannot be read: No such file or directory$"):
+        read_spec(tmp_path / "none.yaml")
+    with pytest.raises(FileFormatError, match=r": cannot be read: Is a directory$"):
+        read_spec(tmp_path)
+    (tmp_path / "latin.yaml").write_bytes("name: é".encode("latin-1"))
+    with pytest.raises(FileFormatError, match=r"latin\.yaml: is not UTF-8 text"):
+        read_spec(tmp_path / "latin.yaml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "text"),
+    [
+        ({"robot": "iiwa"}, UnknownNameError, r"^robot: unknown name 'iiwa'; did you mean 'iiwa7'\?"),
+        ({"start": [0] * 6}, ShapeError, r"^start: expected shape \(…, 7\), got shape \(6,\)$"),
+        ({"start": [0, 0.6, 0, 2.5, 0, 0, 0]}, ValueRangeError,
+         r"^start: joint_4 is 2.5, outside its limits -2.094 … 2.094$"),
+        ({"start": [np.nan] * 7}, ValueRangeError, r"^start: must be finite, got \[nan"),
+        ({"law": {**K, "gain": 0}}, ValueRangeError, r"^gain: must be > 0, got 0$"),
+        ({"law": {**K, "gain": -3}}, ValueRangeError, r"^gain: must be > 0, got -3$"),
+        ({"law": {**K, "gain": np.nan}}, ValueRangeError, r"^gain: must be finite, got nan$"),
+        ({"law": {**K, "gain": [1] * 7}}, ShapeError, r"^gain: expected shape \(…, 8\), got shape \(7,\)$"),
+        ({"law": {**K, "gain": {"times": [1, 0], "values": [1, 2]}}}, ValueRangeError,
+         r"^schedule.times: must increase, got \[1.0, 0.0\]$"),
+        ({"law": GONE, "laws": {"good": K, "bad": {**K, "gain": 0}}}, ValueRangeError, r"gain: must be > 0, got 0$"),
+        ({"plant": {"kind": "servo", "delay": 0.005}}, ValueRangeError, r"^plant.delay: must be a multiple"),
+        ({"plant": {"kind": "servo", "sag": 1, "stiffness": [1, 2]}}, ShapeError, r"^plant.stiffness: expected one"),
+        ({"reference": {"kind": "set-point"}}, ValueRangeError, r"^duration: a set-point lasts for ever; say how many"),
+        ({"duration": 0.001}, ValueRangeError, r"^duration: 0.001 s is shorter than one period of 0.01 s$"),
+        ({"duration": 1e5, "period": 1e-4}, ValueRangeError, r"^duration: 100000 s are 1000000001 periods; at most"),
+        ({"reference": circle(start={"quaternion": [2, 0, 0, 0]})}, ValueRangeError,
+         r"^reference.start.quaternion: must have norm 1, got 2$"),
+        ({"reference": {"kind": "drawing", "file": "nowhere.txt"}}, FileFormatError, r"nowhere\.txt: "),
+        ({"seed": object()}, FileFormatError, r"^spec: cannot hold <object"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_together(changes, kind, text):
+    with pytest.raises(kind, match=text):
+        prepare(changed(**changes))
+
+
+def test_an_empty_drawing(tmp_path):
+    (tmp_path / "empty.txt").write_text("# nothing\n")
+    path = tmp_path / "my.yaml"
+    path.write_text(yaml.safe_dump(changed(reference={"kind": "drawing", "file": "empty.txt"})))
+    with pytest.raises(Error, match=r"empty\.txt: "):
+        prepare(path)
+
+
+def test_numpy_and_laws_as_values_of_a_dictionary():
+    spec, _ = read_spec(
+        changed(
+            start=np.array(BASE["start"]),
+            period=np.float64(0.01),
+            seed=np.int64(4),
+            law=Proportional(gain=10.0),
+        )
+    )
+    assert spec == read_spec(changed(seed=4))[0]
+
+
+def test_resolved_text_has_all_defaults_and_absolute_files(tmp_path):
+    (tmp_path / "line.txt").write_text("speed 0.1\nline 0.02 0\n")
+    (tmp_path / "arm.yaml").write_text("")
+    data = changed(reference={"kind": "drawing", "file": "line.txt"}, robot="arm.yaml")
+    path = tmp_path / "my.yaml"
+    path.write_text(yaml.safe_dump(data))
+    spec, folder = read_spec(path)
+    text = spec_text(spec, folder)
+    resolved = yaml.safe_load(text)
+    assert resolved["reference"]["file"] == str(tmp_path / "line.txt")
+    assert resolved["robot"]["source"] == str(tmp_path / "arm.yaml")
+    assert resolved["law"]["inverse"]["kind"] == "filtered"
+    assert resolved["seed"] == 0
+    assert not {"laws", "plants"} & set(resolved)
+    again = tmp_path / "elsewhere" / "spec.yaml"
+    again.parent.mkdir()
+    again.write_text(text)
+    same = yaml.safe_load(spec_text(*read_spec(again)))
+    assert {**same, "robot": 0} == {**resolved, "robot": 0}
+    assert same["robot"] == {"source": str(tmp_path / "arm.yaml"), "base_link": None, "tip_link": None}
