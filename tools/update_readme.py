@@ -18,7 +18,9 @@ def main(results: Path) -> None:
     """Render the K+FF run in physics, copy the error plot and replace the table."""
     run = load_run(results / "K+FF-physics")
     picture = PICTURES / "demo.png"
-    render_run(run.robot, run.q, run.pose, run.desired, picture, azimuth=-65, elevation=-10, ghosts=1, overwrite=True)
+    render_run(
+        run.robot, run.q, run.pose, run.desired, picture, azimuth=-65, elevation=-10, ghosts=1, overwrite=True
+    )
     shutil.copy(results / "errors.png", PICTURES / "demo-errors.png")
     shutil.copy(results / "paths.png", PICTURES / "demo-paths.png")
     readme = ROOT / "README.md"

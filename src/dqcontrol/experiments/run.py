@@ -104,6 +104,20 @@ class Run:
             self.write(new)
         return Path(folder)
 
+    def export(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write all signals to a ``.csv``, ``.parquet`` or ``.mat`` file; see `dqcontrol.loop.export_record`.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If the suffix is unknown, the file exists (without ``force``), or a library is missing.
+        """
+        from dqcontrol.loop.export import export_record
+
+        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
+        notes = {"spec": self.spec, "label": self.label}
+        return export_record(self.record, path, joint_units=units, input_units=units, notes=notes, force=force)
+
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         from dqcontrol.view import save_plots, write_report
@@ -152,7 +166,7 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
     samples = reference.samples(spec.period * np.arange(_steps(spec, reference)))
     check_reach(robot, start, samples)
     for law in spec.law_by_label.values():
-        law.prepare(robot, reference, spec.period)
+        law.prepare(robot, reference, spec.period, spec.limits)
     for plant in spec.plant_by_label.values():
         plant.start(robot, start, spec.period, 1, spec.seed)
     return Setting(spec, folder, robot, start, reference, samples)
@@ -182,7 +196,7 @@ def run_one(
     spec = setting.spec
     law, plant = spec.law_by_label[law_label], spec.plant_by_label[plant_label]
     trace = close_loop(
-        law.prepare(setting.robot, setting.reference, spec.period),
+        law.prepare(setting.robot, setting.reference, spec.period, spec.limits),
         plant.start(setting.robot, setting.start, spec.period, len(setting.samples), spec.seed),
         setting.samples,
         spec.stop,

@@ -12,12 +12,27 @@ from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.experiments.reference_spec import AnyReference, Part
-from dqcontrol.laws import Proportional, ProportionalFeedforward
+from dqcontrol.laws import (
+    ClassicProportional,
+    DecoupledProportional,
+    OpenLoop,
+    PartialProportional,
+    Proportional,
+    ProportionalFeedforward,
+)
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Integrator, MujocoPlant, Servo
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
-AnyLaw = Proportional | ProportionalFeedforward
+AnyLaw = (
+    OpenLoop
+    | ClassicProportional
+    | Proportional
+    | DecoupledProportional
+    | PartialProportional
+    | ProportionalFeedforward
+)
 AnyPlant = Integrator | Servo | MujocoPlant
 
 _Label = Annotated[
@@ -60,6 +75,8 @@ class Spec(Part, frozen=True, kw_only=True):
         One law, or several by label.
     plant, plants
         One plant, or several by label.
+    limits
+        What is done to the commands before they leave.
     seed
         Of all noise.
     stop
@@ -84,6 +101,7 @@ class Spec(Part, frozen=True, kw_only=True):
     laws: Annotated[dict[_Label, AnyLaw], Meta(min_length=1)] | UnsetType = UNSET
     plant: AnyPlant | UnsetType = UNSET
     plants: Annotated[dict[_Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
+    limits: CommandLimits = CommandLimits()
     seed: Annotated[int, Meta(ge=0)] = 0
     stop: Stop | None = None
     settle: Annotated[float, Meta(ge=0, description="s")] = 0.0

@@ -1,15 +1,25 @@
 """Control laws: frozen parameters, each with one compiled function."""
 
+from dqcontrol.laws.classic import ClassicProportional, OpenLoop
+from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
 from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
-from dqcontrol.laws.inverses import DampedInverse, FilteredInverse
+from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
+from dqcontrol.laws.null_space import ManipulabilityAscent, Posture
 from dqcontrol.laws.proportional import Proportional
 
 __all__ = [
+    "ClassicProportional",
     "DampedInverse",
+    "DecoupledProportional",
     "FilteredInverse",
     "Law",
+    "ManipulabilityAscent",
+    "ManipulabilityInverse",
+    "OpenLoop",
+    "PartialProportional",
+    "Posture",
     "PreparedLaw",
     "Proportional",
     "ProportionalFeedforward",

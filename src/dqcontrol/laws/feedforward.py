@@ -5,7 +5,8 @@ from __future__ import annotations
 from dqcontrol.algebra.kernels import conjugate_multiply, multiply
 from dqcontrol.compile import kernel
 from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import GAIN, HYSTERESIS, LeftErrorLaw, left_error, solve_left_error
+from dqcontrol.laws.pose_error import left_error, solve_left_error
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 
 @kernel(LAW)
@@ -27,7 +28,7 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
     )
 
 
-class ProportionalFeedforward(LeftErrorLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
+class ProportionalFeedforward(PoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
     Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target: ideal

@@ -11,7 +11,8 @@ from dqcontrol.errors import as_positive
 from dqcontrol.laws.least_norm import least_norm
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
 
-DAMPED, FILTERED = 0.0, 1.0
+DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
+ELSEWHERE = -1  # not a failure: the law must solve with its own matrix
 HEAD = 3  # parameters that an inverse puts first: kind, and two numbers
 
 _MOST_ROWS = 8
@@ -49,7 +50,28 @@ class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", for
         )
 
 
-Inverse = DampedInverse | FilteredInverse
+class ManipulabilityInverse(
+    Struct, frozen=True, tag="manipulability", tag_field="kind", forbid_unknown_fields=True
+):
+    """Least squares damped where the manipulability is small: λ² = λ₀² (1 − m/m₀)² for m < m₀, else 0. [Nakamura 1986]
+
+    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(NᵀN) of the law's own
+    matrix). All directions are damped, not only the singular one.
+    """
+
+    threshold: Annotated[float, Meta(gt=0, description="m₀")] = 0.03
+    damping: Annotated[float, Meta(gt=0, description="λ₀")] = 0.05
+
+    def parameters(self) -> tuple[float, float, float]:
+        """Return kind and numbers as compiled code reads them."""
+        return (
+            BY_MANIPULABILITY,
+            as_positive("inverse.threshold", self.threshold),
+            as_positive("inverse.damping", self.damping),
+        )
+
+
+Inverse = DampedInverse | FilteredInverse | ManipulabilityInverse
 
 
 def work_size() -> int:
@@ -97,12 +119,23 @@ def _filtered_solve(gram, m, y, inverse, vectors, scratch):
 
 
 @inlined
-def solve(matrix, rows, n, y, inverse, work, out):
-    """Write out = J⁺ y for J (rows × n) of at most eight rows.
+def _manipulability_damping(factor, m, inverse):
+    """Return λ² from a Cholesky factor with reciprocal pivots: m = 1/Π(1/lᵢᵢ)."""
+    product = 1.0
+    for i in range(m):
+        product *= factor[i, i]
+    shortfall = 1.0 - 1.0 / (product * inverse[1])
+    return inverse[2] * inverse[2] * shortfall * shortfall if shortfall > 0.0 else 0.0
+
+
+@inlined
+def solve(matrix, y, preferred, inverse, work, out):
+    """Write out = z + J⁺ (y − J z) for J of at most eight rows; y is overwritten.
 
     The smaller of JᵀJ and JJᵀ is used. The filtered inverse needs its eigenvalues only where tr G⁻¹ ≥ 1/σ²min cannot
     exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result.
     """
+    rows, n = matrix.shape
     by_columns = n < rows
     m = n if by_columns else rows
     gram = work[0 : m * m].reshape(m, m)
@@ -113,6 +146,8 @@ def solve(matrix, rows, n, y, inverse, work, out):
     for i in range(m):
         check += 0.0 * gram[i, i]
     for i in range(rows):
+        for k in range(n):
+            y[i] -= matrix[i, k] * preferred[k]
         check += 0.0 * y[i]
     if check != 0.0:
         return NOT_FINITE
@@ -123,24 +158,27 @@ def solve(matrix, rows, n, y, inverse, work, out):
             for i in range(n):
                 rhs[i] += matrix[k, i] * y[k]
 
-    if inverse[0] == DAMPED:
+    if inverse[0] == FILTERED:
+        if cholesky(gram, m) and inverse_trace(gram, m, scratch) * inverse[1] * inverse[1] <= 1.0:
+            cholesky_solve(gram, m, rhs)
+        else:
+            _gram(matrix, rows, n, by_columns, gram)
+            _filtered_solve(gram, m, rhs, inverse, work[_SQUARE : _SQUARE + m * m].reshape(m, m), scratch)
+    else:
+        damping = inverse[1] * inverse[1]
+        if inverse[0] == BY_MANIPULABILITY:
+            regular = cholesky(gram, m)
+            damping = _manipulability_damping(gram, m, inverse) if regular else inverse[2] * inverse[2]
+            _gram(matrix, rows, n, by_columns, gram)
         for i in range(m):
-            gram[i, i] += inverse[1] * inverse[1]
+            gram[i, i] += damping
         if not cholesky(gram, m):
             return SINGULAR
         cholesky_solve(gram, m, rhs)
-    elif cholesky(gram, m) and inverse_trace(gram, m, scratch) * inverse[1] * inverse[1] <= 1.0:
-        cholesky_solve(gram, m, rhs)
-    else:
-        _gram(matrix, rows, n, by_columns, gram)
-        _filtered_solve(gram, m, rhs, inverse, work[_SQUARE : _SQUARE + m * m].reshape(m, m), scratch)
 
-    if by_columns:
-        for i in range(n):
-            out[i] = rhs[i]
-    else:
-        for i in range(n):
-            out[i] = 0.0
+    for i in range(n):
+        out[i] = preferred[i] + (rhs[i] if by_columns else 0.0)
+    if not by_columns:
         for k in range(rows):
             for i in range(n):
                 out[i] += matrix[k, i] * rhs[k]
@@ -148,17 +186,50 @@ def solve(matrix, rows, n, y, inverse, work, out):
 
 
 @inlined
-def solve_regular(pose, twist_jacobian, hand_twist, bound, out):
-    """Write the smallest u that gives the hand a twist [ω ; ṗ], inertial axes; return whether it is regular there.
+def _hand_jacobian(position, twist_jacobian, out):
+    """Write the Jacobian (6 × n) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
+    px, py, pz = position
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c], out[1, c], out[2, c] = x, y, z
+        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
 
-    Regular: every singular value of the hand's Jacobian [ω ; ṗ] = J_h u is above ``bound``. Far from singularities any
-    task matrix N = C J_h with C of full column rank has N⁺ = J_h⁺C⁺, so that one 6 × 6 system serves all laws.
+
+@inlined
+def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, work, out):
+    """Write out = z + J_h⁺ (t − J_h z) for the hand's twist t = [ω ; ṗ], inertial axes; or return ELSEWHERE.
+
+    Where J_h has full row rank, N⁺ = J_h⁺C⁺ for any task matrix N = C J_h with C of full column rank: a law that knows
+    t = C⁺y gets N⁺y from one 6 × 6 system that all laws share. For the filtered inverse that holds where no singular
+    value of N can be below the threshold, as σmin(N) ≥ σmin(C) σmin(J_h); ``smallest`` is σmin(C).
     """
-    if twist_jacobian.shape[1] < 6:
-        return False
+    n = twist_jacobian.shape[1]
+    if n < 6 or inverse[0] == DAMPED:
+        return ELSEWHERE
     w, i, j, k = pose[0], -pose[1], -pose[2], -pose[3]
     dw, di, dj, dk = pose[4], pose[5], pose[6], pose[7]
     px = 2.0 * (dw * i + di * w + dj * k - dk * j)
     py = 2.0 * (dw * j - di * k + dj * w + dk * i)
     pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
-    return least_norm(twist_jacobian, px, py, pz, hand_twist, bound * bound, out)
+    if inverse[0] == BY_MANIPULABILITY:
+        matrix = work[0 : 6 * n].reshape(6, n)
+        _hand_jacobian((px, py, pz), twist_jacobian, matrix)
+        return solve(matrix, hand_twist, preferred, inverse, work[6 * n :], out)
+    for c in range(n):
+        z = preferred[c]
+        if z != 0.0:
+            x0, x1, x2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+            hand_twist[0] -= z * x0
+            hand_twist[1] -= z * x1
+            hand_twist[2] -= z * x2
+            hand_twist[3] -= z * (twist_jacobian[3, c] - py * x2 + pz * x1)
+            hand_twist[4] -= z * (twist_jacobian[4, c] - pz * x0 + px * x2)
+            hand_twist[5] -= z * (twist_jacobian[5, c] - px * x1 + py * x0)
+    bound = inverse[1] / smallest
+    if not least_norm(twist_jacobian, px, py, pz, hand_twist, bound * bound, out):
+        return ELSEWHERE
+    for c in range(n):
+        out[c] += preferred[c]
+    return OK

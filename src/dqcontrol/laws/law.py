@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
+from dqcontrol.limits.command_limits import CommandLimits, unlimited
 from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
 
@@ -21,7 +23,8 @@ Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000_000
 
-# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out
+# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
+# preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz)
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
 
@@ -30,6 +33,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
 
     kernel: ClassVar[Kernel]
     state_size: ClassVar[int] = 1
+    null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: SerialArm, times: Array) -> Array:
         """Return the kernel's parameters at each time, shape (N, p), or (1, p) if they are constant."""
@@ -43,7 +47,9 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         """Return the time after which the parameters no longer change, s."""
         return 0.0
 
-    def prepare(self, robot: SerialArm, reference: Reference | None, dt: float) -> PreparedLaw:
+    def prepare(
+        self, robot: SerialArm, reference: Reference | None, dt: float, limits: CommandLimits | None = None
+    ) -> PreparedLaw:
         """Check the parameters and compute what depends on time.
 
         Parameters
@@ -54,6 +60,8 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
             The motion to follow; None where a law needs no horizon.
         dt
             Control period, s.
+        limits
+            What is done to the command before it leaves.
 
         Raises
         ------
@@ -63,9 +71,11 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         dt = as_positive("dt", dt)
         steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
         if steps > _MOST_STEPS:
-            raise ValueRangeError(f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million")
+            raise ValueRangeError(
+                f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million"
+            )
         rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps)))
-        return PreparedLaw(self.kernel, robot, rows, dt, self.state_size, self.work_size(robot))
+        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
 
     def command(
         self, robot: SerialArm, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None
@@ -90,15 +100,20 @@ class PreparedLaw:
     """
 
     def __init__(
-        self, kernel: Kernel, robot: SerialArm, parameters: Array, dt: float, state_size: int, work_size: int
+        self, law: Law, robot: SerialArm, parameters: Array, dt: float, limits: CommandLimits
     ) -> None:
-        self.kernel = kernel
+        self.kernel = law.kernel
         self.robot = robot
         self.parameters = parameters
         self.dt = dt
-        self.state_size = state_size
+        self.state_size = law.state_size
+        self.preference = law.null_space.kernel if law.null_space else no_preference
+        self.preference_parameters = law.null_space.parameters(robot) if law.null_space else np.zeros(1)
+        self.limit, self.limit_parameters = limits.prepare(robot)
         self._last = len(parameters) - 1
-        self.work: Array = np.zeros(work_size)
+        self.work: Array = np.zeros(law.work_size(robot))
+        self.preferred = self.work[: robot.input_size]
+        self.preference_work: Array = np.zeros(WORK_SIZE)
         self.kinematics = Kinematics(robot.input_size)
 
     def initial_state(self, q: ArrayLike) -> Array:
@@ -138,7 +153,9 @@ class PreparedLaw:
         elif out.shape != (self.robot.input_size,):
             raise ShapeError(f"out: expected shape ({self.robot.input_size},), got {out.shape}")
         if type(state) is not np.ndarray or state.dtype != np.float64 or state.shape != (self.state_size,):
-            raise Error(f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}")
+            raise Error(
+                f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}"
+            )
         data = sample.data
         row = 0 if self._last == 0 else max(round(data[TIME] / self.dt), 0)
         try:
@@ -151,6 +168,10 @@ class PreparedLaw:
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
         """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
         kinematics = self.robot.kinematics(q, self.kinematics)
+        if self.preference is not no_preference:
+            self.preference(
+                q, kinematics.twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
+            )
         status = self.kernel(
             q,
             kinematics.pose,
@@ -164,6 +185,8 @@ class PreparedLaw:
         )
         if status:
             raise DivergedError(status_text(status))
+        if self.limit is not unlimited:
+            self.limit(q, self.limit_parameters, out)
 
 
 def status_text(status: int) -> str:

@@ -28,6 +28,12 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
 
 
 @kernel(PREFERENCE)
+def no_preference(q, twist_jacobian, parameters, work, out):
+    """Leave z = 0."""
+    return OK
+
+
+@kernel(PREFERENCE)
 def towards_posture(q, twist_jacobian, parameters, work, out):
     """Write z = −α (q − q_rest)."""
     for i in range(out.shape[0]):

@@ -2,53 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-import numpy as np
-from msgspec import Meta
-
 from dqcontrol.algebra.kernels import conjugate_multiply, rotate
-from dqcontrol.compile import NOT_FINITE, OK, inlined
-from dqcontrol.errors import ValueRangeError, as_array
-from dqcontrol.laws.gains import Schedule, gain_matrix_rows
-from dqcontrol.laws.inverses import FILTERED, HEAD, FilteredInverse, Inverse, solve, solve_regular, work_size
-from dqcontrol.laws.law import Law
+from dqcontrol.compile import inlined
+from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
 from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
-from dqcontrol.laws.preferred import add_preferred, pose_rate
-from dqcontrol.robots.serial_arm import SerialArm
-
-if TYPE_CHECKING:
-    from dqcontrol.references import Reference
-
-HYSTERESIS = HEAD
-GAIN = HEAD + 1  # parameters: inverse (3), hysteresis, gains (8)
-
-
-class LeftErrorLaw(Law, frozen=True, kw_only=True):
-    """A law that feeds back the left-invariant error 1 − x*x_d through N⁺."""
-
-    gain: Annotated[float | list[float] | Schedule, Meta(description="K in 1/s: k, its diagonal (8), or k over time")]
-    inverse: Inverse = FilteredInverse()
-    hysteresis: Annotated[
-        float, Meta(ge=0, lt=1, description="how far Re(x_e) must pass 0 before the sign of x_d flips")
-    ] = 0.2
-
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
-        """Return inverse, hysteresis and gain diagonal at each time."""
-        delta = float(as_array("hysteresis", self.hysteresis, ()))
-        if not 0 <= delta < 1:
-            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
-        gains = gain_matrix_rows("gain", self.gain, 8, times)
-        head = np.array([*self.inverse.parameters(), delta])
-        return np.hstack([np.tile(head, (len(gains), 1)), gains])
-
-    def horizon(self, reference: Reference | None) -> float:
-        """Return the end of the gain schedule, s."""
-        return self.gain.end if isinstance(self.gain, Schedule) else 0.0
-
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, error, target, scratch, N and the solver's own."""
-        return 48 + 9 * robot.input_size + work_size()
+from dqcontrol.laws.pose_law import SCRATCH
 
 
 @inlined
@@ -95,27 +53,20 @@ def error_jacobian(pose_jacobian, desired, sign, out):
 def solve_left_error(target, error, pose, pose_jacobian, twist_jacobian, desired, sign, inverse, work, out):
     """Write out = z + N⁺ (target − N z) with the preferred motion z; target and error are overwritten."""
     n = pose_jacobian.shape[1]
-    preferred, scratch, rest = work[0:n], work[n + 32 : n + 48], work[n + 48 :]
-    if pose_rate(pose_jacobian, preferred, scratch):
-        conjugate_multiply(scratch, desired, scratch[8:16])
-        for i in range(8):
-            target[i] -= sign * scratch[8 + i]
-    if inverse[0] == FILTERED:
-        body_twist, hand_twist = scratch[0:6], scratch[6:12]
-        for i in range(8):  # N u = −½ξ_b x_e with x_e = 1 − e
-            target[i] = -target[i]
-            error[i] = -error[i]
-        error[0] += 1.0
-        square = nearest_twist(target, error, body_twist)
-        rotate(pose, body_twist[0:3], hand_twist[0:3])
-        rotate(pose, body_twist[3:6], hand_twist[3:6])
-        bound = inverse[1] / smallest_singular_value(square)
-        if solve_regular(pose, twist_jacobian, hand_twist, bound, out):
-            return add_preferred(preferred, out)
-        for i in range(8):
-            target[i] = -target[i]
+    preferred, scratch, rest = work[0:n], work[n + 32 : n + SCRATCH], work[n + SCRATCH :]
+    body_twist, hand_twist = scratch[0:6], scratch[6:12]
+    for i in range(8):  # N u = −½ξ_b x_e with x_e = 1 − e
+        target[i] = -target[i]
+        error[i] = -error[i]
+    error[0] += 1.0
+    smallest = smallest_singular_value(nearest_twist(target, error, body_twist))
+    rotate(pose, body_twist[0:3], hand_twist[0:3])
+    rotate(pose, body_twist[3:6], hand_twist[3:6])
+    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
+    if status != ELSEWHERE:
+        return status
+    for i in range(8):
+        target[i] = -target[i]
     matrix = rest[0 : 8 * n].reshape(8, n)
     error_jacobian(pose_jacobian, desired, sign, matrix)
-    status = solve(matrix, 8, n, target, inverse, rest[8 * n :], out)
-    add_preferred(preferred, out)
-    return status
+    return solve(matrix, target, preferred, inverse, rest[8 * n :], out)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dqcontrol.compile import kernel
 from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import GAIN, HYSTERESIS, LeftErrorLaw, left_error, solve_left_error
+from dqcontrol.laws.pose_error import left_error, solve_left_error
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 
 @kernel(LAW)
@@ -20,7 +21,7 @@ def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, sta
     )
 
 
-class Proportional(LeftErrorLaw, frozen=True, kw_only=True, tag="proportional"):
+class Proportional(PoseLaw, frozen=True, kw_only=True, tag="proportional"):
     """K: q̇ = N⁺ K vec8(1 − x*x_d). [P16 3.8]
 
     The error norm decreases monotonically towards a resting target from everywhere but its antipode. Because e is

@@ -7,6 +7,8 @@ import math
 from dqcontrol.algebra.kernels import conjugate_multiply
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel, types
 from dqcontrol.laws.law import LAW
+from dqcontrol.laws.null_space import PREFERENCE
+from dqcontrol.limits.command_limits import LIMIT
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kernels import CHAIN
 
@@ -15,14 +17,19 @@ LAW_FAILED, PLANT_FAILED = 100, 200  # added to the status of what failed; the k
 SETTLED = STATUS(READ, READ, READ, WRITE)
 ROLLOUT = STATUS(
     types.FunctionType(CHAIN),
+    types.FunctionType(PREFERENCE),
     types.FunctionType(LAW),
+    types.FunctionType(LIMIT),
     types.FunctionType(PLANT),
     types.FunctionType(SETTLED),
     READ2,  # chain
+    READ,  # preference parameters
+    WRITE,  # preference work
     READ2,  # law parameters
     WRITE,  # law state
     WRITE,  # law work
     WRITE,  # kinematics buffer
+    READ,  # limit parameters
     READ,  # plant parameters
     WRITE,  # plant state
     READ2,  # plant noise
@@ -53,14 +60,19 @@ def settled(pose, desired, stop, count):
 @kernel(ROLLOUT)
 def rollout(
     kinematics,
+    preference,
     law,
+    limit,
     plant,
     settled_at,
     chain,
+    preference_parameters,
+    preference_work,
     law_parameters,
     law_state,
     work,
     buffer,
+    limit_parameters,
     plant_parameters,
     plant_state,
     noise,
@@ -79,6 +91,7 @@ def rollout(
     pose = buffer[0:8]
     pose_jacobian = buffer[8 : 8 + 8 * m].reshape(8, m)
     twist_jacobian = buffer[8 + 8 * m : 8 + 14 * m].reshape(6, m)
+    preferred = work[0:m]
     last = law_parameters.shape[0] - 1
     for k in range(samples.shape[0]):
         for i in range(n):
@@ -87,6 +100,7 @@ def rollout(
         status = kinematics(chain, measured, buffer)
         if status != OK:
             return status
+        preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
         status = law(
             measured,
             pose,
@@ -100,6 +114,7 @@ def rollout(
         )
         if status != OK:
             return LAW_FAILED + status
+        limit(measured, limit_parameters, command_record[k])
         steps[0] = k + 1.0
         if stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
             return OK

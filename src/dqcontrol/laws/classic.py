@@ -1,0 +1,111 @@
+"""Proportional control of the difference of poses, and open-loop resolved motion rate control."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.algebra.kernels import multiply
+from dqcontrol.compile import inlined, kernel
+from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist, work_size
+from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
+from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, SCRATCH, PoseLaw
+
+if TYPE_CHECKING:
+    from dqcontrol.robots import SerialArm
+
+
+@inlined
+def _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, inverse, work, out):
+    """Write out = z + J⁺ (rate − J z); rate is overwritten."""
+    n = pose_jacobian.shape[1]
+    preferred, twist, rest = work[0:n], work[n + 32 : n + 38], work[n + SCRATCH :]
+    smallest = smallest_singular_value(nearest_twist(rate, pose, twist))
+    w, i, j, k = pose[0], -pose[1], -pose[2], -pose[3]
+    dw, di, dj, dk = pose[4], pose[5], pose[6], pose[7]
+    px = 2.0 * (dw * i + di * w + dj * k - dk * j)
+    py = 2.0 * (dw * j - di * k + dj * w + dk * i)
+    pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    twist[3] += twist[1] * pz - twist[2] * py  # ṗ = v + ω × p
+    twist[4] += twist[2] * px - twist[0] * pz
+    twist[5] += twist[0] * py - twist[1] * px
+    status = solve_hand_twist(pose, twist_jacobian, twist, preferred, smallest, inverse, rest, out)
+    if status != ELSEWHERE:
+        return status
+    return solve(pose_jacobian, rate, preferred, inverse, rest, out)
+
+
+@kernel(LAW)
+def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J⁺ K vec8(x_d − x)."""
+    n = pose_jacobian.shape[1]
+    rate = work[n : n + 8]
+    alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
+    sign = short_sign(alike, parameters[HYSTERESIS], state)
+    for i in range(8):
+        rate[i] = parameters[GAIN + i] * (sign * sample[i] - pose[i])
+    return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
+
+
+@kernel(LAW)
+def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d."""
+    n = pose_jacobian.shape[1]
+    rate, half_twist = work[n : n + 8], work[n + 8 : n + 16]
+    alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
+    sign = short_sign(alike, 0.0, state)
+    half_twist[0], half_twist[4] = 0.0, 0.0
+    for i in range(3):
+        half_twist[1 + i] = 0.5 * sign * sample[8 + i]
+        half_twist[5 + i] = 0.5 * sign * sample[11 + i]
+    multiply(half_twist, sample, rate)
+    return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
+
+
+class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):
+    """Classic P: q̇ = J⁺ K vec8(x_d − x). [P16 2.20–2.22]
+
+    |x_d − x| never grows and decays at rate k. The error is not invariant: how translation and rotation are weighed
+    depends on where the base frame sits. Prefer `Proportional` unless you compare with the literature.
+
+    Parameters
+    ----------
+    gain
+        K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
+    inverse
+        How J is inverted; the default is exact away from singularities.
+    hysteresis
+        How far ⟨r, r_d⟩ must pass 0 before the sign of x_d flips.
+    null_space
+        Motion preferred where the task leaves freedom.
+    """
+
+    kernel = classic_proportional
+
+
+class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
+    """Resolved motion rate control without feedback: q̇ = J⁺ vec8(ẋ_d). [P16 2.10–2.13]
+
+    The errors of integration, joints and start are never corrected: the hand drifts. For comparison only.
+
+    Parameters
+    ----------
+    inverse
+        How J is inverted; the default is exact away from singularities.
+    null_space
+        Motion preferred where the task leaves freedom.
+    """
+
+    kernel = open_loop
+    inverse: Inverse = FilteredInverse()
+
+    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+        """Return the inverse's parameters."""
+        return np.array([self.inverse.parameters()])
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
+        return SCRATCH + 9 * robot.input_size + work_size()

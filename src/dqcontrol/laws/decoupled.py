@@ -1,0 +1,222 @@
+"""Proportional control of position and orientation apart from each other, and of only a part of the pose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
+from dqcontrol.compile import inlined, kernel
+from dqcontrol.errors import ValueRangeError, as_array, unknown_name
+from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.inverses import (
+    ELSEWHERE,
+    HEAD,
+    FilteredInverse,
+    Inverse,
+    solve,
+    solve_hand_twist,
+    work_size,
+)
+from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, SCRATCH, PoseLaw
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+    from dqcontrol.robots import SerialArm
+
+
+@inlined
+def _velocity_rows(position, twist_jacobian, out):
+    """Write J_p with ṗ = J_p u into three rows."""
+    px, py, pz = position[0], position[1], position[2]
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[1, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[2, c] = twist_jacobian[5, c] - (px * y - py * x)
+
+
+@inlined
+def _rotation_rows(pose_jacobian, desired, sign, out):
+    """Write H⁻(r_d) C4 J_r into four rows: d(1 − r*r_d)/dt = −(…) u."""
+    w, x, y, z = sign * desired[0], sign * desired[1], sign * desired[2], sign * desired[3]
+    for i in range(pose_jacobian.shape[1]):
+        a, b, c, d = pose_jacobian[0, i], -pose_jacobian[1, i], -pose_jacobian[2, i], -pose_jacobian[3, i]
+        out[0, i] = a * w - b * x - c * y - d * z
+        out[1, i] = a * x + b * w + c * z - d * y
+        out[2, i] = a * y - b * z + c * w + d * x
+        out[3, i] = a * z + b * y - c * x + d * w
+
+
+@inlined
+def _rotation_error(pose, desired, hysteresis, state, relative, error):
+    """Write r_e = short(r*r_d) and 1 − r_e, and return the sign given to r_d."""
+    quaternion_product((pose[0], -pose[1], -pose[2], -pose[3]), desired[0:4], relative)
+    sign = short_sign(relative[0], hysteresis, state)
+    for i in range(4):
+        relative[i] *= sign
+        error[i] = -relative[i]
+    error[0] += 1.0
+    return sign
+
+
+@inlined
+def _angular_velocity(pose, relative, target, scratch, out):
+    """Write the ω that solves −½ω_b r_e = −target nearest: ω_b = Im(−2 target r_e*), turned to inertial axes."""
+    quaternion_product(target, (relative[0], -relative[1], -relative[2], -relative[3]), scratch)
+    rotate(pose, (-2.0 * scratch[1], -2.0 * scratch[2], -2.0 * scratch[3]), out)
+
+
+@kernel(LAW)
+def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = N_d⁺ K [p_d − p ; vec4(1 − r*r_d)]."""
+    n = pose_jacobian.shape[1]
+    preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, relative, position, desired_position = own[0:7], own[8:12], own[12:15], own[16:19]
+    hand_twist, scratch = own[20:26], own[28:32]
+    sign = _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, target[3:7])
+    translation(pose, position)
+    translation(sample, desired_position)
+    for i in range(3):
+        target[i] = parameters[GAIN + 1 + i] * (desired_position[i] - position[i])
+        hand_twist[3 + i] = target[i]
+    for i in range(4):
+        target[3 + i] *= parameters[GAIN + 4 + i]
+    _angular_velocity(pose, relative, target[3:7], scratch, hand_twist[0:3])
+    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 0.5, parameters, rest, out)
+    if status != ELSEWHERE:
+        return status
+    matrix = rest[0 : 7 * n].reshape(7, n)
+    _velocity_rows(position, twist_jacobian, matrix)
+    _rotation_rows(pose_jacobian, sample, sign, matrix[3:7])
+    return solve(matrix, target, preferred, parameters, rest[7 * n :], out)
+
+
+class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
+    """Decoupled P: q̇ = N_d⁺ K [p_d − p ; 1 − r*r_d], N_d = [J_p ; H⁻(r_d) C4 J_r]. [P16 3.1.1]
+
+    Position and orientation converge independently: the hand moves on a straight line to a resting target. Both decay
+    at rate k (orientation as tan(θ/4)).
+
+    Parameters
+    ----------
+    gain
+        K in 1/s: a number k for kI, or eight diagonal entries (the first is not used, three for the position, four
+        for the orientation), or a `Schedule` of k.
+    inverse
+        How N_d is inverted; the default is exact away from singularities.
+    hysteresis
+        How far Re(r*r_d) must pass 0 before the sign of r_d flips.
+    null_space
+        Motion preferred where the task leaves freedom.
+    """
+
+    kernel = decoupled_proportional
+
+
+@kernel(LAW)
+def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J_p⁺ k (p_d − p)."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, position, desired_position = own[0:3], own[4:7], own[8:11]
+    translation(pose, position)
+    translation(sample, desired_position)
+    for i in range(3):
+        target[i] = parameters[HEAD] * (desired_position[i] - position[i])
+    matrix = rest[0 : 3 * n].reshape(3, n)
+    _velocity_rows(position, twist_jacobian, matrix)
+    return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
+
+
+@kernel(LAW)
+def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J_ω⁺ ω with the ω nearest to k (1 − r*r_d)."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, relative, scratch, omega = own[0:4], own[4:8], own[8:12], own[12:15]
+    _rotation_error(pose, sample, 0.2, state, relative, target)
+    for i in range(4):
+        target[i] *= parameters[HEAD]
+    _angular_velocity(pose, relative, target, scratch, omega)
+    return solve(twist_jacobian[0:3], omega, work[0:n], parameters, rest, out)
+
+
+@kernel(LAW)
+def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J_l⁺ k (l_d − l) for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, axis, desired_axis = own[0:3], own[4:7], own[8:11]
+    local = parameters[HEAD + 1 : HEAD + 4]
+    rotate(pose, local, axis)
+    rotate(sample, local, desired_axis)
+    for i in range(3):
+        target[i] = parameters[HEAD] * (desired_axis[i] - axis[i])
+    matrix = rest[0 : 3 * n].reshape(3, n)
+    for c in range(n):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        matrix[0, c] = y * axis[2] - z * axis[1]
+        matrix[1, c] = z * axis[0] - x * axis[2]
+        matrix[2, c] = x * axis[1] - y * axis[0]
+    return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
+
+
+_PARTS = {"position": position_proportional, "rotation": rotation_proportional, "axis": axis_proportional}
+
+
+class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportional"):
+    """P on a part of the pose; what is left free may serve a `null_space` motion. [P16 2.2.2]
+
+    ``position``: q̇ = J_p⁺ k (p_d − p); ``rotation``: orientation only, tan(θ/4) ∝ exp(−kt); ``axis``: only the
+    direction of one axis of the hand, q̇ = J_l⁺ k (l_d − l), for tools that are symmetric about it.
+
+    Parameters
+    ----------
+    part
+        ``"position"``, ``"rotation"`` or ``"axis"``.
+    gain
+        k in 1/s, a number or a `Schedule`.
+    axis
+        Direction in the hand's frame, for ``"axis"``; any length.
+    inverse
+        How the part's Jacobian is inverted; the default is exact away from singularities. An axis can turn only two
+        ways, so its Jacobian always has one vanishing singular value, which is filtered out.
+    null_space
+        Motion preferred where the part leaves freedom.
+    """
+
+    part: Literal["position", "rotation", "axis"]
+    gain: Annotated[float | Schedule, Meta(description="1/s")]
+    axis: Annotated[tuple[float, float, float], Meta(description="in the hand's frame")] = (0.0, 0.0, 1.0)
+    inverse: Inverse = FilteredInverse()
+
+    @property
+    def kernel(self):  # type: ignore[override]
+        """The kernel of the part."""
+        if self.part not in _PARTS:
+            raise unknown_name("part", str(self.part), _PARTS)
+        return _PARTS[self.part]
+
+    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+        """Return inverse, gain and axis at each time."""
+        axis = as_array("axis", self.axis, (3,))
+        if np.linalg.norm(axis) < 1e-9:
+            raise ValueRangeError("axis: must not be zero")
+        gains = gain_rows("gain", self.gain, times)
+        row = np.array([*self.inverse.parameters(), 0.0, *(axis / np.linalg.norm(axis))])
+        rows = np.tile(row, (len(gains), 1))
+        rows[:, HEAD] = gains
+        return rows
+
+    def horizon(self, reference: Reference | None) -> float:
+        """Return the end of the gain schedule, s."""
+        return self.gain.end if isinstance(self.gain, Schedule) else 0.0
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
+        return SCRATCH + 9 * robot.input_size + work_size()

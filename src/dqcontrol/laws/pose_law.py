@@ -1,0 +1,50 @@
+"""What the laws of the pose error have in common: gain, inverse, the sign of x_d."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.errors import ValueRangeError, as_array
+from dqcontrol.laws.gains import Schedule, gain_matrix_rows
+from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse, work_size
+from dqcontrol.laws.law import Law
+from dqcontrol.robots.serial_arm import SerialArm
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+
+HYSTERESIS = HEAD
+GAIN = HEAD + 1  # parameters: inverse (3), hysteresis, gains (8)
+SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
+
+
+class PoseLaw(Law, frozen=True, kw_only=True):
+    """A law that feeds back a pose error of eight numbers with a gain each."""
+
+    gain: Annotated[
+        float | list[float] | Schedule, Meta(description="K in 1/s: k, its diagonal (8), or k over time")
+    ]
+    inverse: Inverse = FilteredInverse()
+    hysteresis: Annotated[
+        float, Meta(ge=0, lt=1, description="how far Re(x_e) must pass 0 before the sign of x_d flips")
+    ] = 0.2
+
+    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+        """Return inverse, hysteresis and gain diagonal at each time."""
+        delta = float(as_array("hysteresis", self.hysteresis, ()))
+        if not 0 <= delta < 1:
+            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
+        gains = gain_matrix_rows("gain", self.gain, 8, times)
+        head = np.array([*self.inverse.parameters(), delta])
+        return np.hstack([np.tile(head, (len(gains), 1)), gains])
+
+    def horizon(self, reference: Reference | None) -> float:
+        """Return the end of the gain schedule, s."""
+        return self.gain.end if isinstance(self.gain, Schedule) else 0.0
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
+        return SCRATCH + 9 * robot.input_size + work_size()

@@ -1,0 +1,290 @@
+"""Laws beside K and K+FF against their definitions, computed with NumPy's SVD; null space, inverses, limits."""
+
+import msgspec
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.errors import Error
+from dqcontrol.laws import (
+    ClassicProportional,
+    DampedInverse,
+    DecoupledProportional,
+    FilteredInverse,
+    ManipulabilityAscent,
+    ManipulabilityInverse,
+    OpenLoop,
+    PartialProportional,
+    Posture,
+    Proportional,
+    ProportionalFeedforward,
+)
+from dqcontrol.laws import null_space as null_space_room
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop import close_loop
+from dqcontrol.plants import Integrator
+
+C4 = np.diag([1.0, -1, -1, -1])
+GAIN = 3.0
+LAWS = {
+    "open": OpenLoop(),
+    "classic": ClassicProportional(gain=GAIN),
+    "K": Proportional(gain=GAIN),
+    "K+FF": ProportionalFeedforward(gain=GAIN),
+    "decoupled": DecoupledProportional(gain=GAIN),
+    "position": PartialProportional(part="position", gain=GAIN),
+    "rotation": PartialProportional(part="rotation", gain=GAIN),
+    "axis": PartialProportional(part="axis", gain=GAIN, axis=(0.6, 0.0, 0.8)),
+}
+
+
+@pytest.fixture(scope="module", params=["iiwa7", "ax18"])
+def arm(request):
+    return dqc.load_robot(request.param)
+
+
+def situation(arm, seed):
+    """Return q, sample, and the matrix and vector of each law as the papers define them."""
+    rng = np.random.default_rng(seed)
+    n = arm.configuration_size
+    q = rng.uniform(-1, 1, n)
+    desired, twist = arm.fkm(q + 0.2 * rng.standard_normal(n)), rng.standard_normal(6)
+    x = arm.fkm(q)
+    sign = np.sign(algebra.multiply(algebra.conjugate(x), desired)[0])
+    xd = sign * desired
+    jacobian, twist_jacobian = arm.pose_jacobian(q), arm.twist_jacobian(q)
+    rate = 0.5 * algebra.multiply(np.array([0, *twist[:3], 0, *twist[3:]]), xd)
+    error = np.eye(8)[0] - algebra.multiply(algebra.conjugate(x), xd)
+    error_jacobian = algebra.hamilton_minus(xd) @ algebra.C8 @ jacobian
+    position_error = algebra.translation(xd) - algebra.translation(x)
+    rotation_jacobian = algebra.hamilton_minus(xd)[:4, :4] @ C4 @ arm.rotation_jacobian(q)
+    axis, axis_d = (
+        algebra.adjoint(np.r_[y[:4], 0, 0, 0, 0], [0, 0.6, 0, 0.8, 0, 0, 0, 0])[1:4] for y in (x, xd)
+    )
+    tasks = {
+        "open": (jacobian, rate),
+        "classic": (jacobian, GAIN * (xd - x)),
+        "K": (error_jacobian, GAIN * error),
+        "K+FF": (error_jacobian, GAIN * error - algebra.multiply(algebra.conjugate(x), rate)),
+        "decoupled": (
+            np.vstack([arm.translation_jacobian(q), rotation_jacobian]),
+            GAIN * np.r_[position_error, error[:4]],
+        ),
+        "position": (arm.translation_jacobian(q), GAIN * position_error),
+        "rotation": (rotation_jacobian, GAIN * error[:4]),
+        "axis": (np.cross(twist_jacobian[:3], axis[:, None], axis=0), GAIN * (axis_d - axis)),
+    }
+    return q, dqc.Sample(desired, twist), tasks
+
+
+def inverse_by_svd(matrix, law):
+    u, s, v = np.linalg.svd(matrix, full_matrices=False)
+    if isinstance(law.inverse, DampedInverse):
+        damping = law.inverse.damping**2
+    else:
+        eps, most = law.inverse.threshold, law.inverse.damping
+        damping = np.where(s < eps, (1 - (s / eps) ** 2) * most**2, 0.0)
+    return (v.T * (s / (s**2 + damping + 1e-300))) @ u.T
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("seed", range(4))
+def test_command_and_null_space_motion(arm, name, seed):
+    q, sample, tasks = situation(arm, seed)
+    matrix, y = tasks[name]
+    rest = np.linspace(-0.5, 0.5, arm.configuration_size)
+    law = msgspec.structs.replace(LAWS[name], null_space=Posture(gain=1.5, rest=rest.tolist()))
+    z = 1.5 * (rest - q)
+    inverse = inverse_by_svd(matrix, law)
+    np.testing.assert_allclose(LAWS[name].command(arm, q, sample, 0.01), inverse @ y, atol=2e-11)
+    wanted = z + inverse @ (y - matrix @ z)
+    np.testing.assert_allclose(law.command(arm, q, sample, 0.01), wanted, atol=2e-11)
+
+
+@pytest.mark.parametrize("inverse", [DampedInverse(damping=0.1), FilteredInverse(threshold=0.6, damping=0.2)])
+@pytest.mark.parametrize("name", [name for name in LAWS if name != "rotation"])  # that one inverts J_ω: below
+def test_inverses_act_on_the_matrix_of_the_law(arm, name, inverse):
+    q, sample, tasks = situation(arm, 7)
+    matrix, y = tasks[name]
+    law = msgspec.structs.replace(LAWS[name], inverse=inverse)
+    wanted = inverse_by_svd(matrix, law) @ y
+    np.testing.assert_allclose(law.command(arm, q, sample, 0.01), wanted, atol=1e-11)
+
+
+def test_rotation_inverse_acts_on_the_angular_jacobian(arm):
+    q, sample, tasks = situation(arm, 7)
+    law = PartialProportional(part="rotation", gain=GAIN, inverse=DampedInverse(damping=0.1))
+    angular = arm.twist_jacobian(q)[:3]
+    matrix, y = tasks["rotation"]
+    omega = angular @ np.linalg.pinv(matrix, 1e-9) @ y if arm.configuration_size > 5 else None
+    if omega is not None:
+        wanted = angular.T @ np.linalg.solve(angular @ angular.T + 0.01 * np.eye(3), omega)
+        np.testing.assert_allclose(law.command(arm, q, sample, 0.01), wanted, atol=1e-11)
+    else:
+        assert np.isfinite(law.command(arm, q, sample, 0.01)).all()
+
+
+def test_manipulability_inverse():
+    arm = dqc.load_robot("iiwa7")
+    q, sample, tasks = situation(arm, 3)
+    hand = np.vstack([arm.twist_jacobian(q)[:3], arm.translation_jacobian(q)])
+    m = np.sqrt(np.linalg.det(hand @ hand.T))
+    matrix, y = tasks["K"]
+    exact = np.linalg.pinv(matrix, 1e-9) @ y
+    relaxed = Proportional(gain=GAIN, inverse=ManipulabilityInverse(threshold=0.9 * m, damping=0.1))
+    np.testing.assert_allclose(relaxed.command(arm, q, sample, 0.01), exact, atol=1e-11)
+    threshold = 2 * m
+    damped = Proportional(gain=GAIN, inverse=ManipulabilityInverse(threshold=threshold, damping=0.1))
+    damping = 0.1**2 * (1 - m / threshold) ** 2
+    wanted = hand.T @ np.linalg.solve(hand @ hand.T + damping * np.eye(6), hand @ exact)
+    np.testing.assert_allclose(damped.command(arm, q, sample, 0.01), wanted, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_manipulability_gradient_is_the_derivative(seed):
+    arm = dqc.load_robot("iiwa7")
+    q = np.random.default_rng(seed).uniform(-1.5, 1.5, 7)
+
+    def manipulability(q):
+        jacobian = arm.twist_jacobian(q)
+        return np.sqrt(np.linalg.det(jacobian @ jacobian.T))
+
+    h = 1e-6
+    wanted = [(manipulability(q + h * e) - manipulability(q - h * e)) / (2 * h) for e in np.eye(7)]
+    out = np.zeros(8)
+    null_space_room.manipulability_gradient(arm.kinematics(q).twist_jacobian, np.zeros(42), out)
+    np.testing.assert_allclose(out[:7], wanted, atol=1e-8)
+    assert out[7] == pytest.approx(manipulability(q), abs=1e-13)
+
+
+def run(law, q0, seconds=4.0, limits=None, interpreted=False, hand=None):
+    arm = dqc.load_robot("iiwa7")
+    dt = 0.01
+    steps = round(seconds / dt)
+    target = dqc.references.SetPoint(arm.fkm(q0) if hand is None else hand)
+    prepared = law.prepare(arm, target, dt, limits)
+    plant = Integrator().start(arm, q0, dt, steps, 0)
+    return arm, close_loop(prepared, plant, target.samples(dt * np.arange(steps)), interpreted=interpreted)
+
+
+def test_manipulability_ascends_while_the_hand_rests():
+    q0 = np.array([0.4, 0.3, 0.8, 1.0, -0.5, 0.8, 0.1])
+    arm, trace = run(Proportional(gain=5.0, null_space=ManipulabilityAscent(gain=20.0)), q0)
+    jacobian = arm.twist_jacobian(trace.q)
+    m = np.sqrt(np.linalg.det(jacobian @ jacobian.swapaxes(-1, -2)))
+    assert (np.diff(m) > -1e-9).all()
+    assert m[-1] > 1.02 * m[0]
+    np.testing.assert_allclose(arm.fkm(trace.q[-1]), arm.fkm(q0), atol=1e-3)
+
+
+def test_posture_is_approached_while_the_hand_rests():
+    q0 = np.array([0.4, 0.3, 0.8, 1.0, -0.5, 0.8, 0.1])
+    arm, trace = run(Proportional(gain=5.0, null_space=Posture(gain=2.0)), q0, seconds=10.0)
+    distance = np.linalg.norm(trace.q, axis=1)
+    assert (np.diff(distance) < 1e-6).all()
+
+    def free(q):  # the part of the way to the rest posture that leaves the hand alone
+        jacobian = arm.twist_jacobian(q)
+        return np.linalg.norm(q - np.linalg.pinv(jacobian) @ (jacobian @ q))
+
+    assert free(trace.q[0]) > 0.1
+    assert free(trace.q[-1]) < 1e-5
+
+
+def test_open_loop_drifts_and_closed_loop_does_not():
+    arm = dqc.load_robot("iiwa7")
+    q0, dt = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 0.01
+    circle = dqc.references.Circle(arm.fkm(q0), radius=0.07, duration=6.0)
+    samples = circle.samples(dt * np.arange(600))
+    ends = {}
+    for name, law in {"open": OpenLoop(), "closed": ProportionalFeedforward(gain=5.0)}.items():
+        plant = Integrator().start(arm, q0, dt, 600, 0)
+        ends[name] = close_loop(law.prepare(arm, circle, dt), plant, samples).q[-1]
+    error = {k: np.linalg.norm(arm.fkm(q)[4:] - samples[-1, 4:8]) for k, q in ends.items()}
+    assert error["open"] > 3 * error["closed"]
+
+
+@pytest.mark.parametrize("name", ["classic", "K", "decoupled"])
+def test_position_error_decays_at_the_gain(name):
+    arm = dqc.load_robot("iiwa7")
+    q0, dt, k = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 1e-3, 3.0
+    hand = algebra.pose(
+        algebra.rotation(arm.fkm(q0)), algebra.translation(arm.fkm(q0)) + np.array([0.002, 0.001, -0.002])
+    )
+    target = dqc.references.SetPoint(hand)
+    law = msgspec.structs.replace(LAWS[name], gain=k).prepare(arm, target, dt)
+    trace = close_loop(law, Integrator().start(arm, q0, dt, 1000, 0), target.samples(dt * np.arange(1000)))
+    error = np.linalg.norm(algebra.translation(arm.fkm(trace.q)) - algebra.translation(hand), axis=1)
+    rate = -np.log(error[999] / error[0]) / (999 * dt)
+    assert rate == pytest.approx(-np.log(1 - k * dt) / dt, abs=2e-3)  # 3.0045
+
+
+def test_axis_law_leaves_the_rest_of_the_pose_alone():
+    q0 = np.array([0.4, 0.3, 0.8, 1.0, -0.5, 0.8, 0.1])
+    arm = dqc.load_robot("iiwa7")
+    hand = arm.fkm(q0 + 0.3)
+    law = PartialProportional(part="axis", gain=4.0, axis=(0, 0, 2.0))
+    arm, trace = run(law, q0, hand=hand)
+    z = [algebra.matrix_from_pose(x)[:3, 2] for x in (arm.fkm(trace.q[-1]), hand)]
+    np.testing.assert_allclose(z[0], z[1], atol=1e-5)
+    assert np.abs(algebra.translation(arm.fkm(trace.q[-1])) - algebra.translation(hand)).max() > 1e-2
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_velocity_limits_keep_the_direction(interpreted):
+    q0 = np.array([0.4, 0.3, 0.8, 1.0, -0.5, 0.8, 0.1])
+    arm = dqc.load_robot("iiwa7")
+    law, hand = Proportional(gain=20.0), arm.fkm(q0 + 0.5)
+    _, free = run(law, q0, 0.02, hand=hand, interpreted=interpreted)
+    _, kept = run(law, q0, 0.02, CommandLimits(velocity=True), hand=hand, interpreted=interpreted)
+    ratio = np.abs(kept.command[0]) / arm.limits.velocity
+    assert ratio.max() == pytest.approx(1.0, abs=1e-12)
+    scale = kept.command[0] / free.command[0]
+    np.testing.assert_allclose(scale, scale[0], rtol=1e-12)
+    assert 0 < scale[0] < 1
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_interpreted_and_compiled_runs_are_equal_to_the_last_bit(name):
+    q0 = np.array([0.4, 0.3, 0.8, 1.0, -0.5, 0.8, 0.1])
+    hand = dqc.load_robot("iiwa7").fkm(q0 + 0.3)
+    law = msgspec.structs.replace(LAWS[name], null_space=ManipulabilityAscent(gain=5.0))
+    traces = [
+        run(law, q0, 0.5, CommandLimits(velocity=True), interpreted=mode, hand=hand)[1]
+        for mode in (False, True)
+    ]
+    assert np.array_equal(traces[0].q, traces[1].q)
+    assert np.array_equal(traces[0].command, traces[1].command)
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (
+            PartialProportional(part="roll", gain=1.0),
+            r"part: unknown name 'roll'.*allowed: axis, position, rotation",
+        ),  # type: ignore[arg-type]
+        (PartialProportional(part="axis", gain=1.0, axis=(0, 0, 0)), "axis: must not be zero"),
+        (PartialProportional(part="position", gain=-1.0), "gain: must be > 0, got -1"),
+        (Proportional(gain=1.0, null_space=Posture(gain=0.0)), "null_space.gain: must be > 0, got 0"),
+        (
+            Proportional(gain=1.0, null_space=Posture(gain=1.0, rest=[0.0])),
+            r"null_space.rest: .*got shape \(1,\)",
+        ),
+        (Proportional(gain=1.0, null_space=ManipulabilityAscent(gain=-1.0)), "null_space.gain: must be > 0"),
+        (
+            Proportional(gain=1.0, inverse=ManipulabilityInverse(threshold=0.0)),
+            "inverse.threshold: must be > 0",
+        ),
+    ],
+)
+def test_bad_parameters_are_refused_when_prepared(law, message):
+    with pytest.raises(Error, match=message):
+        law.prepare(dqc.load_robot("iiwa7"), None, 0.01)
+
+
+def test_velocity_limits_need_a_robot_that_has_some():
+    arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0])
+    with pytest.raises(Error, match=r"limits.velocity: arm has no velocity limits"):
+        Proportional(gain=1.0).prepare(arm, None, 0.01, CommandLimits(velocity=True))
