@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 from rich.console import Console
@@ -84,6 +84,101 @@ def compare(*folders: Path, out: Out = None, force: Force = False) -> None:
         print(f"results: {out}")
 
 
+@app.command
+def evaluate(
+    log: Path,
+    /,
+    *,
+    robot: str | None = None,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    reference: Path | None = None,
+    reference_topic: str | None = None,
+    joint_topic: str | None = None,
+    command_topic: str | None = None,
+    angles: Literal["rad", "deg"] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    settle: float | None = None,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Measure your own joint log against a reference: table, and plots and report if --out is given.
+
+    Parameters
+    ----------
+    log
+        Table (CSV), MCAP file, ROS 1 or ROS 2 bag, or folder of a run; see docs/own-data.md.
+    robot
+        Name, .yaml or .urdf file, or example-robot-data:PATH; recordings of dqcontrol name theirs.
+    base_link, tip_link
+        Ends of the chain in a URDF file.
+    reference
+        YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
+    reference_topic
+        Topic of PoseStamped with the desired poses, in --reference or else in the log.
+    joint_topic
+        Topic of JointState with the positions.
+    command_topic
+        Topic of JointState or Float64MultiArray with the commanded velocities.
+    angles
+        Unit of columns of a table that do not name theirs.
+    start
+        When the reference begins, s after the log's first sample.
+    duration
+        How many seconds from there on are judged.
+    settle
+        Length of the start that the settled errors leave out, s.
+    out
+        New folder for record, metrics, plots and report.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.experiments import summary_table
+    from dqcontrol.experiments.evaluation import evaluate_log
+    from dqcontrol.experiments.output import check_new
+
+    if out is not None:
+        check_new(out, force=force)
+    result = evaluate_log(
+        log,
+        robot,
+        reference,
+        base_link=base_link,
+        tip_link=tip_link,
+        reference_topic=reference_topic,
+        joint_topic=joint_topic,
+        command_topic=command_topic,
+        angles=angles,
+        start=start,
+        duration=duration,
+        settle=settle,
+    )
+    if out is not None:
+        result.save(out, force=force)
+    _wide_console().print(summary_table(result.metrics, result.label).rich())
+    if out is not None:
+        print(f"results: {out}")
+
+
+@app.command
+def export(run: Path, path: Path, /, *, force: Force = False) -> None:
+    """Write all signals of a run for other programs.
+
+    Parameters
+    ----------
+    run
+        Folder of a run.
+    path
+        New file; its suffix chooses the format: .csv, .parquet or .mat.
+    force
+        Replace an existing file.
+    """
+    from dqcontrol.experiments import load_run
+
+    print(f"results: {load_run(run).export(path, force=force)}")
+
+
 @robots.default
 def list_robots() -> None:
     """List the robots that come with dqcontrol."""
@@ -94,7 +189,13 @@ def list_robots() -> None:
     for name in robot_names():
         about = describe(load_robot(name))
         rows.append([name, about.name, len(about.joints), about.reach, about.mass])
-    columns = (Column("name"), Column("robot"), Column("joints"), Column("reach", "m"), Column("moving mass", "kg"))
+    columns = (
+        Column("name"),
+        Column("robot"),
+        Column("joints"),
+        Column("reach", "m"),
+        Column("moving mass", "kg"),
+    )
     _wide_console().print(Table(columns, rows).rich())
 
 

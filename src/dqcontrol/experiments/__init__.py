@@ -1,5 +1,7 @@
 """Experiments: specs, runs, studies, metrics and tables."""
 
+from dqcontrol.experiments.evaluation import evaluate_log
+from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.metric_tables import comparison_table, repeats_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.run import Run, run
@@ -9,6 +11,7 @@ from dqcontrol.experiments.tables import Column, Table
 
 __all__ = [
     "Column",
+    "JointLog",
     "Metrics",
     "Run",
     "Spec",
@@ -16,8 +19,10 @@ __all__ = [
     "Table",
     "comparison_table",
     "evaluate",
+    "evaluate_log",
     "load_run",
     "load_runs",
+    "read_joint_log",
     "read_spec",
     "repeats_table",
     "run",

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.evaluation import saved_evaluation
 from dqcontrol.experiments.output import MARK, new_folder
 from dqcontrol.experiments.run import Run, prepare, run_one
 from dqcontrol.experiments.spec import RobotSpec, read_spec, spec_text
@@ -128,6 +129,8 @@ def load_run(folder: str | Path) -> Run:
     path = Path(folder)
     if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
         raise FileFormatError(f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)")
+    if "evaluation:" in (path / MARK).read_text(encoding="utf-8").splitlines():
+        return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
     spec, _ = read_spec(path / MARK)
     robot = spec.robot if isinstance(spec.robot, RobotSpec) else RobotSpec(source=spec.robot)
     (law,), (plant,) = spec.law_by_label, spec.plant_by_label

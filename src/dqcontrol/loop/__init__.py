@@ -1,7 +1,8 @@
 """The closed loop, compiled and interpreted, and what it records."""
 
 from dqcontrol.loop.closed_loop import Stop, Trace, close_loop
+from dqcontrol.loop.export import export_record
 from dqcontrol.loop.mcap import load_metadata, load_record, save_record
 from dqcontrol.loop.record import Record
 
-__all__ = ["Record", "Stop", "Trace", "close_loop", "load_metadata", "load_record", "save_record"]
+__all__ = ["Record", "Stop", "Trace", "close_loop", "export_record", "load_metadata", "load_record", "save_record"]
