@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _POSES = 200  # of the reference, evenly spaced
 _NEWTON_STEPS = 12  # a pose
-_PATIENT_STEPS = 400  # for a pose that those do not reach
+_PATIENT_STEPS = 5000  # for a pose that those do not reach: near singularities they are short
 _TOLERANCE = 1e-3  # m
 
 
