@@ -1,5 +1,6 @@
 """Robots: chains, their Jacobians, and where they come from."""
 
+from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.load import Description, JointRow, describe, load_robot, robot_names
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
@@ -14,6 +15,7 @@ __all__ = [
     "Limits",
     "RobotFile",
     "SerialArm",
+    "Solution",
     "describe",
     "load_robot",
     "load_robot_file",

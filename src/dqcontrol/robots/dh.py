@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ShapeError, as_array, unknown_name
 
 JOINT_TYPES = ("revolute", "prismatic")
-CONVENTIONS = ("standard", "modified")
+CONVENTIONS = ("standard", "modified")  # of DH tables
 
 
 def rotation_z(angle: float) -> NDArray[np.float64]:
@@ -19,6 +19,11 @@ def rotation_z(angle: float) -> NDArray[np.float64]:
 def rotation_x(angle: float) -> NDArray[np.float64]:
     """Return the pose (7,) of a rotation about x."""
     return np.array([np.cos(angle / 2), np.sin(angle / 2), 0, 0, 0, 0, 0])
+
+
+def rotation_y(angle: float) -> NDArray[np.float64]:
+    """Return the pose (7,) of a rotation about y."""
+    return np.array([np.cos(angle / 2), 0, np.sin(angle / 2), 0, 0, 0, 0])
 
 
 def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDArray[np.float64]:
@@ -51,25 +56,12 @@ def chain_from_dh(
     Standard: X = Rz(θ) Tz(d) Tx(a) Rx(α); modified (Craig): X = Tx(a) Rx(α) Rz(θ) Tz(d). The joint variable adds to θ
     (revolute) or to d (prismatic); both commute with the rest of Rz Tz, so each X is a fixed pose and a screw about z.
     """
-    table = {"theta": theta, "d": d, "a": a, "alpha": alpha}
-    rows = {field: as_array(field, value, (None,)) for field, value in table.items()}
-    n = len(rows["theta"])
-    if n == 0:
-        raise ShapeError("theta: a robot needs at least one joint")
-    for field, value in rows.items():
-        if value.shape != (n,):
-            raise ShapeError(f"{field}: expected {n} numbers as in theta, got shape {value.shape}")
-    types = list(joint_types) if joint_types is not None else ["revolute"] * n
-    if len(types) != n:
-        raise ShapeError(f"joint_types: expected {n} entries, got {len(types)}")
-    for kind in types:
-        if kind not in JOINT_TYPES:
-            raise unknown_name("joint_types", str(kind), JOINT_TYPES)
+    rows, types = _table({"theta": theta, "d": d, "a": a, "alpha": alpha}, joint_types)
     if convention not in CONVENTIONS:
         raise unknown_name("convention", convention, CONVENTIONS)
 
     fixed = [shift()]
-    for th, dd, aa, al in zip(rows["theta"], rows["d"], rows["a"], rows["alpha"], strict=True):
+    for th, dd, aa, al in rows:
         about_z, about_x = compose(rotation_z(th), shift(z=dd)), compose(shift(x=aa), rotation_x(al))
         if convention == "standard":
             fixed.append(compose(about_z, about_x))
@@ -77,3 +69,44 @@ def chain_from_dh(
             fixed[-1] = compose(fixed[-1], about_x, about_z)
             fixed.append(shift())
     return fixed, types
+
+
+def chain_from_denso(
+    a: ArrayLike,
+    b: ArrayLike,
+    d: ArrayLike,
+    alpha: ArrayLike,
+    beta: ArrayLike,
+    gamma: ArrayLike,
+    joint_types: list[str] | None,
+) -> tuple[list[NDArray[np.float64]], list[str]]:
+    """Return the n + 1 fixed poses (7,) and the n joint types of a table in DENSO's convention.
+
+    X = Rz(γ) T(a, b, d) Rx(α) Ry(β); the joint variable adds to γ (revolute) or to d (prismatic).
+    """
+    rows, types = _table({"a": a, "b": b, "d": d, "alpha": alpha, "beta": beta, "gamma": gamma}, joint_types)
+    fixed = [shift()]
+    for aa, bb, dd, al, be, ga in rows:
+        fixed.append(compose(rotation_z(ga), shift(aa, bb, dd), rotation_x(al), rotation_y(be)))
+    return fixed, types
+
+
+def _table(
+    parameters: dict[str, ArrayLike], joint_types: list[str] | None
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Return one row of parameters a joint, and the joint types."""
+    columns = {field: as_array(field, value, (None,)) for field, value in parameters.items()}
+    first = next(iter(columns))
+    n = len(columns[first])
+    if n == 0:
+        raise ShapeError(f"{first}: a robot needs at least one joint")
+    for field, value in columns.items():
+        if value.shape != (n,):
+            raise ShapeError(f"{field}: expected {n} numbers as in {first}, got shape {value.shape}")
+    types = list(joint_types) if joint_types is not None else ["revolute"] * n
+    if len(types) != n:
+        raise ShapeError(f"joint_types: expected {n} entries, got {len(types)}")
+    for kind in types:
+        if kind not in JOINT_TYPES:
+            raise unknown_name("joint_types", str(kind), JOINT_TYPES)
+    return np.column_stack(list(columns.values())), types

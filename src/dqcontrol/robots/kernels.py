@@ -8,7 +8,19 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import INPUT, NOT_FINITE, OK, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, inlined, kernel, types
+from dqcontrol.compile import (
+    INPUT,
+    NOT_FINITE,
+    OK,
+    READ2,
+    STATUS,
+    WRITE,
+    WRITE2,
+    WRONG_SIZE,
+    inlined,
+    kernel,
+    types,
+)
 
 PRISMATIC = 1.0
 

@@ -47,11 +47,14 @@ class Limits:
         for i in range(n):
             if self.lower[i] >= self.upper[i]:
                 raise ValueRangeError(
-                    f"limits: joint {i + 1} has lower {self.lower[i]:g} ≥ upper {self.upper[i]:g}; lower must be below upper"
+                    f"limits: joint {i + 1} has lower {self.lower[i]:g} ≥ upper {self.upper[i]:g}; "
+                    "lower must be below upper"
                 )
             for field in ("velocity", "effort"):
                 if getattr(self, field)[i] <= 0:
-                    raise ValueRangeError(f"limits.{field}: joint {i + 1} has {getattr(self, field)[i]:g}; must be > 0")
+                    raise ValueRangeError(
+                        f"limits.{field}: joint {i + 1} has {getattr(self, field)[i]:g}; must be > 0"
+                    )
 
     @classmethod
     def none(cls, joint_count: int) -> Limits:

@@ -1,0 +1,200 @@
+"""What every robot that is a chain of screws can compute from its table: poses, Jacobians, their rates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.compile import WRONG_SIZE, Kernel
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.robots import kernels
+
+Array = NDArray[np.float64]
+
+
+class Kinematics:
+    """Pose and Jacobians of one configuration, views into one buffer.
+
+    Attributes
+    ----------
+    data
+        The buffer, shape (8 + 14 m,).
+    pose
+        End pose, shape (8,), inertial frame.
+    pose_jacobian
+        J with vec8(ẋ) = J u, shape (8, m).
+    twist_jacobian
+        J_w with vec6(ξ) = J_w u, ξ = ω + ε(ṗ + p × ω) inertial, shape (6, m).
+    """
+
+    __slots__ = ("data", "pose", "pose_jacobian", "twist_jacobian")
+
+    def __init__(self, input_size: int) -> None:
+        m = input_size
+        self.data: Array = np.zeros(8 + 14 * m)
+        self.pose = self.data[:8]
+        self.pose_jacobian = self.data[8 : 8 + 8 * m].reshape(8, m)
+        self.twist_jacobian = self.data[8 + 8 * m :].reshape(6, m)
+
+
+class ChainRobot:
+    """Poses and Jacobians of a chain table; `SerialArm` is one.
+
+    All methods take configurations q of shape (…, n), rad or m, and joint velocities of the same shape, rad/s or m/s;
+    leading axes are batches. They raise `ShapeError` for a wrong size and `ValueRangeError` for a number that is not
+    finite.
+    """
+
+    name: str
+    chain: Array
+    configuration_size: int
+    input_size: int
+
+    def fkm(self, q: ArrayLike) -> Array:
+        """Return the end pose, shape (…, 8), inertial frame. [P16 3.13]."""
+        return self._map(kernels.forward, self._rows("q", q), 8)
+
+    def frames(self, q: ArrayLike) -> Array:
+        """Return the poses of all joint frames after their screws, then the end pose: shape (…, n + 1, 8)."""
+        n = self.configuration_size
+        flat = self._map(kernels.forward, self._rows("q", q), 8 * (n + 1))
+        return flat.reshape(*flat.shape[:-1], n + 1, 8)
+
+    def kinematics(self, q: Array, out: Kinematics | None = None) -> Kinematics:
+        """Compute pose, pose Jacobian and twist Jacobian in one pass: the fast path.
+
+        Parameters
+        ----------
+        q
+            Configuration, shape (n,), rad or m.
+        out
+            Written in place and returned, if given; fastest.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q has not n elements, or one is not finite.
+
+        Examples
+        --------
+        >>> import numpy as np, dqcontrol as dqc
+        >>> arm = dqc.load_robot("iiwa7")
+        >>> arm.kinematics(np.zeros(7)).twist_jacobian.shape
+        (6, 7)
+        """
+        if out is None:
+            out = Kinematics(self.input_size)
+        try:
+            status = kernels.kinematics(self.chain, q, out.data)
+        except TypeError:  # a list, integers, several configurations
+            values = as_array("q", q)
+            status = WRONG_SIZE if values.ndim != 1 else kernels.kinematics(self.chain, values, out.data)
+        if status:
+            self._raise(status, q)
+        return out
+
+    def pose_jacobian(self, q: ArrayLike) -> Array:
+        """Return J, shape (…, 8, n), with vec8(ẋ) = J q̇. [P16 3.1; S17 4.3]."""
+        return self._jacobians(q)[1]
+
+    def twist_jacobian(self, q: ArrayLike) -> Array:
+        """Return J_w, shape (…, 6, n), with vec6(ξ) = J_w q̇, ξ the inertial twist. [P16 3.14, 3.51]."""
+        return self._jacobians(q)[2]
+
+    def translation_jacobian(self, q: ArrayLike) -> Array:
+        """Return J_p, shape (…, 3, n), with ṗ = J_p q̇ in m/s, inertial frame."""
+        pose, _, twist = self._jacobians(q)
+        return twist[..., 3:6, :] - _cross_columns(_position(pose), twist[..., 0:3, :])
+
+    def rotation_jacobian(self, q: ArrayLike) -> Array:
+        """Return J_r, shape (…, 4, n), with vec4(ṙ) = J_r q̇."""
+        return self._jacobians(q)[1][..., :4, :]
+
+    def hand_jacobian(self, q: ArrayLike) -> Array:
+        """Return the Jacobian of [ω ; ṗ], shape (…, 6, n): rad/s and m/s of the end, inertial axes."""
+        pose, _, twist = self._jacobians(q)
+        hand = twist.copy()
+        hand[..., 3:6, :] -= _cross_columns(_position(pose), twist[..., 0:3, :])
+        return hand
+
+    def pose_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
+        """Return dJ/dt, shape (…, 8, n), so that vec8(ẍ) = J q̈ + (dJ/dt) q̇.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> arm = dqc.load_robot("iiwa7")
+        >>> arm.pose_jacobian_derivative([0.1] * 7, [0.2] * 7).shape
+        (8, 7)
+        """
+        return self._rates(q, qdot)[2]
+
+    def twist_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
+        """Return dJ_w/dt, shape (…, 6, n): column i is ξᵢ × column i of J_w, ξᵢ the twist of the joints before it."""
+        return self._rates(q, qdot)[3]
+
+    def translation_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
+        """Return dJ_p/dt, shape (…, 3, n), so that p̈ = J_p q̈ + (dJ_p/dt) q̇."""
+        pose, twist, _, rate = self._rates(q, qdot)
+        p, speed = _position(pose), as_array("qdot", qdot)
+        jacobian = twist[..., 3:6, :] - _cross_columns(p, twist[..., 0:3, :])
+        velocity = (jacobian @ speed[..., None])[..., 0]
+        turned = _cross_columns(velocity, twist[..., 0:3, :]) + _cross_columns(p, rate[..., 0:3, :])
+        return rate[..., 3:6, :] - turned
+
+    def rotation_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
+        """Return dJ_r/dt, shape (…, 4, n), so that vec4(r̈) = J_r q̈ + (dJ_r/dt) q̇."""
+        return self._rates(q, qdot)[2][..., :4, :]
+
+    def _jacobians(self, q: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return pose, pose Jacobian and twist Jacobian."""
+        m = self.input_size
+        flat = self._map(kernels.kinematics, self._rows("q", q), 8 + 14 * m)
+        pose, jacobians = flat[..., :8], flat[..., 8:]
+        return pose, _matrix(jacobians[..., : 8 * m], 8, m), _matrix(jacobians[..., 8 * m :], 6, m)
+
+    def _rates(self, q: ArrayLike, qdot: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """Return pose, twist Jacobian, and the rates of pose and twist Jacobian."""
+        m = self.input_size
+        values, speeds = self._rows("q", q), self._rows("qdot", qdot)
+        if values.shape != speeds.shape:
+            raise ShapeError(f"qdot: expected shape {values.shape} as q has, got {speeds.shape}")
+        motion = np.concatenate([values, speeds], axis=-1)
+        flat = self._map(kernels.kinematics_and_derivatives, motion, 8 + 28 * m)
+        twist = _matrix(flat[..., 8 + 8 * m : 8 + 14 * m], 6, m)
+        pose_rate = _matrix(flat[..., 8 + 14 * m : 8 + 22 * m], 8, m)
+        return flat[..., :8], twist, pose_rate, _matrix(flat[..., 8 + 22 * m :], 6, m)
+
+    def _rows(self, field: str, value: ArrayLike) -> Array:
+        return as_array(field, value, (self.configuration_size,))
+
+    def _map(self, function: Kernel, values: Array, size: int) -> Array:
+        rows = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
+        out = np.empty((len(rows), size))
+        status = kernels.batch(function.pointer, self.chain, rows, out)
+        if status:
+            self._raise(status, values)
+        return out.reshape(*values.shape[:-1], size)
+
+    def _raise(self, status: int, q: Any) -> None:
+        if status == WRONG_SIZE:
+            raise ShapeError(
+                f"q: expected shape ({self.configuration_size},) for {self.name}, got {np.shape(q)}"
+            )
+        raise ValueRangeError(f"q: must be finite, got {np.asarray(q)}")
+
+
+def _matrix(flat: Array, rows: int, columns: int) -> Array:
+    return flat.reshape(*flat.shape[:-1], rows, columns)
+
+
+def _position(pose: Array) -> Array:
+    """Return p of x = r + ε½pr."""
+    w, v, dw, dv = pose[..., :1], pose[..., 1:4], pose[..., 4:5], pose[..., 5:8]
+    return 2 * (w * dv - dw * v - np.cross(dv, v))
+
+
+def _cross_columns(vector: Array, matrix: Array) -> Array:
+    return np.cross(vector[..., :, None], matrix, axis=-2)

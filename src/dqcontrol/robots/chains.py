@@ -1,0 +1,116 @@
+"""Chains made of chains: several in a row, the first part of one, one backwards."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.robots.dh import compose, rotation_x, shift
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.poses import inverse7, pose7
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.serial_arm import SerialArm
+
+Array = NDArray[np.float64]
+
+
+def join(parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:
+    """Return one arm of several in a row; see `SerialArm.join`."""
+    from dqcontrol.robots.serial_arm import SerialArm
+
+    arms: list[SerialArm] = []
+    fixed = [shift()]
+    for i, part in enumerate(parts):
+        if isinstance(part, SerialArm):
+            arms.append(part)
+            fixed[-1] = compose(fixed[-1], part.chain[0, :7])
+            fixed.extend(part.chain[1:, :7])
+        else:
+            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", part))
+    if not arms:
+        raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
+    return SerialArm(
+        np.array(fixed),
+        [kind for arm in arms for kind in arm.joint_types],
+        limits=_joined_limits([arm.limits for arm in arms]),
+        joint_names=_distinct_names(arms),
+        name=name or "+".join(arm.name for arm in arms),
+        inertia=_joined_inertia([arm.inertia for arm in arms]),
+    )
+
+
+def up_to(arm: SerialArm, joint: str | int) -> SerialArm:
+    """Return the arm that ends after a joint; see `SerialArm.up_to`."""
+    from dqcontrol.robots.serial_arm import SerialArm
+
+    n = arm.configuration_size
+    if isinstance(joint, str):
+        if joint not in arm.joint_names:
+            raise unknown_name("joint", joint, arm.joint_names)
+        count = arm.joint_names.index(joint) + 1
+    elif isinstance(joint, int | np.integer) and not isinstance(joint, bool) and 1 <= joint <= n:
+        count = int(joint)
+    else:
+        raise ValueRangeError(f"joint: must be the name of a joint or a number from 1 to {n}, got {joint!r}")
+    inertia = arm.inertia
+    return SerialArm(
+        np.vstack([arm.chain[:count, :7], shift()]),
+        arm.joint_types[:count],
+        limits=_limits_at(arm.limits, slice(count)),
+        joint_names=arm.joint_names[:count],
+        name=arm.name if count == n else f"{arm.name} up to {arm.joint_names[count - 1]}",
+        inertia=inertia and Inertia(inertia.mass[:count], inertia.center[:count], inertia.tensor[:count]),
+    )
+
+
+def reverse(arm: SerialArm) -> SerialArm:
+    """Return the arm seen from its tool; see `SerialArm.reversed`.
+
+    The conjugate of a screw by q is one by −q; a half turn about x makes that one by q again.
+    """
+    from dqcontrol.robots.serial_arm import SerialArm
+
+    back = [inverse7(row) for row in arm.chain[::-1, :7]]
+    turn = rotation_x(np.pi)
+    fixed = [compose(inverse7(turn), pose, turn) for pose in back]
+    fixed[0], fixed[-1] = compose(back[0], turn), compose(inverse7(turn), back[-1])
+    return SerialArm(
+        np.array(fixed),
+        arm.joint_types[::-1],
+        limits=_limits_at(arm.limits, slice(None, None, -1)),
+        joint_names=arm.joint_names[::-1],
+        name=f"{arm.name} reversed",
+    )
+
+
+def _limits_at(limits: Limits, part: slice) -> Limits:
+    return Limits(limits.lower[part], limits.upper[part], limits.velocity[part], limits.effort[part])
+
+
+def _joined_limits(limits: list[Limits]) -> Limits:
+    fields = ("lower", "upper", "velocity", "effort")
+    return Limits(*(np.concatenate([getattr(lim, field) for lim in limits]) for field in fields))
+
+
+def _joined_inertia(bodies: list[Inertia | None]) -> Inertia | None:
+    known = [body for body in bodies if body is not None]
+    if len(known) < len(bodies):
+        return None
+    return Inertia(
+        *(np.concatenate([getattr(b, field) for b in known]) for field in ("mass", "center", "tensor"))
+    )
+
+
+def _distinct_names(arms: list[SerialArm]) -> list[str]:
+    counts = Counter(name for arm in arms for name in arm.joint_names)
+    return [
+        name if counts[name] == 1 else f"{number}/{name}"
+        for number, arm in enumerate(arms, 1)
+        for name in arm.joint_names
+    ]

@@ -1,0 +1,252 @@
+"""Inverse kinematics: configurations that give the hand a pose, and why there is none."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.robots import inverse_kernels
+from dqcontrol.robots.dexterity import Dexterity
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.poses import unit_poses
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 60  # a start; most need fewer than 15
+_TRIALS = 16  # solutions beyond the limits of which the nearest is reported
+_NEARLY = 1e-3  # m and rad: a failure so near the pose is a matter of convergence
+_NEARLY_SINGULAR = 1e-2  # smallest singular value of the hand's Jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What `SerialArm.solve` found; for a batch of poses every field is an array with the batch's axes.
+
+    Attributes
+    ----------
+    q
+        Configuration, shape (…, n), rad or m, within the limits: the solution, or the nearest found.
+    success
+        Whether both errors are within their tolerances.
+    position_error, orientation_error
+        Distance (m) and angle (rad) between the hand and the desired pose.
+    iterations
+        Damped Newton steps, over all starts.
+    starts
+        Configurations that were started from.
+    reason
+        Empty if it succeeded; else ``limits: …``, ``unreachable: …`` or ``singular: …``, and how much is missing.
+    """
+
+    q: Array
+    success: Any
+    position_error: Any
+    orientation_error: Any
+    iterations: Any
+    starts: Any
+    reason: Any
+
+
+class InverseKinematics(Dexterity):
+    """The inverse of `fkm`."""
+
+    limits: Limits
+    joint_types: tuple[str, ...]
+    joint_names: tuple[str, ...]
+
+    def solve(
+        self,
+        pose: ArrayLike,
+        q0: ArrayLike | None = None,
+        *,
+        position_tolerance: float = 1e-6,
+        orientation_tolerance: float = 1e-6,
+        restarts: int = 100,
+        seed: int = 0,
+    ) -> Solution:
+        """Find a configuration within the joint limits that gives the hand a pose.
+
+        Damped Newton steps start from ``q0``, then from random configurations, until one reaches the pose. The
+        result is the same each time; with ``q0`` near a solution it is that solution.
+
+        Parameters
+        ----------
+        pose
+            Desired unit dual quaternions, shape (…, 8), base frame; x and −x are the same.
+        q0
+            First start, shape (…, n), rad or m, clamped to the limits; the middle of the limits if omitted.
+        position_tolerance, orientation_tolerance
+            m and rad; ``inf`` where the position or the orientation does not matter.
+        restarts
+            Random starts after the first: the most that are tried.
+        seed
+            Of the random starts.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size or value is wrong. A pose that cannot be reached is no error: see `Solution`.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> arm = dqc.load_robot("iiwa7")
+        >>> found = arm.solve(arm.fkm([0.3, 0.6, 0.1, -1.2, 0.2, 0.5, 0]))
+        >>> found.success, found.position_error < 1e-6
+        (True, True)
+        >>> arm.solve(dqc.DualQuaternion.from_translation([2.0, 0, 0])).reason
+        'unreachable: the position is 1.1 m beyond the reach of iiwa7'
+        """
+        n = self.configuration_size
+        poses = unit_poses("pose", pose)
+        lower, upper = _ranges(self)
+        middle = 0.5 * (lower + upper)
+        guess = (
+            middle if q0 is None else np.clip(as_array("q0", q0, (n,)), self.limits.lower, self.limits.upper)
+        )
+        lead = _common_lead(poses, guess)
+        rows = np.ascontiguousarray(np.broadcast_to(poses, (*lead, 8)).reshape(-1, 8))
+        q = np.array(np.broadcast_to(guess, (*lead, n)).reshape(-1, n), order="C")
+        options = np.array(
+            [
+                _tolerance("position_tolerance", position_tolerance),
+                _tolerance("orientation_tolerance", orientation_tolerance),
+                _ITERATIONS,
+            ]
+        )
+        if not np.isfinite(options[:2]).any():
+            raise ValueRangeError("position_tolerance: must be finite if orientation_tolerance is inf")
+        starts = _starts(lower.tobytes(), upper.tobytes(), _count("restarts", restarts), _count("seed", seed))
+        limits = np.array([self.limits.lower, self.limits.upper])
+        reports = _solve(self, limits, starts, rows, options, q)
+        success = (reports[:, 0] <= options[0]) & (reports[:, 1] <= options[1])
+        reasons = np.full(len(rows), "", dtype=object)
+        for i in np.flatnonzero(~success):
+            success[i], reasons[i] = _explain(self, starts, rows[i : i + 1], options, q[i], reports[i])
+        if lead:
+            numbers = (column.reshape(lead) for column in reports.T)
+            position, orientation, iterations, tried = numbers
+            return Solution(
+                q.reshape(*lead, n),
+                success.reshape(lead),
+                position,
+                orientation,
+                iterations.astype(int),
+                tried.astype(int),
+                reasons.reshape(lead),
+            )
+        position, orientation, iterations, tried = reports[0].tolist()
+        return Solution(
+            q[0], bool(success[0]), position, orientation, int(iterations), int(tried), str(reasons[0])
+        )
+
+
+def _solve(
+    arm: InverseKinematics, limits: Array, starts: Array, poses: Array, options: Array, q: Array
+) -> Array:
+    """Call the kernel: overwrite q and return the reports."""
+    reports = np.empty((len(poses), 4))
+    work = np.empty(inverse_kernels.work_size(arm.configuration_size))
+    inverse_kernels.solve(arm.chain, limits, starts, poses, options, q, reports, work)
+    return reports
+
+
+def _explain(
+    arm: InverseKinematics, starts: Array, pose: Array, options: Array, q: Array, report: Array
+) -> tuple[bool, str]:
+    """Return why a pose was not reached; or overwrite q and its report by a solution found on the way."""
+    n = arm.configuration_size
+    unlimited = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
+    free = np.vstack([q, starts[: _TRIALS - 1]])
+    found = _solve(arm, unlimited, starts[: _TRIALS - 1], np.repeat(pose, len(free), axis=0), options, free)
+    reached = (found[:, 0] <= options[0]) & (found[:, 1] <= options[1])
+    if reached.any():
+        nearest = _into_ranges(arm, free[reached])
+        excess = np.maximum(arm.limits.lower - nearest, nearest - arm.limits.upper).max(axis=1)
+        best = int(excess.argmin())
+        if excess[best] <= 0:  # a full turn away from a solution within the limits
+            q[:] = nearest[best]
+            report[:2] = found[reached][best][:2]
+            return True, ""
+        return False, _beyond_limits(arm, nearest[best])
+    if math.isfinite(options[0]):
+        only = np.array([options[0], np.inf, options[2]])
+        missing = float(_solve(arm, unlimited, starts, pose, only, q[None].copy())[0, 0])
+        if missing > options[0]:
+            return False, f"unreachable: the position is {missing:.3g} m beyond the reach of {arm.name}"
+    best = int((found[:, 0] + found[:, 1]).argmin())
+    position, orientation = found[best, :2]
+    smallest = np.linalg.svd(arm.hand_jacobian(free[best]), compute_uv=False)[-1]
+    if position < _NEARLY and orientation < _NEARLY and smallest < _NEARLY_SINGULAR:
+        return False, (
+            f"singular: came within {position:.2g} m and {orientation:.2g} rad of the pose, where the smallest "
+            f"singular value of the hand's Jacobian is {smallest:.2g}"
+        )
+    few = f" (an arm of {n} joints has few orientations anywhere)" if n < 6 else ""
+    return False, (
+        "unreachable: the position can be reached, but not with this orientation; the nearest pose found is "
+        f"{position:.3g} m and {orientation:.3g} rad off{few}"
+    )
+
+
+def _beyond_limits(arm: InverseKinematics, q: Array) -> str:
+    parts = []
+    for i, value in enumerate(q):
+        for side, bound, beyond in (
+            ("lower", arm.limits.lower[i], value < arm.limits.lower[i]),
+            ("upper", arm.limits.upper[i], value > arm.limits.upper[i]),
+        ):
+            if beyond:
+                unit = "rad" if arm.joint_types[i] == "revolute" else "m"
+                parts.append(f"{arm.joint_names[i]} at {value:.3g} {unit} ({side} limit {bound:.3g})")
+    return f"limits: the nearest solution found has {', '.join(parts)}"
+
+
+def _into_ranges(arm: InverseKinematics, q: Array) -> Array:
+    """Return q with each revolute joint turned by full turns into its range, or as near as that gets."""
+    lower, upper = _ranges(arm)
+    revolute = np.array([kind == "revolute" for kind in arm.joint_types])
+    turns = 2 * np.pi * np.round((q - 0.5 * (lower + upper)) / (2 * np.pi))
+    return np.where(revolute, q - turns, q)
+
+
+def _ranges(arm: InverseKinematics) -> tuple[Array, Array]:
+    """Return the limits, ±π rad or ±1 m from zero or from the other limit where there is none."""
+    lower, upper = arm.limits.lower, arm.limits.upper
+    if np.isfinite(lower).all() and np.isfinite(upper).all():
+        return lower, upper
+    half = np.array([np.pi if kind == "revolute" else 1.0 for kind in arm.joint_types])
+    low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * half, -half))
+    return low, np.where(np.isfinite(upper), upper, low + 2 * half)
+
+
+@functools.lru_cache(maxsize=32)
+def _starts(lower: bytes, upper: bytes, count: int, seed: int) -> Array:
+    """Return random configurations between the bounds, shape (count, n)."""
+    low, high = np.frombuffer(lower), np.frombuffer(upper)
+    return np.random.default_rng(seed).uniform(low, high, (count, len(low)))
+
+
+def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:
+    try:
+        return np.broadcast_shapes(poses.shape[:-1], guess.shape[:-1])
+    except ValueError:
+        raise ShapeError(
+            f"q0: leading axes {guess.shape[:-1]} do not fit those of pose, {poses.shape[:-1]}"
+        ) from None
+
+
+def _tolerance(field: str, value: float) -> float:
+    return value if isinstance(value, float) and value > 0 else as_positive(field, value)  # inf is allowed
+
+
+def _count(field: str, value: int) -> int:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
+        raise ValueRangeError(f"{field}: must be a whole number ≥ 0, got {value!r}")
+    return int(value)
