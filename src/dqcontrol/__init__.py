@@ -12,6 +12,7 @@ from dqcontrol.robots import Inertia, Kinematics, Limits, SerialArm, load_robot,
 if TYPE_CHECKING:
     from dqcontrol import experiments, laws, loop, plants, references
     from dqcontrol.experiments import Run, Study, run, run_study
+    from dqcontrol.loop import simulate
     from dqcontrol.references import Sample
 
 __version__ = "0.1.0"
@@ -36,10 +37,11 @@ __all__ = [
     "robot_names",
     "run",
     "run_study",
+    "simulate",
 ]
 
 _ROOMS = ("experiments", "laws", "loop", "plants", "references", "view")
-_LATER = {"Run": "experiments", "Study": "experiments", "run": "experiments", "run_study": "experiments", "Sample": "references"}
+_LATER = {"Run": "experiments", "Study": "experiments", "run": "experiments", "run_study": "experiments", "Sample": "references", "simulate": "loop"}
 
 
 def __getattr__(name: str) -> Any:

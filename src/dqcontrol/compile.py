@@ -25,8 +25,9 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba import types
+from numba.core.errors import NumbaError
 
-from dqcontrol.errors import CacheWarning
+from dqcontrol.errors import CacheWarning, InterpretedWarning
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 
@@ -88,13 +89,11 @@ _warned = False
 _announced = False
 
 
-def _jit(function: Callable[..., Any], fastmath: set[str] | bool) -> Any:
+def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) -> Any:
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=_cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(
-            function
-        )
+        return numba.njit(cache=cached and _cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 
@@ -130,12 +129,17 @@ class Kernel:
         Its Numba signature.
     strict
         True for IEEE arithmetic without reassociation.
+    cached
+        False for functions that are not this package's: their changes would go unnoticed.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Any, *, strict: bool) -> None:
+    def __init__(
+        self, function: Callable[..., Any], signature: Any, *, strict: bool = False, cached: bool = True
+    ) -> None:
         self.function = function
         self._signature = signature
         self._strict = strict
+        self._cached = cached
         self._compiled: Any = None
         self._pointer: Pointer | None = None
         self.__doc__ = function.__doc__
@@ -149,7 +153,11 @@ class Kernel:
     def compiled(self) -> Any:
         """The Numba dispatcher, compiled for the one signature."""
         if self._compiled is None:
-            self._compiled = _compile(self.function, self._signature, False if self._strict else FAST)
+            fastmath = False if self._strict else FAST
+            if self._cached:
+                self._compiled = _compile(self.function, self._signature, fastmath)
+            else:
+                self._compiled = _compiled(self.function, self._signature, fastmath, cached=False)
         return self._compiled
 
     @property
@@ -181,11 +189,63 @@ def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | 
         return _compiled(function, signature, fastmath)
 
 
-def _compiled(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
-    dispatcher = _jit(function, fastmath)
+def _compiled(
+    function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
+) -> Any:
+    dispatcher = _jit(function, fastmath, cached)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
+
+
+class InterpretedKernel:
+    """A user's function that does not compile, called in its place; it has no pointer.
+
+    Attributes
+    ----------
+    reason
+        Why it does not compile.
+    """
+
+    def __init__(self, function: Callable[..., Any], reason: str) -> None:
+        self.function = function
+        self.reason = reason
+        self.__name__ = function.__name__
+
+    def __call__(self, *arguments: Any) -> int:
+        """Call the function and return the status."""
+        return self.function(*arguments)
+
+
+def compile_own(
+    function: Callable[..., Any],
+    checked: Callable[[Callable[..., Any]], Callable[..., int]],
+    signature: Any,
+) -> Kernel | InterpretedKernel:
+    """Compile a user's function, or warn and wrap it to be interpreted.
+
+    Parameters
+    ----------
+    function
+        Plain Python.
+    checked
+        Makes of it (compiled or not) a function of the signature that also returns a status.
+    signature
+        What to compile for.
+    """
+    try:
+        own = Kernel(checked(numba.njit(error_model="numpy")(function)), signature, strict=True, cached=False)
+        _ = own.compiled
+    except NumbaError as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
+        warnings.warn(
+            f"{getattr(function, '__name__', function)}: does not compile ({reason[:160]}); the loop runs it interpreted",
+            InterpretedWarning,
+            stacklevel=4,
+        )
+        return InterpretedKernel(checked(function), reason)
+    return own
 
 
 def _announce(function: Callable[..., Any]) -> None:

@@ -52,6 +52,10 @@ class CacheWarning(UserWarning):
     """Compiled code cannot be cached and is compiled anew in each process."""
 
 
+class InterpretedWarning(UserWarning):
+    """A user's own function does not compile and is interpreted."""
+
+
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest allowed name, or an empty string."""
     near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)

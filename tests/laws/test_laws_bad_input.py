@@ -129,11 +129,12 @@ def test_output_of_the_wrong_size(make_arm):
 )
 @pytest.mark.parametrize("n", [5, 7])
 def test_a_command_that_overflows_is_an_error(make_arm, n, inverse):
+    """Where the target overflows, and where only the inverse makes it too large."""
     arm, q = make_arm(n), np.full(n, 0.4)
-    with pytest.raises(DivergedError, match=r"^the command is not finite$"):
-        Proportional(gain=1.7e308, inverse=inverse).command(
-            arm, q, Sample([0, 1, 0, 0, 0, 0, 1e3, 0]), dt=0.01
-        )
+    law = Proportional(gain=1.7e308, inverse=inverse)
+    for sample in (Sample([0, 1, 0, 0, 0, 0, 1e3, 0]), Sample([0, 0, 0, 1, 0, 0, 0, 0])):
+        with pytest.raises(DivergedError, match=r"^the command is not finite$"):
+            law.command(arm, q, sample, dt=0.01)
 
 
 def test_laws_are_frozen():

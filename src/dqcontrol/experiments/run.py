@@ -13,12 +13,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import Error, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, RobotSpec, Spec, read_spec, spec_text
-from dqcontrol.loop import Record, close_loop, save_record
+from dqcontrol.loop import Record, save_record, simulate
+from dqcontrol.loop.simulate import step_count
 from dqcontrol.references import Reference
 from dqcontrol.robots import SerialArm, load_robot
 
@@ -116,7 +117,9 @@ class Run:
 
         units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
         notes = {"spec": self.spec, "label": self.label}
-        return export_record(self.record, path, joint_units=units, input_units=units, notes=notes, force=force)
+        return export_record(
+            self.record, path, joint_units=units, input_units=units, notes=notes, force=force
+        )
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
@@ -124,7 +127,9 @@ class Run:
 
         (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
         save_record(self.record, folder / "record.mcap", self.spec)
-        (folder / "metrics.json").write_text(json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8")
+        (folder / "metrics.json").write_text(
+            json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
+        )
         units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
         save_plots(self.record, folder, self.robot.limits, joint_units=units, input_units=units)
         write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
@@ -163,25 +168,13 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
             f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
         )
     reference = spec.reference.build(robot.fkm(start), folder)
-    samples = reference.samples(spec.period * np.arange(_steps(spec, reference)))
+    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
     check_reach(robot, start, samples)
     for law in spec.law_by_label.values():
         law.prepare(robot, reference, spec.period, spec.limits)
     for plant in spec.plant_by_label.values():
         plant.start(robot, start, spec.period, 1, spec.seed)
     return Setting(spec, folder, robot, start, reference, samples)
-
-
-def _steps(spec: Spec, reference: Reference) -> int:
-    duration = spec.duration if spec.duration is not None else reference.duration
-    if not np.isfinite(duration):
-        raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
-    steps = round(duration / spec.period) + 1
-    if steps < 2:
-        raise ValueRangeError(f"duration: {duration:g} s is shorter than one period of {spec.period:g} s")
-    if steps > 10_000_000:
-        raise ValueRangeError(f"duration: {duration:g} s are {steps} periods; at most 10 million")
-    return steps
 
 
 def run_one(
@@ -195,26 +188,19 @@ def run_one(
     """Execute one law on one plant of a prepared spec."""
     spec = setting.spec
     law, plant = spec.law_by_label[law_label], spec.plant_by_label[plant_label]
-    trace = close_loop(
-        law.prepare(setting.robot, setting.reference, spec.period, spec.limits),
-        plant.start(setting.robot, setting.start, spec.period, len(setting.samples), spec.seed),
-        setting.samples,
-        spec.stop,
+    record = simulate(
+        setting.robot,
+        setting.reference,
+        law,
+        plant,
+        setting.start,
+        spec.period,
+        spec.duration,
+        limits=spec.limits,
+        stop=spec.stop,
+        seed=spec.seed,
         interpreted=interpreted,
         progress=progress,
-    )
-    if not len(trace.q):
-        raise Error(f"{law_label} on {plant_label}: {trace.stopped}")
-    desired = setting.samples[: len(trace.q)]
-    record = Record(
-        time=desired[:, -1],
-        q=trace.q,
-        measured=trace.measured,
-        command=trace.command,
-        pose=setting.robot.fkm(trace.q),
-        desired=desired,
-        joint_names=setting.robot.joint_names,
-        stopped=trace.stopped,
     )
     text = spec_text(_single(spec, law, plant), setting.folder)
     return Run(text, setting.robot, record, spec.settle, f"{law_label} · {plant_label}")
@@ -224,7 +210,9 @@ def _single(spec: Spec, law: AnyLaw, plant: AnyPlant) -> Spec:
     return msgspec.structs.replace(spec, law=law, laws=msgspec.UNSET, plant=plant, plants=msgspec.UNSET)
 
 
-def run(source: str | Path | dict[str, Any], *, interpreted: bool = False, progress: Progress | None = None) -> Run:
+def run(
+    source: str | Path | dict[str, Any], *, interpreted: bool = False, progress: Progress | None = None
+) -> Run:
     """Run a spec that has one law and one plant.
 
     Parameters

@@ -7,6 +7,7 @@ from dqcontrol.laws.gains import Schedule
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.null_space import ManipulabilityAscent, Posture
+from dqcontrol.laws.own import OwnLaw
 from dqcontrol.laws.proportional import Proportional
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "ManipulabilityAscent",
     "ManipulabilityInverse",
     "OpenLoop",
+    "OwnLaw",
     "PartialProportional",
     "Posture",
     "PreparedLaw",

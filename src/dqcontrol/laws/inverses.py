@@ -129,6 +129,15 @@ def _manipulability_damping(factor, m, inverse):
 
 
 @inlined
+def _finite(command):
+    """Return the status of a command, which may have overflowed."""
+    check = 0.0
+    for i in range(command.shape[0]):
+        check += 0.0 * command[i]
+    return OK if check == 0.0 else NOT_FINITE
+
+
+@inlined
 def solve(matrix, y, preferred, inverse, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most eight rows; y is overwritten.
 
@@ -182,7 +191,7 @@ def solve(matrix, y, preferred, inverse, work, out):
         for k in range(rows):
             for i in range(n):
                 out[i] += matrix[k, i] * rhs[k]
-    return OK
+    return _finite(out)
 
 
 @inlined
@@ -232,4 +241,4 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
         return ELSEWHERE
     for c in range(n):
         out[c] += preferred[c]
-    return OK
+    return _finite(out)

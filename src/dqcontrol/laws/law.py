@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
@@ -31,7 +31,7 @@ LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a control law; subclasses name a kernel of signature `LAW`."""
 
-    kernel: ClassVar[Kernel]
+    kernel: ClassVar[Kernel | InterpretedKernel]
     state_size: ClassVar[int] = 1
     null_space: AnyNullSpace | None = None
 

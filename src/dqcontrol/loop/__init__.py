@@ -4,5 +4,6 @@ from dqcontrol.loop.closed_loop import Stop, Trace, close_loop
 from dqcontrol.loop.export import export_record
 from dqcontrol.loop.mcap import load_metadata, load_record, save_record
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.simulate import simulate
 
-__all__ = ["Record", "Stop", "Trace", "close_loop", "export_record", "load_metadata", "load_record", "save_record"]
+__all__ = ["Record", "Stop", "Trace", "close_loop", "export_record", "load_metadata", "load_record", "save_record", "simulate"]

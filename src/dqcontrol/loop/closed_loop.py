@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from dqcontrol.compile import Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
@@ -84,7 +85,8 @@ def close_loop(
         raise ShapeError(f"samples: expected shape (N, {SAMPLE_SIZE}), got {samples.shape}")
     if isinstance(plant, CompiledPlant) and len(plant.noise) < len(samples):
         raise ShapeError(f"plant: was started for {len(plant.noise)} periods, got {len(samples)} samples")
-    if isinstance(plant, CompiledPlant) and not interpreted:
+    compiled_plant = isinstance(plant, CompiledPlant) and isinstance(plant.kernel, Kernel)
+    if compiled_plant and isinstance(law.kernel, Kernel) and not interpreted:
         return _rollout(law, plant, samples, stop)
     return _interpret(law, plant, samples, stop, progress)
 

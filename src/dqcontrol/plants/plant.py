@@ -57,7 +57,7 @@ class CompiledPlant:
         Pre-drawn standard normal numbers, one row a step.
     """
 
-    def __init__(self, kernel: Kernel, parameters: Array, state: Array, q0: Array, noise: Array) -> None:
+    def __init__(self, kernel: Kernel | InterpretedKernel, parameters: Array, state: Array, q0: Array, noise: Array) -> None:
         self.kernel = kernel
         self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
         self.state = np.ascontiguousarray(state, dtype=np.float64)

@@ -1,0 +1,90 @@
+"""A user's own law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.compile import NOT_FINITE, OK, InterpretedKernel, Kernel, compile_own
+from dqcontrol.errors import ShapeError, as_array
+from dqcontrol.laws.law import LAW, Law
+from dqcontrol.robots.serial_arm import SerialArm
+
+
+def _checked(function: Callable[..., Any]) -> Callable[..., int]:
+    def own_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+        function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
+        for i in range(out.shape[0]):
+            if not math.isfinite(out[i]):
+                return NOT_FINITE
+        return OK
+
+    return own_law
+
+
+@lru_cache(maxsize=64)
+def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
+    return compile_own(function, _checked, LAW)
+
+
+class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
+    """A law written in plain Python; compiled if it can be, else interpreted, which a warning says.
+
+    Parameters
+    ----------
+    function
+        Called as ``function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)`` once a
+        period, it writes the inputs into ``out`` (rad/s or m/s). ``q`` (n), measured; ``pose`` (8), ``pose_jacobian``
+        (8, m) and ``twist_jacobian`` (6, m) belong to it; ``sample`` (21): desired pose ``[0:8]``, twist ``[8:14]``,
+        twist rate ``[14:20]``, inertial, and time ``[20]``; ``parameters`` and ``state`` as below; ``work`` is
+        scratch, its first m numbers the motion preferred in the null space.
+    parameters
+        Numbers handed to the function.
+    memory
+        Length of ``state``, zeros at the start, kept from sample to sample.
+    scratch
+        Length of ``work`` beyond its first m numbers.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> def jacobian_transpose(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    ...     for i in range(out.shape[0]):
+    ...         out[i] = 0.0
+    ...         for k in range(8):
+    ...             out[i] += parameters[0] * pose_jacobian[k, i] * (sample[k] - pose[k])
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> law = dqc.laws.OwnLaw(function=jacobian_transpose, parameters=[2.0])
+    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), dt=0.01)).max())
+    0.0
+    """
+
+    function: Callable[..., Any]
+    parameters: list[float] = []
+    memory: int = 1
+    scratch: int = 0
+
+    @property
+    def kernel(self):  # type: ignore[override]
+        """The compiled function, or one that calls the Python function."""
+        if not callable(self.function):
+            raise ShapeError(f"function: expected a function of nine arguments, got {self.function!r}")
+        return _kernel(self.function)
+
+    @property
+    def state_size(self) -> int:  # type: ignore[override]
+        """Length of the state."""
+        return self.memory
+
+    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+        """Return the parameters."""
+        return as_array("parameters", self.parameters or [0.0], (None,))[None, :]
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return room for the preferred motion and the function's scratch."""
+        return robot.input_size + self.scratch

@@ -1,0 +1,126 @@
+"""A run from objects: robot, reference, law and plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.errors import DivergedError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.law import Law
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.closed_loop import Stop, close_loop
+from dqcontrol.loop.record import Record
+from dqcontrol.plants.plant import Plant
+from dqcontrol.references import Reference
+from dqcontrol.robots.serial_arm import SerialArm
+
+_MOST_STEPS = 10_000_000
+
+
+def simulate(
+    robot: SerialArm,
+    reference: Reference,
+    law: Law,
+    plant: Plant,
+    start: ArrayLike,
+    period: float,
+    duration: float | None = None,
+    *,
+    limits: CommandLimits | None = None,
+    stop: Stop | None = None,
+    seed: int = 0,
+    interpreted: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Record:
+    """Drive a plant along a reference with a law and record it.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    reference
+        The desired motion.
+    law, plant
+        What commands and what moves.
+    start
+        Start configuration, shape (n,), rad or m.
+    period
+        T, control period, s.
+    duration
+        s; as long as the reference if omitted.
+    limits
+        What is done to commands before they leave.
+    stop
+        When to end early.
+    seed
+        Of the plant's noise.
+    interpreted
+        True: step in Python even if all parts are compiled; the result is the same to the last bit.
+    progress
+        Called with steps done and steps in all.
+
+    Returns
+    -------
+    Record
+        All samples; one that diverged holds those before, and says so.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something does not fit, or the very first command fails.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), [0, 0.6, 0, 1.6, 0, 0.6, 0]
+    >>> circle = dqc.references.Circle(arm.fkm(q), radius=0.05, duration=4.0)
+    >>> law, plant = dqc.laws.ProportionalFeedforward(gain=10.0), dqc.plants.Servo()
+    >>> record = dqc.simulate(arm, circle, law, plant, q, period=0.01)
+    >>> bool(record.position_error.max() < 0.005)
+    True
+    """
+    period = as_positive("period", period)
+    q0 = as_array("start", start, (robot.configuration_size,))
+    samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
+    trace = close_loop(
+        law.prepare(robot, reference, period, limits),
+        plant.start(robot, q0, period, len(samples), seed),
+        samples,
+        stop,
+        interpreted=interpreted,
+        progress=progress,
+    )
+    if not len(trace.q):
+        raise DivergedError(trace.stopped)
+    done = samples[: len(trace.q)]
+    return Record(
+        time=done[:, -1],
+        q=trace.q,
+        measured=trace.measured,
+        command=trace.command,
+        pose=robot.fkm(trace.q),
+        desired=done,
+        joint_names=robot.joint_names,
+        stopped=trace.stopped,
+    )
+
+
+def step_count(reference: Reference, period: float, duration: float | None) -> int:
+    """Return the number of samples of a run, the last at its end.
+
+    Raises
+    ------
+    ValueRangeError
+        If the duration is not finite, shorter than a period, or absurdly long.
+    """
+    seconds = duration if duration is not None else reference.duration
+    if not np.isfinite(seconds):
+        raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
+    steps = round(seconds / period) + 1
+    if steps < 2:
+        raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s")
+    if steps > _MOST_STEPS:
+        raise ValueRangeError(f"duration: {seconds:g} s are {steps} periods; at most 10 million")
+    return steps

@@ -1,0 +1,101 @@
+"""Users' own laws and plants: compiled where possible, interpreted with a warning where not, equal either way."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.compile import InterpretedKernel, Kernel
+from dqcontrol.errors import Error, InterpretedWarning
+from dqcontrol.laws import OwnLaw, Proportional
+from dqcontrol.plants import Integrator, OwnPlant
+
+START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
+
+
+def transpose(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    state[0] += 1.0
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+        for k in range(8):
+            out[i] += parameters[0] * pose_jacobian[k, i] * (sample[k] - pose[k])
+
+
+def transpose_not_compilable(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    _ = "".join(str(type(object())))  # no compiled code for this
+    transpose(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
+
+
+def hopeless(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    for i in range(out.shape[0]):
+        out[i] = np.nan if sample[20] > 0.05 else 0.0
+
+
+def noisy(command, parameters, noise, state, q, measured):
+    state[0] += 1.0
+    for i in range(q.shape[0]):
+        q[i] += parameters[0] * command[i]
+        measured[i] = q[i] + parameters[1] * noise[i]
+
+
+def noisy_not_compilable(command, parameters, noise, state, q, measured):
+    _ = "".join(str(type(object())))
+    noisy(command, parameters, noise, state, q, measured)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return dqc.load_robot("iiwa7")
+
+
+def run(arm, law, plant, interpreted=False):
+    circle = dqc.references.Circle(arm.fkm(START), radius=0.05, duration=1.0)
+    return dqc.simulate(arm, circle, law, plant, START, 0.01, interpreted=interpreted, seed=3)
+
+
+def test_a_law_that_compiles_runs_in_the_rollout_and_equals_its_python(arm):
+    law = OwnLaw(function=transpose, parameters=[20.0])
+    assert isinstance(law.kernel, Kernel)
+    compiled, interpreted = (run(arm, law, Integrator(), mode) for mode in (False, True))
+    assert np.array_equal(compiled.q, interpreted.q)
+    with pytest.warns(InterpretedWarning, match="transpose_not_compilable: does not compile"):
+        python = run(arm, OwnLaw(function=transpose_not_compilable, parameters=[20.0]), Integrator())
+    np.testing.assert_allclose(python.q, compiled.q, rtol=0, atol=1e-14)
+
+
+def test_a_law_that_does_not_compile_is_interpreted():
+    law = OwnLaw(function=transpose_not_compilable, parameters=[1.0])
+    assert isinstance(law.kernel, InterpretedKernel)
+
+
+def test_own_plants(arm):
+    law = Proportional(gain=10.0)
+    compiled = run(arm, law, OwnPlant(function=noisy, parameters=[1e-4], noise=7))
+    with pytest.warns(InterpretedWarning, match="noisy_not_compilable: does not compile"):
+        python = run(arm, law, OwnPlant(function=noisy_not_compilable, parameters=[1e-4], noise=7))
+    np.testing.assert_allclose(python.q, compiled.q, rtol=0, atol=1e-13)
+    assert 0.5e-4 < (compiled.measured - compiled.q)[1:].std() < 2e-4
+    silent = run(arm, law, OwnPlant(function=noisy, parameters=[0.0], noise=7))
+    np.testing.assert_allclose(silent.q, run(arm, law, Integrator()).q, rtol=0, atol=1e-13)
+
+
+def test_a_law_that_fails_ends_the_run_and_says_when(arm):
+    record = run(arm, OwnLaw(function=hopeless), Integrator())
+    assert record.stopped.startswith("diverged at 0.06 s")
+    assert np.isfinite(record.command).all()
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (OwnLaw(function=3), "function: expected a function of nine arguments, got 3"),  # type: ignore[arg-type]
+        (OwnLaw(function=transpose, parameters=[np.nan]), "parameters: must be finite"),
+    ],
+)
+def test_bad_laws(arm, law, message):
+    with pytest.raises(Error, match=message):
+        law.prepare(arm, None, 0.01)
+
+
+def test_bad_plant(arm):
+    with pytest.raises(Error, match="function: expected a function of six arguments"):
+        OwnPlant(function="x").start(arm, np.array(START), 0.01, 1, 0)  # type: ignore[arg-type]
