@@ -13,7 +13,11 @@ EPOCH = 1_700_000_000_123_456_789  # ns: a stamp that a float64 of seconds canno
 
 
 def joint_state(stamp, names, position=(), velocity=()):
-    return "sensor_msgs/JointState", stamp, {"name": names, "position": position, "velocity": velocity}
+    return (
+        "sensor_msgs/JointState",
+        stamp,
+        {"name": names, "position": list(map(float, position)), "velocity": list(map(float, velocity))},
+    )
 
 
 def pose_stamped(stamp, position, quaternion):
@@ -38,7 +42,12 @@ def write_mcap(path, messages):
             body = dict(fields)
             if "orientation" in body:
                 w, x, y, z = map(float, body.pop("orientation"))
-                body = {"pose": {"position": _xyz(body["position"]), "orientation": {"w": w, "x": x, "y": y, "z": z}}}
+                body = {
+                    "pose": {
+                        "position": _xyz(body["position"]),
+                        "orientation": {"w": w, "x": x, "y": y, "z": z},
+                    }
+                }
             if stamp is not None:
                 second, nano = divmod(stamp, 10**9)
                 body["header"] = {"stamp": {"sec": second, "nanosec": nano}, "frame_id": "base"}

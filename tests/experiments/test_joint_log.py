@@ -10,7 +10,9 @@ from dqcontrol.experiments.joint_log import read_joint_log
 from dqcontrol.robots import SerialArm
 
 ARM = SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0], joint_names=["hip", "knee"], name="leg")
-LIFT = SerialArm.from_dh([0, 0], [0, 0], [1, 0], [0, 0], ["revolute", "prismatic"], joint_names=["turn", "lift"])
+LIFT = SerialArm.from_dh(
+    [0, 0], [0, 0], [1, 0], [0, 0], ["revolute", "prismatic"], joint_names=["turn", "lift"]
+)
 Q = np.array([[0.1, -0.2], [0.15, -0.1], [0.3, 0.05]])
 TIME = np.array([0.0, 0.01, 0.03])
 
@@ -54,7 +56,9 @@ def test_units_behind_the_names_and_commands(tmp_path):
 def test_angles_in_degrees_leave_sliding_joints_in_metres(tmp_path):
     path = table(tmp_path, "time,turn,lift\n0,90,0.5\n1,180,0.25\n")
     np.testing.assert_allclose(read_joint_log(path, LIFT, angles="deg").q, [[np.pi / 2, 0.5], [np.pi, 0.25]])
-    path = table(tmp_path, "time,turn,lift [mm],command.turn,command.lift [mm/s]\n0,1,500,1,20\n1,2,250,1,30\n")
+    path = table(
+        tmp_path, "time,turn,lift [mm],command.turn,command.lift [mm/s]\n0,1,500,1,20\n1,2,250,1,30\n"
+    )
     log = read_joint_log(path, LIFT)
     np.testing.assert_allclose(log.q, [[1, 0.5], [2, 0.25]])
     np.testing.assert_allclose(log.command, [[1, 0.02], [1, 0.03]])
@@ -62,7 +66,9 @@ def test_angles_in_degrees_leave_sliding_joints_in_metres(tmp_path):
 
 def test_angles_that_must_be_degrees_are_not_taken_for_radians(tmp_path):
     path = table(tmp_path, "time,q1,q2\n0,10,20\n1,90,20\n")
-    with pytest.raises(ValueRangeError, match=r"log\.csv: angles up to 90 rad look like degrees; say which \(--angles"):
+    with pytest.raises(
+        ValueRangeError, match=r"log\.csv: angles up to 90 rad look like degrees; say which \(--angles"
+    ):
         read_joint_log(path, ARM)
     assert read_joint_log(path, ARM, angles="rad").q[1, 0] == 90
 
@@ -116,7 +122,9 @@ def test_a_missing_table_suggests_its_neighbour(tmp_path):
 
 def test_random_damage_to_a_table_raises_only_errors_of_ours(tmp_path):
     rng = np.random.default_rng(7)
-    content = "time [s],hip [deg],knee,command.hip,command.knee\n" + "".join(f"{k},{k},1,2,3\n" for k in range(9))
+    content = "time [s],hip [deg],knee,command.hip,command.knee\n" + "".join(
+        f"{k},{k},1,2,3\n" for k in range(9)
+    )
     for _ in range(300):
         damaged = bytearray(content.encode())
         for place in rng.integers(0, len(damaged), 3):
@@ -136,7 +144,9 @@ def messages(stamped=True):
     for k, (time, (hip, knee)) in enumerate(zip(TIME, Q, strict=True)):
         stamp = EPOCH + round(time * 1e9)
         recorded = stamp + 500_000
-        names, values = (["hip", "knee"], [hip, knee]) if k % 2 else (["knee", "finger", "hip"], [knee, 9, hip])
+        names, values = (
+            (["hip", "knee"], [hip, knee]) if k % 2 else (["knee", "finger", "hip"], [knee, 9, hip])
+        )
         out.append(("/joint_states", recorded, joint_state(stamp if stamped else 0, names, values)))
         out.append(("/joint_states", recorded + 1, joint_state(stamp + 1, ["finger"], [1.0])))
         if k:  # commands begin later
@@ -182,7 +192,10 @@ def state(k, names=("hip", "knee"), position=(0.0, 0.0)):
     [
         (state(1, ["hip", "ankle"]), r"/joint_states: message 2: joints missing: knee \(it has hip, ankle\)"),
         (state(1, position=[0.0, np.nan]), r"/joint_states: message 2: must be finite"),
-        (state(1, position=[0.0]), r"/joint_states: message 2: position: expected 2 numbers as there are names, got 1"),
+        (
+            state(1, position=[0.0]),
+            r"/joint_states: message 2: position: expected 2 numbers as there are names, got 1",
+        ),
         (state(0), r"/joint_states: message 2: time must increase, got 0 s after"),
     ],
 )
@@ -195,14 +208,22 @@ def test_what_is_wrong_in_a_recording_is_named_with_its_message(tmp_path, kind, 
 def test_topics_are_chosen_and_named(tmp_path):
     both = [("/left", EPOCH, state(0)[2]), ("/right", EPOCH, state(0)[2]), ("/raw", EPOCH, numbers([1.0]))]
     path = write_mcap(tmp_path / "two.mcap", both)
-    with pytest.raises(FileFormatError, match=r"several topics of sensor_msgs/JointState; choose one with --joint-topic: /left, /right"):
+    with pytest.raises(
+        FileFormatError,
+        match=r"several topics of sensor_msgs/JointState; choose one with --joint-topic: /left, /right",
+    ):
         read_joint_log(path, ARM)
     assert len(read_joint_log(path, ARM, joint_topic="/right").q) == 1
-    with pytest.raises(FileFormatError, match=r"no topic '/lift'; did you mean '/left'\? \(topics of sensor_msgs/JointState: /left, /right\)"):
+    with pytest.raises(
+        FileFormatError,
+        match=r"no topic '/lift'; did you mean '/left'\? \(topics of sensor_msgs/JointState: /left, /right\)",
+    ):
         read_joint_log(path, ARM, joint_topic="/lift")
     with pytest.raises(FileFormatError, match=r"/raw holds std_msgs/Float64MultiArray; --joint-topic needs"):
         read_joint_log(path, ARM, joint_topic="/raw")
-    with pytest.raises(FileFormatError, match=r"/raw: message 1: data: expected 2 numbers, one for each input, got 1"):
+    with pytest.raises(
+        FileFormatError, match=r"/raw: message 1: data: expected 2 numbers, one for each input, got 1"
+    ):
         read_joint_log(path, ARM, joint_topic="/left", command_topic="/raw")
     with pytest.raises(FileFormatError, match=r"/left: message 1: velocity: expected 2 numbers"):
         read_joint_log(path, ARM, joint_topic="/left", command_topic="/left")
@@ -229,7 +250,7 @@ def test_broken_recordings_are_named(tmp_path):
         path = write(folder, messages())
         file = next(f for f in path.iterdir() if f.suffix in (".db3", ".mcap")) if path.is_dir() else path
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-        with pytest.raises(FileFormatError, match="is no whole recording|has no topic"):
+        with pytest.raises(FileFormatError, match=r"is no whole recording|has no topic"):
             read_joint_log(path, ARM)
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileFormatError, match=r"empty: is no ROS 2 bag: it holds no metadata\.yaml"):
@@ -255,7 +276,12 @@ def test_a_large_table_is_read_quickly(tmp_path):
 
     count = 50_000
     path = tmp_path / "log.csv"
-    np.savetxt(path, np.column_stack([np.arange(count) * 1e-3, np.ones((count, 2))]), delimiter=",", header="time,q1,q2")
+    np.savetxt(
+        path,
+        np.column_stack([np.arange(count) * 1e-3, np.ones((count, 2))]),
+        delimiter=",",
+        header="time,q1,q2",
+    )
     start = time.perf_counter()
     assert len(read_joint_log(path, ARM).q) == count
     assert time.perf_counter() - start < 5.0  # 0.4 s alone on the machine

@@ -152,7 +152,7 @@ def export_record(
     MissingExtraError
         If the library that writes the format is not installed.
     ShapeError
-        If the units do not fit the record.
+        If the units do not fit the record, or two columns would have one name.
 
     Examples
     --------
@@ -187,7 +187,7 @@ def export_record(
 def _csv(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> bytes:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow([heading for signal in columns for heading in signal.headings()])
+    writer.writerow(_headings(columns))
     writer.writerows(np.hstack([signal.values for signal in columns]).tolist())
     return stream.getvalue().encode()
 
@@ -195,7 +195,7 @@ def _csv(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) ->
 def _parquet(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> bytes:
     pyarrow, parquet = _library("pyarrow", "pyarrow"), _library("pyarrow.parquet", "pyarrow")
     arrays = [np.ascontiguousarray(column) for signal in columns for column in signal.values.T]
-    table = pyarrow.table(arrays, names=[heading for signal in columns for heading in signal.headings()])
+    table = pyarrow.table(arrays, names=_headings(columns))
     metadata = {f"dqcontrol.{name}": text for name, text in notes.items()}
     sink = pyarrow.BufferOutputStream()
     parquet.write_table(table.replace_schema_metadata(metadata), sink, compression="zstd")
@@ -209,6 +209,15 @@ def _mat(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) ->
     stream = io.BytesIO()
     _library("scipy.io", "scipy").savemat(stream, content | dict(notes), do_compression=True)
     return stream.getvalue()
+
+
+def _headings(columns: Sequence[Signal]) -> list[str]:
+    """Return the names of all columns; none may stand for two of them."""
+    headings = [heading for signal in columns for heading in signal.headings()]
+    for heading in headings:
+        if headings.count(heading) > 1:
+            raise ShapeError(f"joint_names: two columns would be named '{heading}'; rename a joint")
+    return headings
 
 
 def _cell(texts: Sequence[str]) -> NDArray[np.object_]:
