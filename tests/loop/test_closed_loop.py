@@ -132,7 +132,9 @@ def test_joints_that_overflow_end_the_run(slide, interpreted):
     """kT = 1e60 on a sliding joint: six samples lead out of the numbers."""
     samples = SetPoint(slide.fkm([0.1])).samples(T * np.arange(50))
     law = Proportional(gain=1e62).prepare(slide, None, T)
-    trace = close_loop(law, Integrator().start(slide, [0.0], T, 50, 0), samples, interpreted=interpreted)
+    trace = close_loop(
+        law, Integrator().start(slide, np.zeros(1), T, 50, 0), samples, interpreted=interpreted
+    )
     assert trace.stopped.startswith("diverged at 0.0")
     assert 3 <= len(trace.q) < 8
     assert np.isfinite(trace.q).all()
