@@ -161,11 +161,10 @@ class ChainRobot:
         values, speeds = self._rows("q", q), self._rows("qdot", qdot)
         if values.shape != speeds.shape:
             raise ShapeError(f"qdot: expected shape {values.shape} as q has, got {speeds.shape}")
-        motion = np.concatenate([values, speeds], axis=-1)
-        flat = self._map(kernels.kinematics_and_derivatives, motion, 8 + 28 * m)
-        twist = _matrix(flat[..., 8 + 8 * m : 8 + 14 * m], 6, m)
-        pose_rate = _matrix(flat[..., 8 + 14 * m : 8 + 22 * m], 8, m)
-        return flat[..., :8], twist, pose_rate, _matrix(flat[..., 8 + 22 * m :], 6, m)
+        flat = self._map(kernels.kinematics, values, 8 + 14 * m)
+        rates = self._map(kernels.jacobian_rates, np.concatenate([flat, speeds], axis=-1), 14 * m)
+        twist = _matrix(flat[..., 8 + 8 * m :], 6, m)
+        return flat[..., :8], twist, _matrix(rates[..., : 8 * m], 8, m), _matrix(rates[..., 8 * m :], 6, m)
 
     def _rows(self, field: str, value: ArrayLike) -> Array:
         return as_array(field, value, (self.configuration_size,))

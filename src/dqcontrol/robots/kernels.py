@@ -97,27 +97,14 @@ def forward(chain, q, out):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@inlined
-def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
-    """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
-    return (
-        -a * x - b * y - c * z,
-        a * w + b * z - c * y,
-        b * w + c * x - a * z,
-        c * w + a * y - b * x,
-        -a * dx - b * dy - c * dz - d * x - e * y - f * z,
-        a * dw + b * dz - c * dy + d * w + e * z - f * y,
-        b * dw + c * dx - a * dz + e * w + f * x - d * z,
-        c * dw + a * dy - b * dx + f * w + d * y - e * x,
-    )
-
-
-@inlined
-def chain_kinematics(chain, q, out):
-    """Write the end pose (8), the pose Jacobian (8 × n) and the twist Jacobian (6 × n); return whether q is finite."""
+@kernel(CHAIN)
+def kinematics(chain, q, out):
+    """Write the end pose (8), the pose Jacobian (8 × n) and the twist Jacobian (6 × n), one after the other."""
     n = chain.shape[0] - 1
+    if q.shape[0] != n or out.shape[0] != 8 + 14 * n:
+        return WRONG_SIZE
     pose_jacobian = out[8 : 8 + 8 * n].reshape(8, n)
-    twist_jacobian = out[8 + 8 * n : 8 + 14 * n].reshape(6, n)
+    twist_jacobian = out[8 + 8 * n :].reshape(6, n)
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     check = 0.0
     for i in range(n):
@@ -141,48 +128,51 @@ def chain_kinematics(chain, q, out):
     for i in range(n):
         a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
         d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
-        (
-            pose_jacobian[0, i],
-            pose_jacobian[1, i],
-            pose_jacobian[2, i],
-            pose_jacobian[3, i],
-            pose_jacobian[4, i],
-            pose_jacobian[5, i],
-            pose_jacobian[6, i],
-            pose_jacobian[7, i],
-        ) = _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
-    return check == 0.0
+        pose_jacobian[0, i] = -a * x - b * y - c * z
+        pose_jacobian[1, i] = a * w + b * z - c * y
+        pose_jacobian[2, i] = b * w + c * x - a * z
+        pose_jacobian[3, i] = c * w + a * y - b * x
+        pose_jacobian[4, i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
+        pose_jacobian[5, i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
+        pose_jacobian[6, i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
+        pose_jacobian[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
+    return OK if check == 0.0 else NOT_FINITE
+
+
+@inlined
+def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
+    """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
+    return (
+        -a * x - b * y - c * z,
+        a * w + b * z - c * y,
+        b * w + c * x - a * z,
+        c * w + a * y - b * x,
+        -a * dx - b * dy - c * dz - d * x - e * y - f * z,
+        a * dw + b * dz - c * dy + d * w + e * z - f * y,
+        b * dw + c * dx - a * dz + e * w + f * x - d * z,
+        c * dw + a * dy - b * dx + f * w + d * y - e * x,
+    )
 
 
 @kernel(CHAIN)
-def kinematics(chain, q, out):
-    """Write the end pose (8), the pose Jacobian (8 × n) and the twist Jacobian (6 × n), one after the other."""
-    n = chain.shape[0] - 1
-    if q.shape[0] != n or out.shape[0] != 8 + 14 * n:
-        return WRONG_SIZE
-    return OK if chain_kinematics(chain, q, out) else NOT_FINITE
+def jacobian_rates(chain, motion, out):
+    """Write d/dt of the pose Jacobian (8 × n) and of the twist Jacobian (6 × n).
 
-
-@kernel(CHAIN)
-def kinematics_and_derivatives(chain, motion, out):
-    """Write what `kinematics` does, then d/dt of both Jacobians; motion is [q, q̇].
-
-    Column i of dJ_w/dt is ξᵢ × column i, where ξᵢ is the twist of the joints before it; of dJ/dt, with ẋ = ½ξx, it
-    is ½(dJ_w/dt)ᵢ x + ½(J_w)ᵢ ẋ.
+    Motion is what `kinematics` writes, then q̇. Column i of dJ_w/dt is ξᵢ × column i, where ξᵢ is the twist of the
+    joints before it; of dJ/dt, with ẋ = ½ξx, it is ½(dJ_w/dt)ᵢ x + ½(J_w)ᵢ ẋ.
     """
     n = chain.shape[0] - 1
-    if motion.shape[0] != 2 * n or out.shape[0] != 8 + 28 * n:
+    if motion.shape[0] != 8 + 15 * n or out.shape[0] != 14 * n:
         return WRONG_SIZE
-    finite = chain_kinematics(chain, motion[0:n], out)
-    speed = motion[n : 2 * n]
-    twist_jacobian = out[8 + 8 * n : 8 + 14 * n].reshape(6, n)
-    pose_rate = out[8 + 14 * n : 8 + 22 * n].reshape(8, n)
-    twist_rate = out[8 + 22 * n :].reshape(6, n)
+    column = motion[8 + 8 * n : 8 + 14 * n]  # of J_w: entry k of column i is [k n + i]
+    speed = motion[8 + 14 * n :]
+    pose_rate = out[: 8 * n].reshape(8, n)
+    twist_rate = out[8 * n :].reshape(6, n)
     wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     check = 0.0
     for i in range(n):
-        a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
-        d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
+        a, b, c = column[i], column[n + i], column[2 * n + i]
+        d, e, f = column[3 * n + i], column[4 * n + i], column[5 * n + i]
         twist_rate[0, i] = wy * c - wz * b
         twist_rate[1, i] = wz * a - wx * c
         twist_rate[2, i] = wx * b - wy * a
@@ -192,29 +182,21 @@ def kinematics_and_derivatives(chain, motion, out):
         u = speed[i]
         check += 0.0 * u
         wx, wy, wz, vx, vy, vz = wx + u * a, wy + u * b, wz + u * c, vx + u * d, vy + u * e, vz + u * f
-    w, x, y, z = 0.5 * out[0], 0.5 * out[1], 0.5 * out[2], 0.5 * out[3]
-    dw, dx, dy, dz = 0.5 * out[4], 0.5 * out[5], 0.5 * out[6], 0.5 * out[7]
+    w, x, y, z = 0.5 * motion[0], 0.5 * motion[1], 0.5 * motion[2], 0.5 * motion[3]
+    dw, dx, dy, dz = 0.5 * motion[4], 0.5 * motion[5], 0.5 * motion[6], 0.5 * motion[7]
     rw, rx, ry, rz, sw, sx, sy, sz = _half_product(wx, wy, wz, vx, vy, vz, w, x, y, z, dw, dx, dy, dz)
-    rw, rx, ry, rz, sw, sx, sy, sz = (
-        0.5 * rw,
-        0.5 * rx,
-        0.5 * ry,
-        0.5 * rz,
-        0.5 * sw,
-        0.5 * sx,
-        0.5 * sy,
-        0.5 * sz,
-    )
+    rw, rx, ry, rz = 0.5 * rw, 0.5 * rx, 0.5 * ry, 0.5 * rz
+    sw, sx, sy, sz = 0.5 * sw, 0.5 * sx, 0.5 * sy, 0.5 * sz
     for i in range(n):
-        a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
-        d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
+        a, b, c = column[i], column[n + i], column[2 * n + i]
+        d, e, f = column[3 * n + i], column[4 * n + i], column[5 * n + i]
         moved = _half_product(a, b, c, d, e, f, rw, rx, ry, rz, sw, sx, sy, sz)
         a, b, c = twist_rate[0, i], twist_rate[1, i], twist_rate[2, i]
         d, e, f = twist_rate[3, i], twist_rate[4, i], twist_rate[5, i]
         turned = _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
         for k in range(8):
             pose_rate[k, i] = moved[k] + turned[k]
-    return OK if finite and check == 0.0 else NOT_FINITE
+    return OK if check == 0.0 else NOT_FINITE
 
 
 @kernel(BATCH)
