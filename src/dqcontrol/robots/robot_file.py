@@ -1,10 +1,10 @@
-"""Our robot files: YAML with Denavit–Hartenberg rows, or with fixed poses and axes."""
+"""Our robot files: YAML with Denavit–Hartenberg or DENSO rows, or with fixed poses and axes."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
-from dqcontrol.robots.dh import chain_from_dh, compose, rotation_x, rotation_z, shift
+from dqcontrol.robots.dh import (
+    chain_from_denso,
+    chain_from_dh,
+    compose,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    shift,
+)
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.yaml_file import read_yaml
@@ -28,6 +36,8 @@ Mass = Annotated[float, Meta(ge=0, description="kg")]
 Moment = Annotated[float, Meta(description="kg m²")]
 Vector = tuple[Length, Length, Length]
 
+_ROWS = {"dh": "DH", "denso": "DENSO"}  # keys of table rows
+
 
 class _Part(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Base of all parts of a robot file."""
@@ -40,6 +50,17 @@ class DHRow(_Part):
     d: Length = 0.0
     a: Length = 0.0
     alpha: Angle = 0.0
+
+
+class DensoRow(_Part):
+    """One row of a table in DENSO's convention; the joint variable adds to gamma, or to d if prismatic."""
+
+    a: Length = 0.0
+    b: Length = 0.0
+    d: Length = 0.0
+    alpha: Angle = 0.0
+    beta: Angle = 0.0
+    gamma: Angle = 0.0
 
 
 class FixedPose(_Part):
@@ -81,11 +102,12 @@ class JointInertia(_Part):
 
 
 class Joint(_Part):
-    """One joint: a DH row, or the pose of its frame in that of the joint before, and an axis (default z)."""
+    """One joint: a DH or DENSO row, or the pose of its frame in that of the joint before and an axis (default z)."""
 
     name: Annotated[str, Meta(min_length=1)]
     type: Literal["revolute", "prismatic"] = "revolute"
     dh: DHRow | None = None
+    denso: DensoRow | None = None
     pose: FixedPose | None = None
     axis: Vector | None = None
     limits: JointLimits = msgspec.field(default_factory=JointLimits)
@@ -96,14 +118,15 @@ class RobotFile(_Part):
     """A robot file.
 
     ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
-    ``convention`` says which Denavit–Hartenberg form the rows have; left out with fixed poses. ``base`` is
-    the pose of the first frame in the inertial one, ``tool`` that of the tool in the last frame.
+    ``convention`` says which form the rows have, Denavit–Hartenberg (key ``dh``) or DENSO's (key ``denso``);
+    left out with fixed poses. ``base`` is the pose of the first frame in the inertial one, ``tool`` that of the
+    tool in the last frame.
     """
 
     name: Annotated[str, Meta(min_length=1)]
     angles: Literal["degrees", "radians"]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=1000)]
-    convention: Literal["standard", "modified"] | None = None
+    convention: Literal["standard", "modified", "denso"] | None = None
     base: FixedPose = msgspec.field(default_factory=FixedPose)
     tool: FixedPose = msgspec.field(default_factory=FixedPose)
     description: str = ""
@@ -158,31 +181,47 @@ def _chain(data: RobotFile, unit: float) -> tuple[list[Array], list[Array] | Non
     """Return the fixed poses, and for joints with an axis the turns of their frames."""
     base, tool = _pose("base", data.base, unit), _pose("tool", data.tool, unit)
     if data.convention is None:
-        for i, joint in enumerate(data.joints):
-            if joint.dh is not None:
-                raise FileFormatError(
-                    "convention: missing key, the joints have DH rows (allowed: standard, modified)"
-                )
-            if joint.pose is None:
-                raise FileFormatError(f"joints[{i}]: missing key 'pose' (or 'dh', with a 'convention')")
-        poses = [_pose(f"joints[{i}].pose", joint.pose, unit) for i, joint in enumerate(data.joints)]
+        poses = _joint_poses(data, unit)
         poses[0] = compose(base, poses[0])
         return chain_from_axes(poses, [joint.axis or (0.0, 0.0, 1.0) for joint in data.joints], tool)
-    rows = []
-    for i, joint in enumerate(data.joints):
-        if joint.dh is None:
-            raise FileFormatError(
-                f"joints[{i}]: missing key 'dh', the file's convention is {data.convention} DH"
-            )
-        for field in ("pose", "axis"):
-            if getattr(joint, field) is not None:
-                raise FileFormatError(f"joints[{i}].{field}: not allowed beside 'dh'; leave out one of them")
-        rows.append((joint.dh.theta * unit, joint.dh.d, joint.dh.a, joint.dh.alpha * unit))
     types = [joint.type for joint in data.joints]
-    theta, d, a, alpha = np.array(rows).T
-    fixed, _ = chain_from_dh(theta, d, a, alpha, types, data.convention)
+    if data.convention == "denso":
+        rows = [(r.a, r.b, r.d, r.alpha * unit, r.beta * unit, r.gamma * unit) for r in _rows(data, "denso")]
+        a, b, d, alpha, beta, gamma = np.array(rows).T
+        fixed, _ = chain_from_denso(a, b, d, alpha, beta, gamma, types)
+    else:
+        rows = [(r.theta * unit, r.d, r.a, r.alpha * unit) for r in _rows(data, "dh")]
+        theta, d, a, alpha = np.array(rows).T
+        fixed, _ = chain_from_dh(theta, d, a, alpha, types, data.convention)
     fixed[0], fixed[-1] = compose(base, fixed[0]), compose(fixed[-1], tool)
     return fixed, None
+
+
+def _joint_poses(data: RobotFile, unit: float) -> list[Array]:
+    """Return the fixed pose (7,) of each joint, of a file without convention."""
+    for i, joint in enumerate(data.joints):
+        for key, allowed in (("dh", "standard, modified"), ("denso", "denso")):
+            if getattr(joint, key) is not None:
+                raise FileFormatError(
+                    f"convention: missing key, the joints have {_ROWS[key]} rows (allowed: {allowed})"
+                )
+        if joint.pose is None:
+            raise FileFormatError(f"joints[{i}]: missing key 'pose' (or 'dh', with a 'convention')")
+    return [_pose(f"joints[{i}].pose", joint.pose, unit) for i, joint in enumerate(data.joints)]
+
+
+def _rows(data: RobotFile, key: str) -> list[Any]:
+    """Return the table rows of the joints, of a file with a convention."""
+    for i, joint in enumerate(data.joints):
+        if getattr(joint, key) is None:
+            form = "denso" if key == "denso" else f"{data.convention} DH"
+            raise FileFormatError(f"joints[{i}]: missing key '{key}', the file's convention is {form}")
+        for field in {"dh", "denso", "pose", "axis"} - {key}:
+            if getattr(joint, field) is not None:
+                raise FileFormatError(
+                    f"joints[{i}].{field}: not allowed beside '{key}'; leave out one of them"
+                )
+    return [getattr(joint, key) for joint in data.joints]
 
 
 def _pose(field: str, pose: FixedPose | None, unit: float) -> Array:
@@ -198,8 +237,7 @@ def _pose(field: str, pose: FixedPose | None, unit: float) -> Array:
             raise FileFormatError(f"{field}.quaternion: must have norm 1, got {norm:.9g}")
         return compose(at, np.array([*pose.quaternion, 0, 0, 0]))
     roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
-    about_y = np.array([math.cos(pitch / 2), 0, math.sin(pitch / 2), 0, 0, 0, 0])
-    return compose(at, rotation_z(yaw), about_y, rotation_x(roll))
+    return compose(at, rotation_z(yaw), rotation_y(pitch), rotation_x(roll))
 
 
 def _names(data: RobotFile) -> list[str]:
