@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 import yaml
@@ -58,8 +60,14 @@ def test_the_recording_of_a_run_gives_the_metrics_of_the_run(run, folder):
 
 
 def test_a_recording_of_ours_read_as_anybody_elses(run, folder):
-    names = {"joint_topic": "/measured_joint_states", "command_topic": "/joint_command"}
-    found = evaluate_log(folder / "run", "iiwa7", folder / "circle.yaml", settle=0.5, **names)
+    found = evaluate_log(
+        folder / "run",
+        "iiwa7",
+        folder / "circle.yaml",
+        joint_topic="/measured_joint_states",
+        command_topic="/joint_command",
+        settle=0.5,
+    )
     assert found.record.q.tobytes() == run.record.measured.tobytes()
     assert found.record.command.tobytes() == run.record.command.tobytes()
     assert found.record.time == pytest.approx(run.record.time, abs=1e-9)
@@ -96,7 +104,7 @@ def test_poses_of_the_log_keep_its_clock(tmp_path):
     arm = dqc.load_robot("iiwa7")
     q0, names = np.array(SPEC["start"], dtype=float), list(arm.joint_names)
     hand = arm.fkm(q0)
-    messages = [
+    messages: list[Any] = [
         ("/joint_states", EPOCH + k * 10**8, joint_state(EPOCH + k * 10**8, names, q0)) for k in range(11)
     ]
     for k, lift in ((4, 0.0), (8, 0.08)):  # the target begins 0.4 s after the joints and moves by 0.2 m/s
@@ -176,7 +184,8 @@ def test_results_without_commands_are_saved_too(run, folder, tmp_path):
         tmp_path / "log.csv", np.column_stack([run.time, run.q]), delimiter=";", header=";".join(columns)
     )
     evaluate_log(tmp_path / "log.csv", "iiwa7", folder / "circle.yaml").save(tmp_path / "results")
-    assert (tmp_path / "results" / "inputs.png").exists()
+    assert (tmp_path / "results" / "joints.png").exists()
+    assert not (tmp_path / "results" / "inputs.png").exists()
     assert np.isnan(load_run(tmp_path / "results").command).all()
 
 

@@ -50,6 +50,7 @@ def test_units_behind_the_names_and_commands(tmp_path):
     log = read_joint_log(table(tmp_path, text), ARM, angles="deg")
     assert log.time.tolist() == [0, 0.02]
     np.testing.assert_allclose(log.q, [[np.pi / 2, 1], [np.pi / 4, 2]])
+    assert log.command is not None
     np.testing.assert_allclose(log.command, [[np.pi, np.radians(-3)], [0, np.radians(4)]])
 
 
@@ -61,6 +62,7 @@ def test_angles_in_degrees_leave_sliding_joints_in_metres(tmp_path):
     )
     log = read_joint_log(path, LIFT)
     np.testing.assert_allclose(log.q, [[1, 0.5], [2, 0.25]])
+    assert log.command is not None
     np.testing.assert_allclose(log.command, [[1, 0.02], [1, 0.03]])
 
 
@@ -172,7 +174,9 @@ def test_every_kind_of_recording_gives_the_same_log(tmp_path, kind):
     assert log.command is None
     assert log.origin == EPOCH
     for topic in ("/twist", "/raw"):
-        assert read_joint_log(path, ARM, command_topic=topic).command.tolist() == [[0, 0], [1, 10], [2, 20]]
+        command = read_joint_log(path, ARM, command_topic=topic).command
+        assert command is not None
+        assert command.tolist() == [[0, 0], [1, 10], [2, 20]]
 
 
 @pytest.mark.parametrize("kind", WRITERS)

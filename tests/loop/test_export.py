@@ -1,6 +1,7 @@
 import csv
 import dataclasses
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from dqcontrol.errors import Error, ExistsError, MissingExtraError, ShapeError, 
 from dqcontrol.loop import Record, export_record
 from dqcontrol.loop.export import signals
 
-UNITS = {"joint_units": ["rad", "m"], "input_units": ["rad", "m"]}
+UNITS: dict[str, Any] = {"joint_units": ["rad", "m"], "input_units": ["rad", "m"]}
 POSE = ("pw", "px", "py", "pz", "dw [m]", "dx [m]", "dy [m]", "dz [m]")
 HEADINGS = [
     *["time [s]", "hip [rad]", "lift, ÿ [m]", "measured.hip [rad]", "measured.lift, ÿ [m]"],
@@ -92,7 +93,15 @@ def test_one_joint_and_one_sample_keep_their_shapes(tmp_path):
     from scipy.io import loadmat
 
     pose = np.eye(8)[:1]
-    record = Record([0.0], [[1.0]], [[1.0]], [[2.0]], pose, np.hstack([pose, np.zeros((1, 13))]), ("a",))
+    record = Record(
+        np.zeros(1),
+        np.ones((1, 1)),
+        np.ones((1, 1)),
+        np.ones((1, 1)),
+        pose,
+        np.hstack([pose, np.zeros((1, 13))]),
+        ("a",),
+    )
     found = loadmat(export_record(record, tmp_path / "one.mat"))
     assert found["q"].tolist() == [[1.0]]
     assert found["joint_names"].shape == (1, 1)

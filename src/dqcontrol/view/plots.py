@@ -177,7 +177,7 @@ def save_plots(
     input_units: Sequence[str] | None = None,
     formats: Sequence[str] = ("png",),
 ) -> list[Path]:
-    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints`` and ``inputs``.
+    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints`` and, if it has commands, ``inputs``.
 
     Parameters
     ----------
@@ -217,17 +217,18 @@ def save_plots(
     for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
         if path.exists():
             raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    figures = (
+    figures = [
         path_3d(record),
         errors(record),
         pose_coefficients(record),
         joint_angles(record, limits, joint_units),
-        control_signals(record, input_units),
-    )
+    ]
+    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
+        figures.append(control_signals(record, input_units))
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     with matplotlib.rc_context({"svg.hashsalt": "dqcontrol"}):  # the same run gives the same bytes
-        for name, figure in zip(names, figures, strict=True):
+        for name, figure in zip(names, figures, strict=False):
             for kind in formats:
                 written.append(folder / f"{name}.{kind}")
                 date = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
