@@ -19,6 +19,7 @@ from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, RobotSpec, Spec, read_spec, spec_text
 from dqcontrol.loop import Record, save_record, simulate
+from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.references import Reference
 from dqcontrol.robots import SerialArm, load_robot
@@ -173,7 +174,11 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
     for law in spec.law_by_label.values():
         law.prepare(robot, reference, spec.period, spec.limits)
     for plant in spec.plant_by_label.values():
-        plant.start(robot, start, spec.period, 1, spec.seed)
+        live = plant.start(robot, start, spec.period, 1, spec.seed)
+        if spec.disturbance is not None:
+            check_disturbed(live)
+    if spec.disturbance is not None:
+        spec.disturbance.start(robot, spec.period, 1, spec.seed)
     return Setting(spec, folder, robot, start, reference, samples)
 
 
@@ -198,6 +203,7 @@ def run_one(
         spec.duration,
         limits=spec.limits,
         stop=spec.stop,
+        disturbance=spec.disturbance,
         seed=spec.seed,
         interpreted=interpreted,
         progress=progress,

@@ -22,7 +22,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
-from dqcontrol.plants import Integrator, MujocoPlant, Servo
+from dqcontrol.plants import Disturbance, Integrator, MujocoPlant, Servo
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 AnyLaw = (
@@ -77,6 +77,8 @@ class Spec(Part, frozen=True, kw_only=True):
         One plant, or several by label.
     limits
         What is done to the commands before they leave.
+    disturbance
+        What moves the hand beside the commands; not for physics.
     seed
         Of all noise.
     stop
@@ -102,6 +104,7 @@ class Spec(Part, frozen=True, kw_only=True):
     plant: AnyPlant | UnsetType = UNSET
     plants: Annotated[dict[_Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
     limits: CommandLimits = CommandLimits()
+    disturbance: Disturbance | None = None
     seed: Annotated[int, Meta(ge=0)] = 0
     stop: Stop | None = None
     settle: Annotated[float, Meta(ge=0, description="s")] = 0.0

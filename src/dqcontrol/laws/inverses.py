@@ -195,7 +195,7 @@ def solve(matrix, y, preferred, inverse, work, out):
 
 
 @inlined
-def _hand_jacobian(position, twist_jacobian, out):
+def hand_jacobian(position, twist_jacobian, out):
     """Write the Jacobian (6 × n) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
     px, py, pz = position
     for c in range(twist_jacobian.shape[1]):
@@ -224,7 +224,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
     pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
     if inverse[0] == BY_MANIPULABILITY:
         matrix = work[0 : 6 * n].reshape(6, n)
-        _hand_jacobian((px, py, pz), twist_jacobian, matrix)
+        hand_jacobian((px, py, pz), twist_jacobian, matrix)
         return solve(matrix, hand_twist, preferred, inverse, work[6 * n :], out)
     for c in range(n):
         z = preferred[c]

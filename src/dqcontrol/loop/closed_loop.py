@@ -11,9 +11,10 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.compile import Kernel
-from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
+from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
@@ -38,6 +39,7 @@ class Trace:
     measured: Array
     command: Array
     stopped: str
+    disturbance: Array | None = None  # inertial twist, shape (done, 6)
 
 
 def close_loop(
@@ -46,6 +48,7 @@ def close_loop(
     samples: Array,
     stop: Stop | None = None,
     *,
+    disturbance: LiveDisturbance | None = None,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Trace:
@@ -61,6 +64,8 @@ def close_loop(
         Desired motion, one row a period, shape (N, 21), inertial frame.
     stop
         When to end early.
+    disturbance
+        From ``disturbance.start``; moves the joints before each step of the plant.
     interpreted
         True: step in Python even if all parts are compiled; the result is the same to the last bit.
     progress
@@ -76,6 +81,8 @@ def close_loop(
     ------
     ShapeError
         If law, plant and samples do not fit together.
+    Error
+        If there is a disturbance and the plant does not let it move the joints.
     """
     n = law.robot.configuration_size
     if np.shape(plant.q) != (n,):
@@ -85,10 +92,25 @@ def close_loop(
         raise ShapeError(f"samples: expected shape (N, {SAMPLE_SIZE}), got {samples.shape}")
     if isinstance(plant, CompiledPlant) and len(plant.noise) < len(samples):
         raise ShapeError(f"plant: was started for {len(plant.noise)} periods, got {len(samples)} samples")
+    if disturbance is not None:
+        check_disturbed(plant)
+        if len(disturbance.rows) < len(samples):
+            raise ShapeError(
+                f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
+            )
     compiled_plant = isinstance(plant, CompiledPlant) and isinstance(plant.kernel, Kernel)
     if compiled_plant and isinstance(law.kernel, Kernel) and not interpreted:
-        return _rollout(law, plant, samples, stop)
-    return _interpret(law, plant, samples, stop, progress)
+        return _rollout(law, plant, samples, stop, disturbance)
+    return _interpret(law, plant, samples, stop, disturbance, progress)
+
+
+def check_disturbed(plant: LivePlant) -> None:
+    """Raise an `Error` if a disturbance cannot move this plant's joints."""
+    if not isinstance(plant, CompiledPlant):
+        raise Error(
+            f"disturbance: cannot move the joints of {type(plant).__name__}, whose physics moves them; "
+            "use integrator, servo or own as plant"
+        )
 
 
 def _stop_array(stop: Stop | None) -> Array:
@@ -100,23 +122,38 @@ def _records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
     return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
 
 
-def _ended(done: int, samples: Array, records: tuple[Array, Array, Array], failure: str | None) -> Trace:
+def _ended(
+    done: int,
+    samples: Array,
+    records: tuple[Array, Array, Array],
+    realised: Array | None,
+    failure: str | None,
+) -> Trace:
     if failure is not None:
         stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
     else:
         stopped = "duration" if done == len(samples) else "settled"
     q, measured, command = (array[:done] for array in records)
-    return Trace(q, measured, command, stopped)
+    return Trace(q, measured, command, stopped, None if realised is None else realised[:done])
 
 
-def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop | None) -> Trace:
+def _rollout(
+    law: PreparedLaw,
+    plant: CompiledPlant,
+    samples: Array,
+    stop: Stop | None,
+    disturbance: LiveDisturbance | None,
+) -> Trace:
     records = _records(law, samples)
+    realised = np.zeros((len(samples) if disturbance else 1, 6))
+    acting = disturbance or no_disturbance()
     steps = np.zeros(10)
     status = compiled.rollout(
         kernels.kinematics.pointer,
         law.preference.pointer,
         law.kernel.pointer,
         law.limit.pointer,
+        acting.kernel.pointer,
         plant.kernel.pointer,
         compiled.settled.pointer,
         law.robot.chain,
@@ -127,6 +164,9 @@ def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop 
         law.work,
         law.kinematics.data,
         law.limit_parameters,
+        acting.rows,
+        acting.parameters,
+        acting.work,
         plant.parameters,
         plant.state,
         plant.noise,
@@ -135,6 +175,7 @@ def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop 
         samples,
         _stop_array(stop),
         *records,
+        realised,
         steps,
     )
     failure = None
@@ -145,7 +186,7 @@ def _rollout(law: PreparedLaw, plant: CompiledPlant, samples: Array, stop: Stop 
         failure = status_text(status - compiled.LAW_FAILED)
     elif status:
         failure = _LOST
-    return _ended(int(steps[0]), samples, records, failure)
+    return _ended(int(steps[0]), samples, records, realised if disturbance else None, failure)
 
 
 def _interpret(
@@ -153,10 +194,12 @@ def _interpret(
     plant: LivePlant,
     samples: Array,
     stop: Stop | None,
+    disturbance: LiveDisturbance | None,
     progress: Callable[[int, int], None] | None,
 ) -> Trace:
     records = _records(law, samples)
     q, measured, command = records
+    realised = np.zeros((len(samples), 6)) if disturbance else None
     state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
     done, failure = 0, None
     for k, row in enumerate(samples):
@@ -166,6 +209,8 @@ def _interpret(
             done = k + 1
             if stop and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
                 break
+            if disturbance is not None and realised is not None:
+                disturbance.step(law.robot.chain, k, plant.q, realised[k])
             plant.step(command[k])
         except DivergedError as error:
             done, failure = k, str(error)
@@ -177,4 +222,4 @@ def _interpret(
             break
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))
-    return _ended(done, samples, records, failure)
+    return _ended(done, samples, records, realised, failure)

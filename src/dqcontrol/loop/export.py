@@ -13,6 +13,7 @@ column                                holds
 ``desired.pw`` … ``desired.dz``       desired pose
 ``desired_twist.wx`` … ``.vz``        ω + ε(ṗ + p × ω), rad/s and m/s, inertial frame
 ``desired_twist_rate.wx`` … ``.vz``   its derivative, rad/s² and m/s²
+``disturbance.wx`` … ``.vz``          twist of a disturbance, if there was one, as the desired twist
 ``error``                             |1 − x* x_d|
 ``position_error``                    m
 ``orientation_error``                 rad
@@ -99,6 +100,9 @@ def signals(
     joints = _units("joint_units", joint_units, record.joint_names)
     inputs = tuple(f"{unit}/s" for unit in _units("input_units", input_units, record.input_names))
     twist, rate = ("rad/s",) * 3 + ("m/s",) * 3, ("rad/s²",) * 3 + ("m/s²",) * 3
+    disturbed = (
+        () if record.disturbance is None else (Signal("disturbance", _TWIST, twist, record.disturbance),)
+    )
     return (
         Signal("time", (), ("s",), record.time[:, None]),
         Signal("q", record.joint_names, joints, record.q),
@@ -108,6 +112,7 @@ def signals(
         Signal("desired", DUAL_QUATERNION, _POSE_UNITS, record.desired_pose),
         Signal("desired_twist", _TWIST, twist, record.desired[:, TWIST]),
         Signal("desired_twist_rate", _TWIST, rate, record.desired[:, TWIST_RATE]),
+        *disturbed,
         Signal("error", (), ("",), record.error[:, None]),
         Signal("position_error", (), ("m",), record.position_error[:, None]),
         Signal("orientation_error", (), ("rad",), record.orientation_error[:, None]),

@@ -10,6 +10,8 @@ topic                           type                          holds
 ``/hand/desired``               geometry_msgs/PoseStamped     desired pose
 ``/hand/desired_twist``         geometry_msgs/TwistStamped    desired ṗ and ω, inertial frame
 ``/hand/desired_acceleration``  geometry_msgs/AccelStamped    desired p̈ and ω̇, inertial frame
+``/disturbance``                geometry_msgs/TwistStamped    inertial twist of a disturbance, if there was one:
+                                                              ω, and velocity of the point at the origin
 ``/error``                      std_msgs/Float64              |1 − x* x_d|
 ``/dqcontrol/sample``           std_msgs/Float64MultiArray    exact time, pose (8), reference sample (21)
 ==============================  ============================  ===============================================
@@ -42,10 +44,11 @@ T = TypeVar("T")
 FORMAT = "1"
 _METADATA = "dqcontrol"
 _FRAME = "world"
-_STATES, _MEASURED, _COMMAND, _SAMPLE = (
+_STATES, _MEASURED, _COMMAND, _DISTURBANCE, _SAMPLE = (
     "/joint_states",
     "/measured_joint_states",
     "/joint_command",
+    "/disturbance",
     "/dqcontrol/sample",
 )
 
@@ -57,6 +60,7 @@ _TOPICS = {
     "/hand/desired": "geometry_msgs/PoseStamped",
     "/hand/desired_twist": "geometry_msgs/TwistStamped",
     "/hand/desired_acceleration": "geometry_msgs/AccelStamped",
+    _DISTURBANCE: "geometry_msgs/TwistStamped",
     "/error": "std_msgs/Float64",
     _SAMPLE: "std_msgs/Float64MultiArray",
 }
@@ -156,13 +160,14 @@ def _write(stream: Any, record: Record, spec: str) -> None:
         }
         first = min(0.0, float(record.time[0]))  # MCAP has no negative times
         columns = _columns(record)
+        topics = {topic: kind for topic, kind in _TOPICS.items() if topic in columns}
         for k, time in enumerate(record.time.tolist()):
             stamp = round((time - first) * 1e9)
             header = {
                 "stamp": dict(zip(("sec", "nanosec"), divmod(stamp, 10**9), strict=True)),
                 "frame_id": _FRAME,
             }
-            for topic, kind in _TOPICS.items():
+            for topic, kind in topics.items():
                 message = columns[topic](k)
                 message["header"] = header
                 writer.write_message(topic, schemas[kind], message, log_time=stamp, sequence=k)
@@ -182,7 +187,7 @@ def _columns(record: Record) -> dict[str, Callable[[int], dict[str, Any]]]:
     accel = _vectors(acceleration, record.desired[:, TWIST_RATE][:, :3])
     pose, desired = _poses(record.position, record.pose), _poses(record.desired_position, record.desired_pose)
     error = record.error.tolist()
-    return {
+    columns: dict[str, Callable[[int], dict[str, Any]]] = {
         _STATES: lambda k: {"name": joints, "position": q[k], "velocity": speeds[k]},
         _MEASURED: lambda k: {"name": joints, "position": measured[k]},
         _COMMAND: lambda k: {"name": inputs, "velocity": command[k]},
@@ -193,6 +198,10 @@ def _columns(record: Record) -> dict[str, Callable[[int], dict[str, Any]]]:
         "/error": lambda k: {"data": error[k]},
         _SAMPLE: lambda k: {"layout": layout, "data": sample[k]},
     }
+    if record.disturbance is not None:
+        pushes = _vectors(record.disturbance[:, 3:], record.disturbance[:, :3])
+        columns[_DISTURBANCE] = lambda k: {"twist": pushes[k]}
+    return columns
 
 
 def _hand_motion(record: Record) -> tuple[Array, Array]:
@@ -253,12 +262,19 @@ def _record(reader: Any) -> Record:
     metadata = _metadata(reader)
     fields = {_STATES: "position", _MEASURED: "position", _COMMAND: "velocity", _SAMPLE: "data"}
     rows: dict[str, list[Any]] = {topic: [] for topic in fields}
-    for _, channel, _, message in reader.iter_decoded_messages(list(fields), log_time_order=False):
-        rows[channel.topic].append(getattr(message, fields[channel.topic]))
+    pushes: list[list[float]] = []
+    for _, channel, _, message in reader.iter_decoded_messages([*fields, _DISTURBANCE], log_time_order=False):
+        if channel.topic == _DISTURBANCE:
+            angular, linear = message.twist.angular, message.twist.linear
+            pushes.append([angular.x, angular.y, angular.z, linear.x, linear.y, linear.z])
+        else:
+            rows[channel.topic].append(getattr(message, fields[channel.topic]))
     count = int(metadata["samples"])
     for topic, values in rows.items():
         if len(values) != count:
             raise FileFormatError(f"{topic}: expected {count} messages, got {len(values)}")
+    if len(pushes) not in (0, count):
+        raise FileFormatError(f"{_DISTURBANCE}: expected {count} messages, got {len(pushes)}")
     q, measured, command, sample = (
         np.array(rows[topic], dtype=np.float64).reshape(count, -1) for topic in fields
     )
@@ -272,4 +288,5 @@ def _record(reader: Any) -> Record:
         joint_names=tuple(json.loads(metadata["joint_names"])),
         input_names=tuple(json.loads(metadata["input_names"])),
         stopped=metadata["stopped"],
+        disturbance=np.array(pushes) if pushes else None,
     )

@@ -43,6 +43,9 @@ class Record:
         m names of the inputs; the joints' names if omitted.
     stopped
         Why the run ended: ``"duration"``, ``"settled"``, ``"diverged: …"``.
+    disturbance
+        Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
+        m/s, inertial frame; None if there was none.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class Record:
     joint_names: tuple[str, ...]
     input_names: tuple[str, ...] = ()
     stopped: str = field(default="duration", kw_only=True)
+    disturbance: Array | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         time = _frozen("time", self.time, (None,))
@@ -86,6 +90,8 @@ class Record:
             "pose": _frozen("pose", self.pose, (count, 8)),
             "desired": _frozen("desired", self.desired, (count, SAMPLE_SIZE)),
         }
+        if self.disturbance is not None:
+            arrays["disturbance"] = _frozen("disturbance", self.disturbance, (count, 6))
         if not count:
             raise ShapeError("time: a record needs at least one sample, got none")
         if not np.isfinite(time).all() or not (np.diff(time) > 0).all():

@@ -9,6 +9,7 @@ from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel, ty
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
+from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kernels import CHAIN
 
@@ -20,6 +21,7 @@ ROLLOUT = STATUS(
     types.FunctionType(PREFERENCE),
     types.FunctionType(LAW),
     types.FunctionType(LIMIT),
+    types.FunctionType(DISTURBANCE),
     types.FunctionType(PLANT),
     types.FunctionType(SETTLED),
     READ2,  # chain
@@ -30,6 +32,9 @@ ROLLOUT = STATUS(
     WRITE,  # law work
     WRITE,  # kinematics buffer
     READ,  # limit parameters
+    READ2,  # disturbance
+    READ,  # disturbance parameters
+    WRITE,  # disturbance work
     READ,  # plant parameters
     WRITE,  # plant state
     READ2,  # plant noise
@@ -40,6 +45,7 @@ ROLLOUT = STATUS(
     WRITE2,  # record of q
     WRITE2,  # record of measured
     WRITE2,  # record of commands
+    WRITE2,  # record of disturbances, at least one row
     WRITE,  # steps done, then the count of `settled` and its scratch (1 + 9)
 )
 
@@ -63,6 +69,7 @@ def rollout(
     preference,
     law,
     limit,
+    disturb,
     plant,
     settled_at,
     chain,
@@ -73,6 +80,9 @@ def rollout(
     work,
     buffer,
     limit_parameters,
+    disturbance,
+    disturbance_parameters,
+    disturbance_work,
     plant_parameters,
     plant_state,
     noise,
@@ -83,6 +93,7 @@ def rollout(
     q_record,
     measured_record,
     command_record,
+    disturbance_record,
     steps,
 ):
     """Run the loop until the samples end, the error has settled or something fails."""
@@ -93,6 +104,8 @@ def rollout(
     twist_jacobian = buffer[8 + 8 * m : 8 + 14 * m].reshape(6, m)
     preferred = work[0:m]
     last = law_parameters.shape[0] - 1
+    last_disturbance = disturbance.shape[0] - 1
+    last_realised = disturbance_record.shape[0] - 1
     for k in range(samples.shape[0]):
         for i in range(n):
             q_record[k, i] = q[i]
@@ -118,6 +131,17 @@ def rollout(
         steps[0] = k + 1.0
         if stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
             return OK
+        status = disturb(
+            kinematics,
+            chain,
+            disturbance[min(k, last_disturbance)],
+            disturbance_parameters,
+            disturbance_work,
+            q,
+            disturbance_record[min(k, last_realised)],
+        )
+        if status != OK:
+            return PLANT_FAILED + status
         status = plant(command_record[k], plant_parameters, noise[k], plant_state, q, measured)
         if status != OK:
             return PLANT_FAILED + status

@@ -12,6 +12,7 @@ from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import Stop, close_loop
 from dqcontrol.loop.record import Record
+from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant
 from dqcontrol.references import Reference
 from dqcontrol.robots.serial_arm import SerialArm
@@ -30,6 +31,7 @@ def simulate(
     *,
     limits: CommandLimits | None = None,
     stop: Stop | None = None,
+    disturbance: Disturbance | None = None,
     seed: int = 0,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -54,8 +56,10 @@ def simulate(
         What is done to commands before they leave.
     stop
         When to end early.
+    disturbance
+        What moves the hand beside the commands; not for physics.
     seed
-        Of the plant's noise.
+        Of the plant's noise and the disturbance.
     interpreted
         True: step in Python even if all parts are compiled; the result is the same to the last bit.
     progress
@@ -89,6 +93,7 @@ def simulate(
         plant.start(robot, q0, period, len(samples), seed),
         samples,
         stop,
+        disturbance=disturbance and disturbance.start(robot, period, len(samples), seed),
         interpreted=interpreted,
         progress=progress,
     )
@@ -104,6 +109,7 @@ def simulate(
         desired=done,
         joint_names=robot.joint_names,
         stopped=trace.stopped,
+        disturbance=trace.disturbance,
     )
 
 

@@ -1,9 +1,29 @@
-"""Plants: what moves when a law commands it."""
+"""Plants: what moves when a law commands it, and what disturbs it."""
 
+from dqcontrol.plants.disturbance import (
+    BandLimitedTwist,
+    ConstantTwist,
+    Disturbance,
+    SinusoidalTwist,
+    WorstCase,
+)
 from dqcontrol.plants.integrator import Integrator
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
 from dqcontrol.plants.servo import Servo
 
-__all__ = ["CompiledPlant", "Integrator", "LivePlant", "MujocoPlant", "OwnPlant", "Plant", "Servo"]
+__all__ = [
+    "BandLimitedTwist",
+    "CompiledPlant",
+    "ConstantTwist",
+    "Disturbance",
+    "Integrator",
+    "LivePlant",
+    "MujocoPlant",
+    "OwnPlant",
+    "Plant",
+    "Servo",
+    "SinusoidalTwist",
+    "WorstCase",
+]

@@ -1,0 +1,281 @@
+"""Disturbances of the hand: twists that nobody commanded. [P16 3.15–3.17]"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
+from dqcontrol.robots.serial_arm import SerialArm
+
+Array = NDArray[np.float64]
+
+Three = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
+
+LINES = 64  # sines that a band-limited disturbance is made of
+_CHUNK = 4096  # times at once
+
+
+class Source(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """A twist over time."""
+
+    def values(self, times: Array, seed: list[int]) -> Array:
+        """Return the twist at each time, shape (N, 6); the seed draws all chance."""
+        raise NotImplementedError
+
+    def highest_frequency(self) -> tuple[str, float]:
+        """Return the name of the parameter that limits the frequencies, and the limit in Hz."""
+        return "", 0.0
+
+
+class ConstantTwist(Source, frozen=True, kw_only=True, tag="constant"):
+    """The same twist all the time.
+
+    Parameters
+    ----------
+    value
+        [ω ; v], rad/s and m/s.
+    """
+
+    value: Annotated[Six, Meta(description="[ω ; v], rad/s and m/s")]
+
+    def __post_init__(self) -> None:
+        _numbers("disturbance.value", self.value, 6)
+
+    def values(self, times: Array, seed: list[int]) -> Array:
+        """Return the twist at each time, shape (N, 6)."""
+        return np.tile(np.asarray(self.value, dtype=np.float64), (len(times), 1))
+
+
+class SinusoidalTwist(Source, frozen=True, kw_only=True, tag="sinusoidal"):
+    """amplitude · sin(2π frequency t + phase).
+
+    Parameters
+    ----------
+    amplitude
+        [ω ; v], rad/s and m/s.
+    frequency
+        Hz, below half the sampling rate.
+    phase
+        rad.
+    """
+
+    amplitude: Annotated[Six, Meta(description="[ω ; v], rad/s and m/s")]
+    frequency: Annotated[float, Meta(gt=0, description="Hz")]
+    phase: Annotated[float, Meta(description="rad")] = 0.0
+
+    def __post_init__(self) -> None:
+        _numbers("disturbance.amplitude", self.amplitude, 6)
+        as_positive("disturbance.frequency", self.frequency)
+        as_array("disturbance.phase", self.phase, ())
+
+    def values(self, times: Array, seed: list[int]) -> Array:
+        """Return the twist at each time, shape (N, 6)."""
+        wave = np.sin(2 * math.pi * self.frequency * times + self.phase)
+        return wave[:, None] * np.asarray(self.amplitude, dtype=np.float64)
+
+    def highest_frequency(self) -> tuple[str, float]:
+        """Return the frequency."""
+        return "frequency", self.frequency
+
+
+class BandLimitedTwist(Source, frozen=True, kw_only=True, tag="band-limited"):
+    """Noise with a flat spectrum up to the bandwidth, and nothing above.
+
+    Each of the six numbers is a sum of 64 sines of equal amplitude, with random phases and one random frequency in each
+    64th of the band. So it is a function of time that does not depend on the control period, nearly normally
+    distributed, and never beyond √128 times its RMS. The RMS is that of a run of many periods of the band,
+    64 / bandwidth or more.
+
+    Parameters
+    ----------
+    rms
+        Of each of [ω ; v], rad/s and m/s.
+    bandwidth
+        Hz, below half the sampling rate.
+    seed
+        Another one gives another course with the same seed of the run.
+    """
+
+    rms: Annotated[Six, Meta(description="of each of [ω ; v], rad/s and m/s")]
+    bandwidth: Annotated[float, Meta(gt=0, description="Hz")]
+    seed: Annotated[int, Meta(ge=0)] = 0
+
+    def __post_init__(self) -> None:
+        if (_numbers("disturbance.rms", self.rms, 6) < 0).any():
+            raise ValueRangeError(f"disturbance.rms: must be ≥ 0, got {self.rms}")
+        as_positive("disturbance.bandwidth", self.bandwidth)
+        as_positive("disturbance.seed", self.seed, zero_allowed=True)
+
+    def values(self, times: Array, seed: list[int]) -> Array:
+        """Return the twist at each time, shape (N, 6)."""
+        rng = np.random.default_rng([*seed, self.seed])
+        frequency = self.bandwidth * (np.arange(LINES) + rng.random((6, LINES))) / LINES
+        phase = 2 * math.pi * rng.random((6, LINES))
+        amplitude = math.sqrt(2 / LINES) * np.asarray(self.rms, dtype=np.float64)
+        out = np.empty((len(times), 6))
+        for first in range(0, len(times), _CHUNK):
+            angle = 2 * math.pi * frequency * times[first : first + _CHUNK, None, None] + phase
+            out[first : first + _CHUNK] = amplitude * np.sin(angle).sum(axis=2)
+        return out
+
+    def highest_frequency(self) -> tuple[str, float]:
+        """Return the bandwidth."""
+        return "bandwidth", self.bandwidth
+
+
+AnySource = ConstantTwist | SinusoidalTwist | BandLimitedTwist
+
+
+class WorstCase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The constant translation against which the H∞ guarantee on the position is tight. [P16 3.26, corrected]
+
+    A law with |T|² ≤ γ_w²|v_w|² + γ_c²|v_c|² needs the gain k_T = √(γ_w⁻² + γ_c⁻²) at least. Both sides are equal, with
+    |T| = level / k_T, where twist and pose source push in one direction with speeds that are as γ_w⁻² to γ_c⁻².
+
+    Parameters
+    ----------
+    level
+        |v_w| + |v_c|, m/s.
+    direction
+        Inertial axes; its length does not matter.
+    gammas
+        γ_w and γ_c, s.
+
+    Examples
+    --------
+    >>> case = WorstCase(level=0.05, direction=(0, 0, 1), gammas=(1.0, 2.0))
+    >>> case.shares()
+    (0.04, 0.01)
+    """
+
+    level: Annotated[float, Meta(gt=0, description="m/s")]
+    direction: Annotated[Three, Meta(description="inertial axes")]
+    gammas: Annotated[
+        tuple[Annotated[float, Meta(gt=0)], Annotated[float, Meta(gt=0)]], Meta(description="γ_w and γ_c, s")
+    ]
+
+    def __post_init__(self) -> None:
+        as_positive("disturbance.worst_case.level", self.level)
+        if not _numbers("disturbance.worst_case.direction", self.direction, 3).any():
+            raise ValueRangeError("disturbance.worst_case.direction: must not be zero")
+        if (_numbers("disturbance.worst_case.gammas", self.gammas, 2) <= 0).any():
+            raise ValueRangeError(f"disturbance.worst_case.gammas: must be > 0, got {self.gammas}")
+
+    def shares(self) -> tuple[float, float]:
+        """Return the speeds |v_w| and |v_c|, m/s."""
+        twist, pose = (gamma**-2 for gamma in self.gammas)
+        return self.level * twist / (twist + pose), self.level * pose / (twist + pose)
+
+    def bound(self) -> float:
+        """Return √(γ_w²|v_w|² + γ_c²|v_c|²), the guaranteed |T|, m."""
+        return math.hypot(*(gamma * share for gamma, share in zip(self.gammas, self.shares(), strict=True)))
+
+
+class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What moves the hand beside the command: ẋ = ½(J_w q̇ + v_w + v_c) x, v_c = Ad(x)(2 c*ċ). [P16 3.15–3.17]
+
+    ``twist`` is v_w, a twist of all that carries the hand. ``pose`` is a real hand x = x_E c(t) that wanders from where
+    the joints say it is, given as the twist 2 c*ċ of c in the hand's axes.
+
+    Both are realised through the joints: before the plant steps, q moves by T J_h⁺[ω ; ṗ], the smallest move that gives
+    the hand this twist (to first order in T), so that laws and metrics see it as any other motion. With ideal joints
+    the hand drifts with the sum of command and disturbance. A servo pulls its joints back to their targets and gives
+    way by about its time constant times the disturbance. Near singularities, and for arms of fewer than six joints,
+    the hand gets the part that the joints can make; the record holds what it got.
+
+    Each value is held from its sample to the next.
+
+    Parameters
+    ----------
+    twist
+        v_w = ω + ε(ṗ + p × ω), inertial axes: the last three numbers are the velocity (m/s) of the point at the
+        inertial *origin*. Without rotation that is the hand's; with it, the hand's is v − p × ω.
+    pose
+        [ω ; v], rad/s and m/s: rotation about the hand's own point and velocity of that point, both in the hand's axes.
+    worst_case
+        Both sources at once, in place of the two above.
+
+    Raises
+    ------
+    ShapeError
+        If there is none of them, or a worst case beside others.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> wind = Disturbance(twist=ConstantTwist(value=(0, 0, 0, 0.01, 0, 0)))
+    >>> wind.samples(np.array([0.0, 0.1]), seed=0)[1, :6].tolist()
+    [0.0, 0.0, 0.0, 0.01, 0.0, 0.0]
+    """
+
+    twist: AnySource | None = None
+    pose: AnySource | None = None
+    worst_case: WorstCase | None = None
+
+    def __post_init__(self) -> None:
+        if self.twist is None and self.pose is None and self.worst_case is None:
+            raise ShapeError("disturbance: give 'twist', 'pose' or 'worst_case'")
+        if self.worst_case is not None and (self.twist is not None or self.pose is not None):
+            raise ShapeError("disturbance: 'worst_case' holds both sources; give it alone")
+
+    def samples(self, times: ArrayLike, seed: int = 0) -> Array:
+        """Return what acts at each time, shape (N, 12): inertial twist, then twist in the hand's axes.
+
+        Parameters
+        ----------
+        times
+            Shape (N,), s.
+        seed
+            Of the run.
+        """
+        times = as_array("times", times, (None,))
+        if times.ndim != 1:
+            raise ShapeError(f"times: expected shape (N,), got {times.shape}")
+        rows = np.zeros((len(times), ROW))
+        for i, source in enumerate((self.twist, self.pose)):
+            if source is not None:
+                rows[:, 6 * i : 6 * i + 6] = source.values(times, [seed, 1 + i])
+        if self.worst_case is not None:
+            direction = np.array(self.worst_case.direction, dtype=np.float64)
+            rows[:, 3:6] = self.worst_case.level * direction / np.linalg.norm(direction)
+        return rows
+
+    def start(self, robot: SerialArm, dt: float, steps: int, seed: int) -> LiveDisturbance:
+        """Return the disturbance of a number of periods dt (s); the seed draws all its chance.
+
+        Raises
+        ------
+        ValueRangeError
+            If a frequency reaches half the sampling rate, where samples no longer show it.
+        ShapeError
+            If the robot's inputs are not the rates of its configuration.
+        """
+        dt = as_positive("dt", dt)
+        if robot.configuration_size != robot.input_size:
+            raise ShapeError(
+                f"disturbance: needs a robot with as many inputs as configuration variables, "
+                f"got {robot.input_size} and {robot.configuration_size}"
+            )
+        for name, source in (("twist", self.twist), ("pose", self.pose)):
+            field, frequency = source.highest_frequency() if source is not None else ("", 0.0)
+            if frequency >= 0.5 / dt:
+                raise ValueRangeError(
+                    f"disturbance.{name}.{field}: must be below half the sampling rate, {0.5 / dt:g} Hz, "
+                    f"got {frequency:g}"
+                )
+        rows = self.samples(dt * np.arange(steps), seed)
+        return LiveDisturbance(disturb, rows, dt, robot.configuration_size)
+
+
+def _numbers(field: str, value: ArrayLike, count: int) -> Array:
+    array = as_array(field, value)
+    if array.shape != (count,):
+        raise ShapeError(f"{field}: expected {count} numbers, got shape {array.shape}")
+    return array

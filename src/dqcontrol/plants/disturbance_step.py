@@ -1,0 +1,115 @@
+"""How a disturbance moves a robot: through its joints, before the plant's own step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel, types
+from dqcontrol.errors import DivergedError
+from dqcontrol.laws.inverses import (
+    ELSEWHERE,
+    FilteredInverse,
+    hand_jacobian,
+    solve,
+    solve_hand_twist,
+    work_size,
+)
+from dqcontrol.robots import kernels
+from dqcontrol.robots.kernels import CHAIN
+
+Array = NDArray[np.float64]
+
+ROW = 12  # of a disturbance: inertial twist, then twist of the hand in its own axes
+
+# kinematics, chain, row, parameters, work, q, realised inertial twist
+DISTURBANCE = STATUS(types.FunctionType(CHAIN), READ2, READ, READ, WRITE, WRITE, WRITE)
+
+
+@kernel(DISTURBANCE)
+def undisturbed(kinematics, chain, row, parameters, work, q, realised):
+    """Leave the joints as they are."""
+    return OK
+
+
+@inlined
+def _rotated(w, x, y, z, a, b, c):
+    """Rotate the vector (a, b, c) by a unit quaternion."""
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+@kernel(DISTURBANCE)
+def disturb(kinematics, chain, row, parameters, work, q, realised):
+    """Move q by T J_h⁺ t with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
+    n = q.shape[0]
+    buffer = work[0 : 8 + 14 * n]
+    matrix = work[8 + 14 * n : 8 + 20 * n].reshape(6, n)
+    velocity = work[8 + 20 * n : 8 + 21 * n]
+    none = work[8 + 21 * n : 8 + 22 * n]
+    hand = work[8 + 22 * n : 14 + 22 * n]
+    rest = work[14 + 22 * n :]
+    status = kinematics(chain, q, buffer)
+    if status != OK:
+        return status
+    twist_jacobian = buffer[8 + 8 * n : 8 + 14 * n].reshape(6, n)
+    w, x, y, z = buffer[0], buffer[1], buffer[2], buffer[3]
+    dw, dx, dy, dz = buffer[4], buffer[5], buffer[6], buffer[7]
+    px = 2.0 * (-dw * x + dx * w - dy * z + dz * y)
+    py = 2.0 * (-dw * y + dx * z + dy * w - dz * x)
+    pz = 2.0 * (-dw * z - dx * y + dy * x + dz * w)
+    ax, ay, az = _rotated(w, x, y, z, row[6], row[7], row[8])
+    vx, vy, vz = _rotated(w, x, y, z, row[9], row[10], row[11])
+    hand[0], hand[1], hand[2] = row[0] + ax, row[1] + ay, row[2] + az
+    hand[3] = row[3] - (py * row[2] - pz * row[1]) + vx
+    hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
+    hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
+    inverse = parameters[1:4]
+    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, none, 1.0, inverse, rest, velocity)
+    if status == ELSEWHERE:
+        hand_jacobian((px, py, pz), twist_jacobian, matrix)
+        status = solve(matrix, hand, none, inverse, rest, velocity)
+    if status != OK:
+        return status
+    for i in range(6):
+        realised[i] = 0.0
+        for k in range(n):
+            realised[i] += twist_jacobian[i, k] * velocity[k]
+    for i in range(n):
+        q[i] += parameters[0] * velocity[i]
+    return OK
+
+
+class LiveDisturbance:
+    """A disturbance at work on one robot; made by `Disturbance.start`.
+
+    Attributes
+    ----------
+    kernel
+        Compiled function of signature `DISTURBANCE`.
+    rows
+        One a period, or one for all, shape (N, 12): inertial twist, then twist of the hand in its own axes.
+    """
+
+    def __init__(self, kernel: Kernel, rows: Array, dt: float, joints: int) -> None:
+        self.kernel = kernel
+        self.rows = np.ascontiguousarray(rows)
+        self.parameters = np.array([dt, *FilteredInverse().parameters()])
+        self.work = np.zeros(14 + 22 * joints + work_size())
+
+    def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
+        """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).
+
+        Raises
+        ------
+        DivergedError
+            If q is not finite.
+        """
+        row = self.rows[min(k, len(self.rows) - 1)]
+        if self.kernel(kernels.kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
+            raise DivergedError("the plant left the finite numbers")
+
+
+def no_disturbance() -> LiveDisturbance:
+    """Return what leaves all joints as they are."""
+    return LiveDisturbance(undisturbed, np.zeros((1, ROW)), 0.0, 0)
