@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,6 +57,17 @@ class InterpretedWarning(UserWarning):
     """A user's own function does not compile and is interpreted."""
 
 
+@contextmanager
+def naming(place: str) -> Iterator[None]:
+    """Put a place before the message of any of our errors raised inside, unless the message names a file already."""
+    try:
+        yield
+    except FileFormatError:
+        raise
+    except Error as error:
+        raise type(error)(f"{place}: {error}") from None
+
+
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest allowed name, or an empty string."""
     near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
@@ -70,7 +82,9 @@ def unknown_name(field: str, name: str, allowed: Iterable[str]) -> UnknownNameEr
     )
 
 
-def as_array(field: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None) -> NDArray[np.float64]:
+def as_array(
+    field: str, value: ArrayLike, shape: tuple[int | None, ...] | None = None
+) -> NDArray[np.float64]:
     """Return a finite float64 array, checked against a trailing shape.
 
     Parameters

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.reach import check_reach
@@ -157,6 +157,13 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
         If something is missing, malformed, does not fit or is out of reach.
     """
     spec, folder = read_spec(source)
+    if isinstance(source, dict):
+        return _prepare(spec, folder)
+    with naming(str(source)):
+        return _prepare(spec, folder)
+
+
+def _prepare(spec: Spec, folder: Path) -> Setting:
     chosen = spec.robot if isinstance(spec.robot, RobotSpec) else RobotSpec(source=spec.robot)
     near = folder / chosen.source
     robot = load_robot(near if near.is_file() else chosen.source, chosen.base_link, chosen.tip_link)
@@ -171,12 +178,14 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
     reference = spec.reference.build(robot.fkm(start), folder)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
     check_reach(robot, start, samples)
-    for law in spec.law_by_label.values():
-        law.prepare(robot, reference, spec.period, spec.limits)
-    for plant in spec.plant_by_label.values():
-        live = plant.start(robot, start, spec.period, 1, spec.seed)
-        if spec.disturbance is not None:
-            check_disturbed(live)
+    for label, law in spec.law_by_label.items():
+        with naming(f"law {label}"):
+            law.prepare(robot, reference, spec.period, spec.limits)
+    for label, plant in spec.plant_by_label.items():
+        with naming(f"plant {label}"):
+            live = plant.start(robot, start, spec.period, 1, spec.seed)
+            if spec.disturbance is not None:
+                check_disturbed(live)
     if spec.disturbance is not None:
         spec.disturbance.start(robot, spec.period, 1, spec.seed)
     return Setting(spec, folder, robot, start, reference, samples)

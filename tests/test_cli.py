@@ -1,0 +1,174 @@
+"""The command line as a person uses it: results where they are said to be, mistakes in one line with exit code 2."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dqcontrol import cli
+
+SPEC = {
+    "name": "tiny",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.01,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 1.0},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "integrator"},
+}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))
+    return tmp_path
+
+
+def call(*arguments, capsys):
+    """Run the command line and return its exit code and what it printed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["dqcontrol", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as end:
+            code = end.code or 0
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_run_writes_a_folder_and_prints_the_table(here, capsys):
+    code, out, _ = call("run", "spec.yaml", capsys=capsys)
+    assert code == 0
+    assert "proportional · integrator" in out
+    assert "results: results/tiny" in out
+    names = {path.name for path in (here / "results/tiny").iterdir()}
+    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html", "path.png"} <= names
+
+
+def test_results_are_never_overwritten_unasked(here, capsys):
+    assert call("run", "spec.yaml", "--out", "out", capsys=capsys)[0] == 0
+    before = (here / "out/metrics.json").stat().st_mtime_ns
+    code, _, err = call("run", "spec.yaml", "--out", "out", capsys=capsys)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "out: exists" in err
+    assert "--force" in err
+    assert (here / "out/metrics.json").stat().st_mtime_ns == before
+    assert call("run", "spec.yaml", "--out", "out", "--force", capsys=capsys)[0] == 0
+    assert (here / "out/metrics.json").stat().st_mtime_ns != before
+    (here / "precious").mkdir()
+    (here / "precious/thesis.tex").write_text("years of work")
+    code, _, err = call("run", "spec.yaml", "--out", "precious", "--force", capsys=capsys)
+    assert code == 2
+    assert "never replaced" in err
+    assert (here / "precious/thesis.tex").read_text() == "years of work"
+
+
+def test_a_study_and_its_comparison(here, capsys):
+    spec = {key: value for key, value in SPEC.items() if key != "law"}
+    spec["laws"] = {
+        "K": SPEC["law"],
+        "K+FF": {"kind": "proportional-feedforward", "gain": 5},
+    }
+    (here / "study.yaml").write_text(yaml.safe_dump(spec))
+    assert call("run", "study.yaml", "--out", "study", capsys=capsys)[0] == 0
+    assert {"K-integrator", "K+FF-integrator", "table.md", "table.csv", "paths.png", "errors.png"} <= {
+        path.name for path in (here / "study").iterdir()
+    }
+    code, out, _ = call(
+        "compare", "study/K-integrator", "study/K+FF-integrator", "--out", "both", capsys=capsys
+    )
+    assert code == 0
+    assert "K+FF-integrator" in out
+    assert (here / "both/paths.png").stat().st_size > 10_000
+    rerun = call("run", "study/K-integrator/spec.yaml", "--out", "again", capsys=capsys)
+    assert rerun[0] == 0
+    assert (here / "again/metrics.json").read_text() == (here / "study/K-integrator/metrics.json").read_text()
+
+
+def test_robots(here, capsys):
+    code, out, _ = call("robots", capsys=capsys)
+    assert code == 0
+    assert {"iiwa7", "meka-a2", "ax18"} <= set(re.findall(r"[\w-]+", out))
+    code, out, _ = call("robots", "show", "iiwa7", capsys=capsys)
+    assert code == 0
+    assert "reach 0.926 m" in out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"robot": "iwa7"}, r"robot: unknown name 'iwa7'; did you mean 'iiwa7'"),
+        ({"law": {"kind": "proportionl", "gain": 1}}, r"spec.yaml: law\.?.*proportionl"),
+        (
+            {"law": {"kind": "proportional", "gian": 1}},
+            r"spec.yaml: law: unknown key 'gian'; did you mean 'gain'",
+        ),
+        ({"law": {"kind": "proportional", "gain": 0}}, r"gain: must be > 0"),
+        ({"law": {"kind": "proportional", "gain": float("nan")}}, r"spec.yaml: law.gain: must be finite"),
+        ({"start": [0, 1]}, r"start: expected shape \(…, 7\), got shape \(2,\)"),
+        ({"start": [0, 9, 0, 0, 0, 0, 0]}, r"start: joint_2 is 9, outside its limits"),
+        ({"perod": 1}, r"spec.yaml: unknown key 'perod'; did you mean 'period'"),
+        ({"period": "fast"}, r"spec.yaml: period: expected"),
+        (
+            {"reference": {"kind": "circle", "radius": 3, "duration": 10}},
+            r"t = .* s .* m out of reach of iiwa7",
+        ),
+        ({"reference": {"kind": "drawing", "file": "none.txt"}}, r"none.txt: no such file"),
+    ],
+)
+def test_mistakes_in_a_spec(here, capsys, change, message):
+    (here / "spec.yaml").write_text(yaml.safe_dump({**SPEC, **change}))
+    code, out, err = call("run", "spec.yaml", capsys=capsys)
+    assert code == 2
+    assert err.startswith("dqcontrol: ")
+    assert err.count("\n") == 1
+    assert re.search(message, err), err
+    assert not out
+    assert not (here / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("spec.yaml", "name: [unclosed", r"spec.yaml:\d: "),
+        ("spec.yaml", "", "spec.yaml: is empty"),
+        ("spec.yaml", "name: a\nname: b\n", "spec.yaml:2: key 'name' appears twice"),
+    ],
+)
+def test_malformed_files(here, capsys, name, text, message):
+    (here / name).write_text(text)
+    code, _, err = call("run", name, capsys=capsys)
+    assert (code, err.count("\n")) == (2, 1)
+    assert re.search(message, err), err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run"], "SPEC"),
+        (["run", "missing.yaml"], "missing.yaml: cannot be read"),
+        (["compare"], "give at least one folder"),
+        (["compare", "nowhere"], "nowhere: is no folder of a run"),
+        (["robots", "show", "iwa7"], "did you mean 'iiwa7'"),
+        (["robots", "show", "bad.urdf"], "bad.urdf"),
+        (["rn", "spec.yaml"], "rn"),
+        (["run", "spec.yaml", "--frce"], "frce"),
+    ],
+)
+def test_mistakes_on_the_command_line(here, capsys, arguments, message):
+    (here / "bad.urdf").write_text('<!DOCTYPE robot [<!ENTITY a "b">]><robot name="x"/>')
+    code, _, err = call(*arguments, capsys=capsys)
+    assert (code, err.count("\n")) == (2, 1)
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_installed_command_reports_its_version():
+    command = Path(sys.executable).parent / "dqcontrol"
+    out = subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", out)

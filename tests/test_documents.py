@@ -1,0 +1,114 @@
+"""The README and the documents say what is true: their Python runs, their commands exist, their table is the demo's."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dqcontrol import experiments
+
+ROOT = Path(__file__).parent.parent
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+RUN_HERE = ("README.md", "experiments.md", "laws.md")  # the others bring files, and tests of their own
+BLOCKS = [
+    pytest.param(match[1], id=f"{path.name}-{i}")
+    for path in DOCUMENTS
+    if path.name in RUN_HERE
+    for i, match in enumerate(re.finditer(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
+]
+
+
+@pytest.mark.parametrize("code", BLOCKS)
+def test_python_in_documents_runs(code, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    exec(compile(code, "document", "exec"), {"__name__": "__main__"})  # noqa: S102
+    printed = capsys.readouterr().out
+    for promised in re.findall(r"print\(.*\) +# (\S+)$", code, re.MULTILINE):
+        assert promised in printed
+
+
+def test_commands_in_the_readme_exist():
+    commands = re.findall(
+        r"^\$ dqcontrol (.*?)(?:  +#.*)?$", "".join(p.read_text() for p in DOCUMENTS), re.MULTILINE
+    )
+    assert commands
+    for command in {line.split()[0] for line in commands}:
+        done = subprocess.run(
+            [sys.executable, "-m", "dqcontrol", command, "--help"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert f"dqcontrol {command}" in done.stdout
+    for file in re.findall(r"examples/[\w./-]+", "".join(p.read_text() for p in DOCUMENTS)):
+        assert (ROOT / file).exists(), file
+
+
+@pytest.fixture(scope="module")
+def demo():
+    pytest.importorskip("mujoco")
+    return experiments.run_study(ROOT / "examples/demo.yaml")
+
+
+def test_demo_stays_on_the_drawing(demo):
+    for label, run in demo.runs.items():
+        assert run.record.stopped == "duration", label
+        assert run.metrics.position.settled_peak < 10, label  # mm
+        assert run.metrics.orientation.settled_peak < 2, label  # degrees
+    for plant in ("servo", "physics"):
+        with_feedforward, without = (demo.runs[f"{law} · {plant}"].metrics for law in ("K+FF", "K"))
+        assert with_feedforward.error.mean < 0.6 * without.error.mean
+
+
+def test_table_in_the_readme_is_the_demo_s(demo):
+    shown = (ROOT / "README.md").read_text().partition("<!-- demo table: begin -->")[2].partition("<!--")[0]
+    rows = [line.split("|")[1:5] for line in shown.strip().splitlines()[2:]]
+    table = demo.table()
+    for row, label, texts in zip(rows, demo.runs, table.texts(), strict=True):
+        assert row[0].strip() == label
+        for cell, text in zip(row[1:], texts[1:4], strict=True):
+            assert float(cell) == pytest.approx(
+                float(text), rel=0.02
+            )  # MuJoCo's arithmetic differs between processors
+
+
+@pytest.mark.parametrize("kind", ["proportional", "proportional-feedforward"])
+def test_circle_example_runs(kind):
+    data = {"law": {"kind": kind, "gain": 4}}
+    text = (ROOT / "examples/circle.yaml").read_text()
+    import yaml
+
+    run = experiments.run(
+        {**yaml.safe_load(text.replace("1e-5", "1.0e-5").replace("2e-5", "2.0e-5")), **data}
+    )
+    assert run.metrics.position.settled_rms < 12
+
+
+def test_feedforward_is_better_on_a_spiral_in_the_servo_plant():
+    mean = {}
+    for kind in ("proportional", "proportional-feedforward"):
+        run = experiments.run(
+            {
+                "name": "spiral",
+                "robot": "iiwa7",
+                "start": [0, 0.8491, 0, 1.5708, 0, 0.8491, 0],
+                "period": 0.008,
+                "reference": {
+                    "kind": "spiral",
+                    "radius": 0.07,
+                    "length": 0.07,
+                    "axis": "y",
+                    "turns": 3,
+                    "duration": 24,
+                    "offset": {"translation": [0, 0.05, 0.05], "rotation": [0, 0, 0.1]},
+                },
+                "law": {"kind": kind, "gain": 20},
+                "plant": {"kind": "servo", "time_constant": 0.05, "sag": 1, "stiffness": 2000},
+            }
+        )
+        mean[kind] = run.metrics.error.mean
+    assert mean["proportional-feedforward"] <= 0.6 * mean["proportional"]
