@@ -25,7 +25,7 @@ def pose_stamped(stamp, position, quaternion):
 
 
 def numbers(values):
-    return "std_msgs/Float64MultiArray", None, {"data": values}
+    return "std_msgs/Float64MultiArray", None, {"data": list(map(float, values))}
 
 
 def _xyz(vector):
