@@ -112,3 +112,11 @@ def test_feedforward_is_better_on_a_spiral_in_the_servo_plant():
         )
         mean[kind] = run.metrics.error.mean
     assert mean["proportional-feedforward"] <= 0.6 * mean["proportional"]
+
+
+def test_open_loop_drifts_on_creeping_joints_and_closed_loop_does_not():
+    study = experiments.run_study(ROOT / "examples/drift.yaml")
+    end = {label: run.metrics.final_error for label, run in study.runs.items()}
+    assert end["K+FF · creeping"] == pytest.approx(3.6e-4, rel=0.02)
+    assert end["open · creeping"] > 50 * end["K+FF · creeping"]
+    assert end["open · ideal"] < 1e-4
