@@ -75,7 +75,9 @@ def test_batch_equals_single(kind):
     arm = load_robot("iiwa7")
     q, qdot = np.random.default_rng(5).uniform(-2, 2, (2, 2, 3, 7))
     method = getattr(arm, f"{kind}_jacobian_derivative")
-    single = np.array([[method(*pair) for pair in zip(*block, strict=True)] for block in zip(q, qdot, strict=True)])
+    single = np.array(
+        [[method(*pair) for pair in zip(*block, strict=True)] for block in zip(q, qdot, strict=True)]
+    )
     np.testing.assert_array_equal(method(q, qdot), single)
 
 

@@ -13,7 +13,7 @@ PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 
 
 def test_presets():
-    assert robot_names() == ("ax18", "iiwa7", "meka-a2")
+    assert robot_names() == ("ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5")
     for name in robot_names():
         assert load_robot(name).name == name
 

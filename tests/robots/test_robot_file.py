@@ -20,6 +20,15 @@ joints:
     limits: {lower: -90, upper: 45, velocity: 180, effort: 5}
   - {name: b, type: prismatic, dh: {theta: 20, a: 0.3}, limits: {lower: 0, upper: 0.5, velocity: 0.1}}
 """
+DENSO = """
+name: toy
+angles: degrees
+convention: denso
+base: {position: [0, 0, 1]}
+joints:
+  - {name: a, denso: {a: 0.1, b: 0.2, d: 0.3, alpha: 10, beta: 20, gamma: 30}}
+  - {name: b, type: prismatic, denso: {d: 0.4, beta: -90}}
+"""
 FREE = """
 name: toy
 angles: radians
@@ -46,6 +55,14 @@ def load(tmp_path):
         return load_robot_file(path)
 
     return write_and_load
+
+
+def test_denso_rows_in_degrees(load):
+    alpha, beta, gamma = np.deg2rad([[10, 0], [20, -90], [30, 0]])
+    types = ["revolute", "prismatic"]
+    same = SerialArm.from_denso([0.1, 0], [0.2, 0], [0.3, 0.4], alpha, beta, gamma, types)
+    lifted = pose_matrix(same.fkm([0.5, 0.6])) + np.outer([0, 0, 1, 0], [0, 0, 0, 1])
+    np.testing.assert_allclose(pose_matrix(load(DENSO).fkm([0.5, 0.6])), lifted, atol=1e-15)
 
 
 def test_dh_rows_in_degrees(load):
@@ -141,6 +158,30 @@ def test_wrong_dh_files(load, old, new, text):
     assert old in DH
     with pytest.raises(FileFormatError, match=text):
         load(DH.replace(old, new, 1))
+
+
+DENSO_CHANGES = [
+    ("convention: denso", "", r"convention: missing key, the joints have DENSO rows \(allowed: denso\)"),
+    (
+        "convention: denso",
+        "convention: standard",
+        r"joints\[0\]: missing key 'dh', the file's convention is standard DH",
+    ),
+    (
+        "denso: {d: 0.4, beta: -90}",
+        "dh: {}",
+        r"joints\[1\]: missing key 'denso', the file's convention is denso",
+    ),
+    ("name: b,", "name: b, dh: {},", r"joints\[1\].dh: not allowed beside 'denso'"),
+    ("gamma: 30", "theta: 30", r"joints\[0\].denso: unknown key 'theta'"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "text"), DENSO_CHANGES)
+def test_wrong_denso_files(load, old, new, text):
+    assert old in DENSO
+    with pytest.raises(FileFormatError, match=text):
+        load(DENSO.replace(old, new, 1))
 
 
 FREE_CHANGES = [

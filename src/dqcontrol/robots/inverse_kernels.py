@@ -20,9 +20,7 @@ SOLVE = STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 
 _PATIENCE = 6  # iterations in a row that hardly reduce the error, after which a start is given up
 _HARDLY = 0.95
-_DAMPING = (
-    0.15  # times the squared residual: none is left at the solution, so that the last steps are Newton's
-)
+_DAMPING = 0.15  # times the squared residual, so that the last steps are Newton's
 _LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ
 
 
