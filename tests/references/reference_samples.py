@@ -28,6 +28,21 @@ def _random_poses(count):
     return algebra.pose(rotations, random.normal(size=(count, 3)))
 
 
+def _near_poses(count):
+    """Return poses of which two in succession are 60 to 100 degrees apart."""
+    random = np.random.default_rng(8)
+    axes = random.normal(size=(count, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    poses = algebra.pose([1.0, 0.0, 0.0, 0.0], 0.3 * random.normal(size=(count, 3)))
+    turns = algebra.rotation_from_axis_angle(axes, random.uniform(1.0, 1.7, count))
+    for i in range(1, count):
+        whole = np.zeros((2, 8))
+        whole[:, :4] = turns[i], poses[i - 1, :4]
+        rotation = algebra.multiply(whole[0], whole[1])[:4]
+        poses[i] = algebra.pose(rotation, algebra.translation(poses[i]))
+    return poses
+
+
 def references():
     circle = r.Circle(START, radius=0.07, duration=9.0, plane=TILTED, turns=2.0)
     square = r.Square(START, side=0.1, duration=8.0, shares=[5, 3, 5, 3], plane="yz", clockwise=False)
@@ -35,6 +50,9 @@ def references():
     follower = r.Drawing(START, STROKES, plane=TILTED, orientation="path", turn_speed=2.0, repeat=2)
     round_ = r.Drawing(START, [r.Arc(0, 0, 0, 0.1, clockwise=False, speed=0.2)], orientation="path")
     points = r.Points([2.0, 3.0, 5.0, 5.5, 7.0], _random_poses(5))
+    via = r.ViaPoints([2.0, 3.0, 5.0, 5.5, 7.0], _near_poses(5))
+    limits = {"velocity": 0.1, "acceleration": 0.3, "jerk": 2.0}
+    angular = {"angular_velocity": 0.8, "angular_acceleration": 3.0, "angular_jerk": 20.0}
     return {
         "set-point": r.SetPoint(START, duration=3.0),
         "circle": circle,
@@ -51,6 +69,15 @@ def references():
         "start ramp": r.StartRamp(follower, seconds=3.7),
         "corner stops": r.CornerStops(r.Transformed(follower, by=QUARTER), seconds=0.4),
         "stops at points": r.CornerStops(points, seconds=0.6),
+        "via points": via,
+        "jerk-limited square": r.JerkLimited(square, **limits),
+        "jerk-limited sequence": r.JerkLimited(
+            r.Sequence([r.SetPoint(START, duration=1.0), drawing, circle, square]), **limits
+        ),
+        "jerk-limited follower": r.JerkLimited(r.Transformed(follower, by=QUARTER), **limits, **angular),
+        "jerk-limited points": r.JerkLimited(points, **limits, **angular),
+        "jerk-limited via points": r.JerkLimited(via, **limits),
+        "jerk-limited turns": r.JerkLimited(via, **limits, **angular),
     }
 
 

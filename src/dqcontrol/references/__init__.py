@@ -3,6 +3,7 @@
 from dqcontrol.references.circle import Circle, Spiral
 from dqcontrol.references.drawing import Drawing
 from dqcontrol.references.drawing_file import DrawingFile, load_drawing, parse_drawing
+from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
 from dqcontrol.references.points_file import load_points
 from dqcontrol.references.reference import Reference
@@ -14,6 +15,7 @@ from dqcontrol.references.square import Square
 from dqcontrol.references.strokes import Arc, Line, Rest
 from dqcontrol.references.timing import CornerStops, StartRamp
 from dqcontrol.references.transformed import Transformed
+from dqcontrol.references.via_points import ViaPoints
 
 __all__ = [
     "Arc",
@@ -21,6 +23,7 @@ __all__ = [
     "CornerStops",
     "Drawing",
     "DrawingFile",
+    "JerkLimited",
     "Line",
     "Points",
     "Reference",
@@ -33,6 +36,7 @@ __all__ = [
     "Square",
     "StartRamp",
     "Transformed",
+    "ViaPoints",
     "load_drawing",
     "load_points",
     "motion_samples",

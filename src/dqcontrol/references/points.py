@@ -47,22 +47,7 @@ class Points(Reference):
     _twists: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        times = as_array("times", self.times)
-        if times.ndim != 1 or len(times) < 2:
-            raise ShapeError(f"times: expected shape (N,) with N ≥ 2, got {times.shape}")
-        late = np.flatnonzero(np.diff(times) <= 0)
-        if len(late):
-            i = late[0]
-            raise ValueRangeError(
-                f"times: must increase, got {times[i + 1]:g} after {times[i]:g} at index {i + 1}"
-            )
-        poses = as_unit("poses", self.poses)
-        if poses.shape != (len(times), 8):
-            raise ShapeError(f"poses: expected shape ({len(times)}, 8) as there are times, got {poses.shape}")
-        poses = renormalise(poses)
-        signs = np.where(np.sum(poses[1:, :4] * poses[:-1, :4], axis=1) < 0, -1.0, 1.0)
-        poses[1:] *= np.cumprod(signs)[:, None]
-        times = times - times[0]
+        times, poses = as_path(self.times, self.poses)
         steps = log_screw(multiply(conjugate(poses[:-1]), poses[1:]))
         twists = adjoint_twist(poses[:-1], 2 * steps / np.diff(times)[:, None])
         values = {
@@ -85,3 +70,23 @@ class Points(Reference):
         out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), self._poses[i])
         out[:, TWIST] = self._twists[i]
         return out
+
+
+def as_path(times: ArrayLike, poses: ArrayLike) -> tuple[Array, Array]:
+    """Return times (N,) from 0 and unit poses (N, 8) of signs that go the short way round, or say what is wrong."""
+    times = as_array("times", times)
+    if times.ndim != 1 or len(times) < 2:
+        raise ShapeError(f"times: expected shape (N,) with N ≥ 2, got {times.shape}")
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if len(late):
+        i = late[0]
+        raise ValueRangeError(
+            f"times: must increase, got {times[i + 1]:g} after {times[i]:g} at index {i + 1}"
+        )
+    poses = as_unit("poses", poses)
+    if poses.shape != (len(times), 8):
+        raise ShapeError(f"poses: expected shape ({len(times)}, 8) as there are times, got {poses.shape}")
+    poses = renormalise(poses)
+    signs = np.where(np.sum(poses[1:, :4] * poses[:-1, :4], axis=1) < 0, -1.0, 1.0)
+    poses[1:] *= np.cumprod(signs)[:, None]
+    return times - times[0], poses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.algebra import adjoint_twist, multiply, pose
+from dqcontrol.algebra import adjoint_twist, multiply, pose, translation
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
 
 Array = NDArray[np.float64]
@@ -47,6 +47,18 @@ def motion_samples(
     out[:, TWIST] = np.concatenate([w, v + np.cross(p, w)], axis=1)
     out[:, TWIST_RATE] = np.concatenate([alpha, a + np.cross(v, w) + np.cross(p, alpha)], axis=1)
     return out
+
+
+def point_motion(samples: Array) -> tuple[Array, Array, Array]:
+    """Return position, velocity and acceleration (N, 3) of samples (N, 21), m, m/s, m/s²: `motion_samples` undone.
+
+    p = 2 P r*,  ṗ = D(ξ) − p × ω,  p̈ = D(ξ̇) − ṗ × ω − p × α.
+    """
+    p = translation(samples[:, POSE])
+    w, d = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
+    alpha, d_rate = samples[:, TWIST_RATE][:, :3], samples[:, TWIST_RATE][:, 3:]
+    v = d - np.cross(p, w)
+    return p, v, d_rate - np.cross(v, w) - np.cross(p, alpha)
 
 
 def turned(rotation: Array, axis: Array, angle: Array) -> Array:

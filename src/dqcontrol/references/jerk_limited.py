@@ -1,0 +1,193 @@
+"""The same path at the pace that given speeds, accelerations and jerks allow.
+
+Between two stops the path is run through with an S-curve [`s_curve`] of its progress ℓ. Where the reference
+runs and turns at constant speeds, as all lines, arcs and screws do, ℓ is its own time σ and the limits hold
+exactly, those of turning too. Elsewhere ℓ is the length of the path, dℓ/dσ = √(|ṗ|² + λ²|ω|²), with λ the
+metres that a radian counts. Then σ̇ = ℓ̇/ℓ', σ̈ = (ℓ̈ − ℓ''σ̇²)/ℓ', and pose x(σ), twist σ̇ξ, rate σ̇²ξ̇ + σ̈ξ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
+from dqcontrol.references.path_length import PathLength, speeds
+from dqcontrol.references.reference import NO_CORNERS, SNAP, Array, Reference
+from dqcontrol.references.s_curve import Limits, progress_at, s_curve
+from dqcontrol.references.sample import TWIST, TWIST_RATE
+
+_EVEN = 1e-9  # speeds that differ by no more than this fraction are constant
+_AT_REST = 1e-9  # m and rad; who goes less far between two stops rests
+_BEFORE = 2 * SNAP  # s before a stop the reference has surely the twist that leads to it
+_PROBES = np.concatenate([[1e-3], np.linspace(0.01, 0.99, 29), [1 - 1e-3]])
+_TABLE_SIZE = 400_000  # nodes of all tables of path length together
+
+
+@dataclass(frozen=True, eq=False)
+class JerkLimited(Reference):
+    """A reference's path from rest to rest, within limits of speed, acceleration and jerk along the path.
+
+    It stops at each corner of the reference and at its end; pauses last as long as in the reference. Between
+    two stops it is as fast as the limits allow, whatever the reference's own speed. Acceleration and jerk are
+    those along the path (of the speed); in a bend of radius ρ, v²/ρ towards its centre comes on top.
+
+    Parameters
+    ----------
+    reference
+        Of finite duration. It must not slow down to rest by itself other than at corners and in pauses: give
+        it without `StartRamp` or `CornerStops`.
+    velocity, acceleration, jerk
+        Limits along the path, m/s, m/s², m/s³.
+    angular_velocity, angular_acceleration, angular_jerk
+        Limits of turning, rad/s, rad/s², rad/s³: all or none. Needed where the reference turns on the spot.
+        On a path whose turn per metre changes (`ViaPoints`), both speed limits hold, but acceleration and
+        jerk are limited of √(s² + λ²θ²), λ the largest of the three ratios of the limits, m/rad.
+
+    Raises
+    ------
+    ValueRangeError
+        If a limit is not positive, the reference never ends, never moves or slows down to rest by itself, or
+        it turns on the spot and no limits of turning are given.
+    ShapeError
+        If some, but not all limits of turning are given.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import Square
+    >>> square = Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0)
+    >>> smooth = JerkLimited(square, velocity=0.1, acceleration=0.5, jerk=5.0)
+    >>> round(smooth.duration, 12), smooth.corners.tolist()  # 1 s to run 0.1 m, 0.2 s to be fast, 0.1 s to be smooth
+    (5.2, [])
+    """
+
+    reference: Reference
+    _: KW_ONLY
+    velocity: float
+    acceleration: float
+    jerk: float
+    angular_velocity: float | None = None
+    angular_acceleration: float | None = None
+    angular_jerk: float | None = None
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    _pieces: Array = field(init=False, repr=False)
+    _stretches: NDArray[np.intp] = field(init=False, repr=False)  # of each piece
+    _stops: Array = field(init=False, repr=False)  # σ at the ends of the stretches
+    _lengths: dict[int, PathLength] = field(init=False, repr=False)  # of uneven stretches
+
+    def __post_init__(self) -> None:
+        linear = Limits(*(as_positive(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
+        angular = self._angular()
+        if not np.isfinite(self.reference.duration):
+            raise ValueRangeError("reference: never ends, so it has no pace to change")
+        stops = np.unique([0.0, *self.reference.corners, self.reference.duration])
+        seconds = np.diff(stops)
+        probes = stops[:-1, None] + seconds[:, None] * _PROBES
+        inner = self.reference.motion(probes.ravel())
+        running, turning = (each.reshape(probes.shape) for each in speeds(inner))
+        runs, turns = (each.max(axis=1) * seconds > _AT_REST for each in (running, turning))
+        running, turning = running * runs[:, None], turning * turns[:, None]  # without round-off
+        if not (runs | turns).any():
+            raise ValueRangeError("reference: never moves, so it has no pace to change")
+        if angular is None and (turns & ~runs).any():
+            where = stops[np.argmax(turns & ~runs)]
+            raise ValueRangeError(
+                f"angular_velocity: needed, with angular_acceleration and angular_jerk: the reference turns on "
+                f"the spot at its {where:g} s"
+            )
+        even = _is_even(running) & (_is_even(turning) | (angular is None))
+        nodes = int(np.clip(_TABLE_SIZE // max(1, np.count_nonzero(~even)), 64, 4096))
+        pieces, stretches, lengths, time = [], [], {}, 0.0
+        for i in range(len(seconds)):
+            if not (runs[i] or turns[i]):
+                table, lasts = np.zeros((1, 6)), seconds[i]
+            elif even[i]:
+                limits = _own_time(linear, angular, running[i, 0], turning[i, 0])
+                table, lasts = s_curve(seconds[i], limits)
+            else:
+                limits, radian = _joint(linear, angular)
+                lengths[i] = PathLength(self.reference, stops[i], stops[i + 1], _BEFORE, radian, nodes)
+                table, lasts = s_curve(lengths[i].length, limits)
+            table[:, :2] += time
+            pieces.append(table)
+            stretches += [i] * len(table)
+            time += lasts
+        values = {
+            "duration": float(time),
+            "corners": NO_CORNERS,
+            "_pieces": np.concatenate(pieces),
+            "_stretches": np.array(stretches),
+            "_stops": stops,
+            "_lengths": lengths,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        k = np.clip(np.searchsorted(self._pieces[:, 0], times, side="right") - 1, 0, None)
+        progress, rate, change = progress_at(self._pieces[k], times)
+        stretch = self._stretches[k]
+        start, end = self._stops[stretch], self._stops[stretch + 1]
+        inner_time = np.clip(start + progress, start, end)
+        for i in np.unique(stretch):
+            if i in self._lengths:
+                rows = stretch == i
+                inner_time[rows] = self._lengths[i].inner_time(progress[rows])
+        out = self.reference.motion(inner_time)
+        # At the end of a stretch the reference already has the twist of what follows.
+        late = np.flatnonzero(inner_time > end - _BEFORE)
+        out[late, TWIST.start : TWIST_RATE.stop] = self.reference.motion(
+            np.maximum(end[late] - _BEFORE, start[late])
+        )[:, TWIST.start : TWIST_RATE.stop]
+        for i in np.unique(stretch):
+            if i in self._lengths:
+                rows = stretch == i
+                slope, bend = self._lengths[i].slope(out[rows])
+                rate[rows] /= slope
+                change[rows] = (change[rows] - bend * rate[rows] ** 2) / slope
+        twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
+        out[:, TWIST] *= rate
+        out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist
+        return out
+
+    def _angular(self) -> Limits | None:
+        names = ("angular_velocity", "angular_acceleration", "angular_jerk")
+        given = [name for name in names if getattr(self, name) is not None]
+        if not given:
+            return None
+        for name in names:
+            if name not in given:
+                raise ShapeError(f"{name}: missing: give all of {', '.join(names)} or none")
+        return Limits(*(as_positive(name, getattr(self, name)) for name in names))
+
+
+def _is_even(rates: Array) -> NDArray[np.bool_]:
+    """Return which rows (n, k) are constant."""
+    return rates.max(axis=1) - rates.min(axis=1) <= _EVEN * rates.max(axis=1)
+
+
+def _own_time(linear: Limits, angular: Limits | None, running: float, turning: float) -> Limits:
+    """Return the limits of σ̇, σ̈ and its rate, for a reference that runs and turns at these speeds."""
+    pairs = [(linear, running), (angular, turning)]
+    scaled = [
+        (each.speed / speed, each.acceleration / speed, each.jerk / speed)
+        for each, speed in pairs
+        if each and speed
+    ]
+    return Limits(*np.min(scaled, axis=0).tolist())
+
+
+def _joint(linear: Limits, angular: Limits | None) -> tuple[Limits, float]:
+    """Return the limits of the joint length √(s² + λ²θ²), and λ, m/rad."""
+    if angular is None:
+        return linear, 0.0
+    ratios = (
+        linear.speed / angular.speed,
+        linear.acceleration / angular.acceleration,
+        linear.jerk / angular.jerk,
+    )
+    return linear, max(ratios)
