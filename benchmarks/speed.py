@@ -8,10 +8,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
-import pinocchio
+import pinocchio  # type: ignore[import-untyped]
 
 import dqcontrol as dqc
 from dqcontrol.loop import close_loop
@@ -22,7 +22,7 @@ ROUNDS = 15
 PANDA = "panda_description/urdf/panda.urdf"
 
 
-def fastest(functions: dict[str, Callable[[], object]], repeat: int) -> dict[str, float]:
+def fastest(functions: Mapping[str, Callable[[], object]], repeat: int) -> dict[str, float]:
     """Return the least time of each function in µs, measured in turns."""
     best = dict.fromkeys(functions, np.inf)
     for _ in range(ROUNDS):

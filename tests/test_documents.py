@@ -24,7 +24,7 @@ BLOCKS = [
 def test_python_in_documents_runs(code, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
-    exec(compile(code, "document", "exec"), {"__name__": "__main__"})  # noqa: S102
+    exec(compile(code, "document", "exec"), {"__name__": "__main__"})
     printed = capsys.readouterr().out
     for promised in re.findall(r"print\(.*\) +# (\S+)$", code, re.MULTILINE):
         assert promised in printed

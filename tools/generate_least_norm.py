@@ -1,4 +1,4 @@
-"""Write src/dqcontrol/laws/least_norm.py, which nobody edits: a 6 × 6 Cholesky solution as straight lines, twice as fast as loops."""
+"""Write src/dqcontrol/laws/least_norm.py: a 6 × 6 Cholesky solution as straight lines, twice as fast as loops."""
 
 from __future__ import annotations
 

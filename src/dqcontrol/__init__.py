@@ -41,7 +41,14 @@ __all__ = [
 ]
 
 _ROOMS = ("experiments", "laws", "loop", "plants", "references", "view")
-_LATER = {"Run": "experiments", "Study": "experiments", "run": "experiments", "run_study": "experiments", "Sample": "references", "simulate": "loop"}
+_LATER = {
+    "Run": "experiments",
+    "Sample": "references",
+    "Study": "experiments",
+    "run": "experiments",
+    "run_study": "experiments",
+    "simulate": "loop",
+}
 
 
 def __getattr__(name: str) -> Any:

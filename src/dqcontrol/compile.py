@@ -93,7 +93,9 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
     try:
-        return numba.njit(cache=cached and _cache is not None, fastmath=fastmath, nogil=True, error_model="numpy")(function)
+        return numba.njit(
+            cache=cached and _cache is not None, fastmath=fastmath, nogil=True, error_model="numpy"
+        )(function)
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
 
@@ -240,7 +242,8 @@ def compile_own(
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
         warnings.warn(
-            f"{getattr(function, '__name__', function)}: does not compile ({reason[:160]}); the loop runs it interpreted",
+            f"{getattr(function, '__name__', function)}: does not compile ({reason[:160]}); "
+            "the loop runs it interpreted",
             InterpretedWarning,
             stacklevel=4,
         )

@@ -74,7 +74,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
             raise ValueRangeError(
                 f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million"
             )
-        rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps)))
+        rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64)))
         return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
 
     def command(

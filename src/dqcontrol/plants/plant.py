@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, Kernel
+from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -57,7 +57,9 @@ class CompiledPlant:
         Pre-drawn standard normal numbers, one row a step.
     """
 
-    def __init__(self, kernel: Kernel | InterpretedKernel, parameters: Array, state: Array, q0: Array, noise: Array) -> None:
+    def __init__(
+        self, kernel: Kernel | InterpretedKernel, parameters: Array, state: Array, q0: Array, noise: Array
+    ) -> None:
         self.kernel = kernel
         self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
         self.state = np.ascontiguousarray(state, dtype=np.float64)
