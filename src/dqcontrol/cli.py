@@ -94,6 +94,7 @@ def evaluate(
     tip_link: str | None = None,
     reference: Path | None = None,
     reference_topic: str | None = None,
+    joints: str | None = None,
     joint_topic: str | None = None,
     command_topic: str | None = None,
     angles: Literal["rad", "deg"] | None = None,
@@ -117,6 +118,8 @@ def evaluate(
         YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
     reference_topic
         Topic of PoseStamped with the desired poses, in --reference or else in the log.
+    joints
+        Names of the robot's joints in the log, if it has others: a,b,c in the robot's order.
     joint_topic
         Topic of JointState with the positions.
     command_topic
@@ -147,6 +150,7 @@ def evaluate(
         base_link=base_link,
         tip_link=tip_link,
         reference_topic=reference_topic,
+        joints=[name.strip() for name in joints.split(",")] if joints is not None else None,
         joint_topic=joint_topic,
         command_topic=command_topic,
         angles=angles,

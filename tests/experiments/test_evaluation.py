@@ -257,6 +257,20 @@ def test_what_does_not_fit_is_named(folder, monkeypatch, arguments, kind, messag
         evaluate_log("log.csv", **arguments)
 
 
+def test_joints_of_other_names_and_a_taught_motion(run, folder, tmp_path):
+    names = [f"lbr_A{i + 1}" for i in range(7)]
+    np.savetxt(tmp_path / "log.txt", np.column_stack([run.time, run.q]), header=" ".join(["time", *names]))
+    found = evaluate_log(tmp_path / "log.txt", "iiwa7", folder / "circle.yaml", joints=names, settle=0.5)
+    np.testing.assert_allclose(found.error, run.error, atol=1e-12)
+    for taught in (tmp_path / "log.txt", folder / "log.csv", folder / "run"):
+        known = names if taught.suffix == ".txt" or taught.is_dir() else None
+        log = folder / "log.csv" if known is None else tmp_path / "log.txt"
+        found = evaluate_log(log, "iiwa7", taught, joints=known)
+        assert found.metrics.error.peak < 1e-12
+    with pytest.raises(ValueRangeError, match=r"settle: must be ≤ the 2 s that are judged, got 3"):
+        evaluate_log(folder / "log.csv", "iiwa7", folder / "circle.yaml", settle=3)
+
+
 def test_a_recording_of_another_robot_is_refused(folder):
-    with pytest.raises(FileFormatError, match=r"record\.mcap: holds the joints joint_1, .*; .* has "):
+    with pytest.raises(FileFormatError, match=r"record\.mcap: holds the joints joint_1, .*; expected "):
         evaluate_log(folder / "run" / "record.mcap", "meka-a2")

@@ -239,6 +239,71 @@ def test_topics_are_chosen_and_named(tmp_path):
         read_joint_log(path, ARM)
 
 
+def test_joints_of_other_names(tmp_path):
+    path = write_mcap(tmp_path / "log.mcap", messages())
+    other = SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0], name="crane")
+    assert read_joint_log(path, other, joints=["hip", "knee"]).q.tolist() == Q.tolist()
+    assert read_joint_log(path, other, joints=["knee", "hip"]).q.tolist() == Q[:, ::-1].tolist()
+    text = "time,/a/q[0],/a/q[1] [deg],command./a/q[0],command./a/q[1]\n0,1,180,3,4\n1,1,180,3,4\n"
+    log = read_joint_log(table(tmp_path, text), other, joints=["/a/q[0]", "/a/q[1]"])
+    np.testing.assert_allclose(log.q[0], [1, np.pi])
+    assert log.command is not None
+    assert log.command[0].tolist() == [3, 4]
+    for joints in (["hip"], ["hip", "hip"], []):
+        with pytest.raises(
+            ShapeError, match=r"joints: crane has 2 joints; expected as many different names, got "
+        ):
+            read_joint_log(path, other, joints=joints)
+
+
+def test_an_mcap_file_of_other_than_ros_2_messages_is_named(tmp_path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "log.mcap"
+    with open(path, "wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("sensor_msgs/JointState", "jsonschema", b"{}")
+        channel = writer.register_channel("/joint_states", "json", schema)
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    with pytest.raises(FileFormatError, match=r"log\.mcap: /joint_states: holds no ROS 2 messages: "):
+        read_joint_log(path, ARM)
+
+
+def test_a_recording_without_its_index_is_read(tmp_path):
+    from mcap.writer import IndexType, Writer
+    from mcap_ros2._dynamic import serialize_dynamic
+
+    from dqcontrol.loop.message_types import definition
+
+    kind = "sensor_msgs/msg/JointState"
+    encode = serialize_dynamic(kind, definition("sensor_msgs/JointState"))[kind]
+    path = tmp_path / "log.mcap"
+    with open(path, "wb") as stream:
+        writer = Writer(
+            stream,
+            index_types=IndexType.NONE,
+            repeat_channels=False,
+            repeat_schemas=False,
+            use_chunking=False,
+            use_statistics=False,
+            use_summary_offsets=False,
+        )
+        writer.start("ros2")
+        schema = writer.register_schema(kind, "ros2msg", definition("sensor_msgs/JointState").encode())
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        for k in range(3):
+            fields = {
+                "header": {"stamp": {"sec": k, "nanosec": 1}},
+                "name": ["hip", "knee"],
+                "position": [k, 1.0],
+            }
+            writer.add_message(channel, k, encode(fields), k)
+        writer.finish()
+    assert read_joint_log(path, ARM).q.tolist() == [[0, 1], [1, 1], [2, 1]]
+
+
 def test_options_that_do_not_apply_are_refused(tmp_path):
     path = table(tmp_path, GOOD)
     with pytest.raises(ShapeError, match=r"joint_topic: .*log\.csv is a table and has no topics, got '/a'"):

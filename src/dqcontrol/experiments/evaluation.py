@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,8 +14,9 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.experiments.joint_log import Angles, JointLog, is_own, read_joint_log
+from dqcontrol.experiments.joint_log import JointLog, is_own, read_joint_log
 from dqcontrol.experiments.joint_messages import is_recording, read_poses
+from dqcontrol.experiments.joint_table import Angles, column_names
 from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, read_spec
@@ -39,6 +40,7 @@ class EvaluationSpec(Part, frozen=True, kw_only=True):
     robot: RobotSpec
     reference: str | None = None
     reference_topic: str | None = None
+    joints: list[str] | None = None
     joint_topic: str | None = None
     command_topic: str | None = None
     angles: Literal["rad", "deg"] | None = None
@@ -70,6 +72,7 @@ def evaluate_log(
     base_link: str | None = None,
     tip_link: str | None = None,
     reference_topic: str | None = None,
+    joints: Sequence[str] | None = None,
     joint_topic: str | None = None,
     command_topic: str | None = None,
     angles: Angles | None = None,
@@ -91,14 +94,15 @@ def evaluate_log(
         As for `load_robot`; may be left out for recordings of dqcontrol, which name it.
     reference
         A ``.yaml`` file with the key ``reference`` as in the spec of an experiment, and perhaps ``start``, or a whole
-        spec; a points file (`load_points`); or another joint log, whose hand shows the desired motion. May be left
-        out for recordings of dqcontrol: they hold their own.
+        spec; a points file (`load_points`); or another joint log, whose hand shows the desired motion (``joints``,
+        ``joint_topic`` and ``angles`` hold for both logs). May be left out for recordings of dqcontrol: they hold
+        their own.
     base_link, tip_link
         Ends of the chain in a URDF file.
     reference_topic
         Topic of geometry_msgs/PoseStamped with the desired poses, robot base frame, in ``reference`` or, if that
         is left out, in the log.
-    joint_topic, command_topic, angles
+    joints, joint_topic, command_topic, angles
         As for `read_joint_log`.
     start
         s after the log's first sample.
@@ -133,7 +137,9 @@ def evaluate_log(
     else:
         raise ValueRangeError(f"robot: {path} does not name its robot; give one (--robot)")
     arm = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
-    data = read_joint_log(path, arm, angles=angles, joint_topic=joint_topic, command_topic=command_topic)
+    data = read_joint_log(
+        path, arm, joints=joints, angles=angles, joint_topic=joint_topic, command_topic=command_topic
+    )
     file = Path(reference) if reference is not None else None
     begin = as_positive("start", start, zero_allowed=True)
     poses = _poses(data, file, reference_topic)
@@ -142,11 +148,13 @@ def evaluate_log(
     kept = _kept(data, begin, duration)
     time = np.maximum(data.time[kept] - begin, 0.0)
     q = data.q[kept]
+    if settle is not None and as_positive("settle", settle, zero_allowed=True) > time[-1]:
+        raise ValueRangeError(f"settle: must be ≤ the {time[-1]:g} s that are judged, got {settle:g}")
     own_settle = float(about.get("settle", 0.0))
     if poses is not None:
         desired = poses.reference.samples(time + (begin - poses.begin if file is None else 0.0))
     elif file is not None:
-        target, its_settle = _from_file(file, arm, q[0], angles, joint_topic)
+        target, its_settle = _from_file(file, arm, q[0], joints, angles, joint_topic)
         own_settle = own_settle if its_settle is None else its_settle
         desired = target.samples(time)
     elif data.record is not None:
@@ -163,12 +171,13 @@ def evaluate_log(
         robot=_absolute(chosen),
         reference=str(file.resolve()) if file is not None else None,
         reference_topic=reference_topic,
+        joints=list(joints) if joints is not None else None,
         joint_topic=joint_topic,
         command_topic=command_topic,
         angles=angles,
         start=start,
         duration=duration,
-        settle=own_settle if settle is None else as_positive("settle", settle, zero_allowed=True),
+        settle=own_settle if settle is None else settle,
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)
     return Run(text, arm, record, spec.settle, path.stem)
@@ -242,17 +251,22 @@ def _poses(data: JointLog, file: Path | None, topic: str | None) -> _LoggedPoses
 
 
 def _from_file(
-    file: Path, robot: SerialArm, q0: Array, angles: Angles | None, joint_topic: str | None
+    file: Path,
+    robot: SerialArm,
+    q0: Array,
+    joints: Sequence[str] | None,
+    angles: Angles | None,
+    joint_topic: str | None,
 ) -> tuple[Reference, float | None]:
     """Return the reference of a file, and the start that the errors leave out, s, if the file says so."""
     if file.suffix.lower() in (".yaml", ".yml"):
         return _from_yaml(file, robot, q0)
-    if not is_recording(file) and not _has_joints(file, robot):
+    if is_recording(file):
+        taught = read_joint_log(file, robot, joints=joints, joint_topic=joint_topic)
+    elif {*(joints or robot.joint_names), "q1"}.isdisjoint(column_names(file)):
         return load_points(file, robot.fkm(q0)), None
-    recording = is_recording(file)
-    taught = read_joint_log(
-        file, robot, angles=None if recording else angles, joint_topic=joint_topic if recording else None
-    )
+    else:
+        taught = read_joint_log(file, robot, joints=joints, angles=angles)
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
@@ -264,9 +278,3 @@ def _from_yaml(file: Path, robot: SerialArm, q0: Array) -> tuple[Reference, floa
         q0 = as_array(f"{file}: start", spec.start, (robot.configuration_size,))
     folder = file.resolve().parent
     return spec.reference.build(robot.fkm(q0), folder), spec.settle if isinstance(spec, Spec) else None
-
-
-def _has_joints(file: Path, robot: SerialArm) -> bool:
-    """Whether the column names of a table are those of a joint log, not of a points file."""
-    words = {word.partition("[")[0].strip(' #"') for word in re.split(r"[,;\t\n]", read_text(file)[:10_000])}
-    return bool(words & {*robot.joint_names, "q1"})

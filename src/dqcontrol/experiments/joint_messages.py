@@ -103,6 +103,7 @@ def open_messages(path: Path) -> Iterator[Messages]:
 
 @contextmanager
 def _open_mcap(path: Path) -> Iterator[Messages]:
+    from mcap.exceptions import DecoderNotFoundError
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 
@@ -118,8 +119,11 @@ def _open_mcap(path: Path) -> Iterator[Messages]:
         types = {channel.topic: _short(schema.name) for channel, schema in pairs if schema is not None}
 
         def read(topic: str) -> Iterator[tuple[int, Any]]:
-            for _, _, message, decoded in reader.iter_decoded_messages([topic]):
-                yield message.log_time, decoded
+            try:
+                for _, _, message, decoded in reader.iter_decoded_messages([topic]):
+                    yield message.log_time, decoded
+            except DecoderNotFoundError as error:
+                raise FileFormatError(f"{path}: {topic}: holds no ROS 2 messages: {error}") from None
 
         yield Messages(types, read)
 
