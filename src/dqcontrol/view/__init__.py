@@ -1,5 +1,6 @@
 """Figures and reports of runs. matplotlib is imported when the first figure is made."""
 
+from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import (
     compare_errors,
@@ -16,6 +17,7 @@ __all__ = [
     "compare_errors",
     "compare_paths",
     "control_signals",
+    "disturbance",
     "errors",
     "joint_angles",
     "path_3d",

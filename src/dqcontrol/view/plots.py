@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ExistsError, ShapeError, unknown_name
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
+from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.paths import path_3d
 from dqcontrol.view.style import COLOURS, DESIRED, LIMIT, legend_below, line_style, new_figure, styled
 
@@ -177,7 +178,7 @@ def save_plots(
     input_units: Sequence[str] | None = None,
     formats: Sequence[str] = ("png",),
 ) -> list[Path]:
-    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints`` and, if it has commands, ``inputs``.
+    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``; ``inputs``, ``disturbance`` if any.
 
     Parameters
     ----------
@@ -210,25 +211,30 @@ def save_plots(
     import matplotlib
 
     folder = Path(folder)
-    names = ("path", "errors", "pose", "joints", "inputs")
+    names = ["path", "errors", "pose", "joints"]
+    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
+        names.append("inputs")
+    if record.disturbance is not None:
+        names.append("disturbance")
     for kind in formats:
         if kind not in FORMATS:
             raise unknown_name("formats", kind, FORMATS)
     for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
         if path.exists():
             raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    figures = [
-        path_3d(record),
-        errors(record),
-        pose_coefficients(record),
-        joint_angles(record, limits, joint_units),
-    ]
-    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
-        figures.append(control_signals(record, input_units))
+    draw = {
+        "path": lambda: path_3d(record),
+        "errors": lambda: errors(record),
+        "pose": lambda: pose_coefficients(record),
+        "joints": lambda: joint_angles(record, limits, joint_units),
+        "inputs": lambda: control_signals(record, input_units),
+        "disturbance": lambda: disturbance(record),
+    }
+    figures = [draw[name]() for name in names]
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     with matplotlib.rc_context({"svg.hashsalt": "dqcontrol"}):  # the same run gives the same bytes
-        for name, figure in zip(names, figures, strict=False):
+        for name, figure in zip(names, figures, strict=True):
             for kind in formats:
                 written.append(folder / f"{name}.{kind}")
                 date = {"pdf": "CreationDate", "svg": "Date"}.get(kind)

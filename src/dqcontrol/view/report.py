@@ -22,6 +22,7 @@ _CAPTIONS = {
     "pose": "Coefficients of the end pose.",
     "joints": "Configuration; limits in the titles, dashed where they are near.",
     "inputs": "Commanded inputs and their norm.",
+    "disturbance": "Twist that the disturbance gave the hand, inertial axes.",
 }
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
