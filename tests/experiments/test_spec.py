@@ -58,7 +58,7 @@ UNFIT = [
      r"time_constant, sag, stiffness, delay, encoder_resolution, encoder_noise, rate_limit, gravity\)$"),
     (changed(plant={"kind": "integrator", "sag": 1}), r"plant: unknown key 'sag' \(allowed: kind\)$"),
     (changed(reference=circle(length=1)),
-     r"reference: unknown key 'length'.* \(allowed: kind, start, offset, radius, duration, plane, turns, clockwise\)$"),
+     r"reference: unknown key 'length'.* \(allowed: kind, start, offset, repeat, [^()]*, plane, turns, clockwise\)$"),
     (changed(reference=circle(offset={"translatoin": [0, 0, 0]})),
      r"reference.offset: unknown key 'translatoin'; did you mean 'translation'\? \(allowed: translation, rotation\)$"),
     (changed(law=GONE, laws={"a": K, "b": {"kind": "proportional", "gian": 1}}),

@@ -1,21 +1,20 @@
-"""References as a spec describes them: relative to where the hand starts."""
+"""References as a spec describes them: one structure a kind."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
-import msgspec
-import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
-from dqcontrol import algebra
 from dqcontrol import references as shapes
-from dqcontrol.errors import ValueRangeError, as_array
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.experiments.reference_base import Array, Part, ReferenceSpec, Vector
+from dqcontrol.references.text_file import read_text
 
-Array = NDArray[np.float64]
-Vector = tuple[float, float, float]
+__all__ = ["AnyReference", "Part"]
+
 Positive = Annotated[float, Meta(gt=0)]
 Plane = Annotated[
     Literal["xy", "xz", "yz"] | tuple[Vector, Vector],
@@ -23,66 +22,13 @@ Plane = Annotated[
 ]
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Base of all parts of a spec."""
-
-
-class StartPose(Part, frozen=True, kw_only=True):
-    """Where the reference starts, base frame; what is left out is the hand's at the start configuration."""
-
-    position: Annotated[Vector | None, Meta(description="m")] = None
-    quaternion: Annotated[tuple[float, float, float, float] | None, Meta(description="scalar first")] = None
-
-
-class Offset(Part, frozen=True, kw_only=True):
-    """A displacement of the start pose, base axes: so far is the hand from its target when the run starts."""
-
-    translation: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)
-    rotation: Annotated[Vector, Meta(description="rotation vector, rad")] = (0.0, 0.0, 0.0)
-
-
-class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
-    """A reference; subclasses say which."""
-
-    start: StartPose = StartPose()
-    offset: Offset = Offset()
-
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the reference.
-
-        Parameters
-        ----------
-        hand
-            Pose of the hand at the start configuration, shape (8,), inertial frame.
-        folder
-            Where relative file names start.
-        """
-        raise NotImplementedError
-
-    def _start(self, hand: Array) -> Array:
-        rotation, position = algebra.rotation(hand), algebra.translation(hand)
-        if self.start.position is not None:
-            position = as_array("reference.start.position", self.start.position, (3,))
-        if self.start.quaternion is not None:
-            rotation = as_array("reference.start.quaternion", self.start.quaternion, (4,))
-            if abs(np.linalg.norm(rotation) - 1) > 1e-3:
-                raise ValueRangeError(
-                    f"reference.start.quaternion: must have norm 1, got {np.linalg.norm(rotation):.6g}"
-                )
-            rotation = rotation / np.linalg.norm(rotation)
-        angle = as_array("reference.offset.rotation", self.offset.rotation, (3,))
-        turn = algebra.exp_body(np.concatenate([angle / 2, np.zeros(3)]))
-        turned = algebra.multiply(turn, np.concatenate([rotation, np.zeros(4)]))[:4]
-        moved = position + as_array("reference.offset.translation", self.offset.translation, (3,))
-        return algebra.pose(turned, moved)
-
-
 class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
-    """Rest at the start pose."""
+    """Rest at the start pose, for ever or as long as given."""
 
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the set-point."""
-        return shapes.SetPoint(self._start(hand))
+    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        return shapes.SetPoint(start, math.inf if self.duration is None else self.duration)
 
 
 class CircleSpec(ReferenceSpec, frozen=True, kw_only=True, tag="circle"):
@@ -94,10 +40,9 @@ class CircleSpec(ReferenceSpec, frozen=True, kw_only=True, tag="circle"):
     turns: Positive = 1.0
     clockwise: bool = True
 
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the circle."""
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         return shapes.Circle(
-            self._start(hand),
+            start,
             radius=self.radius,
             duration=self.duration,
             plane=self.plane,
@@ -116,10 +61,9 @@ class SpiralSpec(ReferenceSpec, frozen=True, kw_only=True, tag="spiral"):
     turns: Positive = 3.0
     clockwise: bool = True
 
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the spiral."""
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         return shapes.Spiral(
-            self._start(hand),
+            start,
             radius=self.radius,
             length=self.length,
             duration=self.duration,
@@ -138,10 +82,9 @@ class SquareSpec(ReferenceSpec, frozen=True, kw_only=True, tag="square"):
     plane: Plane = "xz"
     clockwise: bool = True
 
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the square."""
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         return shapes.Square(
-            self._start(hand),
+            start,
             side=self.side,
             duration=self.duration,
             shares=self.shares,
@@ -155,9 +98,69 @@ class DrawingSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drawing"):
 
     file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
 
-    def build(self, hand: Array, folder: Path) -> shapes.Reference:
-        """Return the drawing."""
-        return shapes.load_drawing(folder / self.file, self._start(hand))
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        file = shapes.parse_drawing(read_text(folder / self.file), str(folder / self.file))
+        if file.position is not None:
+            self._refuse(0, where, folder / self.file, "where it starts")
+        if file.rotation is not None:
+            self._refuse(1, where, folder / self.file, "how the hand is turned")
+        return file.drawing(start)
 
 
-AnyReference = SetPointSpec | CircleSpec | SpiralSpec | SquareSpec | DrawingSpec
+class PointsSpec(ReferenceSpec, frozen=True, kw_only=True, tag="points"):
+    """Run from pose to pose of a file; see `dqcontrol.references.load_points`."""
+
+    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
+    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        return self._points(start, folder, where)
+
+    def _points(self, start: Array, folder: Path, where: str) -> shapes.Points:
+        file = folder / self.file
+        self._refuse(0, where, file, "where it starts")
+        if self._moves(1):
+            try:
+                shapes.load_points(file, duration=self.duration)
+            except ValueRangeError:  # it has no orientations: those of the start are needed
+                return shapes.load_points(file, start, self.duration)
+            self._refuse(1, where, file, "how the hand is turned")
+        return shapes.load_points(file, start, self.duration)
+
+
+class ViaPointsSpec(PointsSpec, frozen=True, kw_only=True, tag="via-points"):
+    """Run smoothly through the poses of a file; see `dqcontrol.references.ViaPoints`."""
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        points = self._points(start, folder, where)
+        return shapes.ViaPoints(points.times, points.poses)
+
+
+class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
+    """References one after the other; each starts where the one before it ends, unless it says otherwise."""
+
+    references: Annotated[list[AnyReference], Meta(min_length=1)]
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        parts, hand = [], start
+        for i, each in enumerate(self.references):
+            if parts and not math.isfinite(parts[-1].duration):
+                raise ValueRangeError(
+                    f"references[{i - 1}]: never ends, so nothing can follow it: give its duration"
+                )
+            parts.append(each.build(hand, folder, f"{where}.references[{i}]"))
+            if math.isfinite(parts[-1].duration):
+                hand = parts[-1].samples([parts[-1].duration])[0, :8]
+        return shapes.Sequence(parts)
+
+
+AnyReference = (
+    SetPointSpec
+    | CircleSpec
+    | SpiralSpec
+    | SquareSpec
+    | DrawingSpec
+    | PointsSpec
+    | ViaPointsSpec
+    | SequenceSpec
+)

@@ -15,6 +15,8 @@ from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.laws import (
     ClassicProportional,
     DecoupledProportional,
+    HInfinity,
+    HInfinityTracking,
     OpenLoop,
     PartialProportional,
     Proportional,
@@ -32,6 +34,8 @@ AnyLaw = (
     | DecoupledProportional
     | PartialProportional
     | ProportionalFeedforward
+    | HInfinity
+    | HInfinityTracking
 )
 AnyPlant = Integrator | Servo | MujocoPlant
 
@@ -178,10 +182,17 @@ def _plain(value: Any) -> Any:
 def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
     data = msgspec.to_builtins(spec)
-    if "file" in data["reference"]:
-        data["reference"]["file"] = str((folder / data["reference"]["file"]).resolve())
+    _make_absolute(data["reference"], folder)
     robot = data["robot"] if isinstance(data["robot"], dict) else {"source": data["robot"]}
     if (folder / robot["source"]).is_file():
         robot["source"] = str((folder / robot["source"]).resolve())
         data["robot"] = robot
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+
+
+def _make_absolute(reference: dict[str, Any], folder: Path) -> None:
+    """Make the file names of a reference, and of those that it is made of, absolute."""
+    if "file" in reference:
+        reference["file"] = str((folder / reference["file"]).resolve())
+    for part in reference.get("references", ()):
+        _make_absolute(part, folder)

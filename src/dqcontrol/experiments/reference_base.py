@@ -1,0 +1,167 @@
+"""What all references in a spec share: where they start, and the keys that modify them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol import references as shapes
+from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all parts of a spec."""
+
+
+class StartPose(Part, frozen=True, kw_only=True):
+    """Where the reference starts, base frame; what is left out is the hand's at the start configuration."""
+
+    position: Annotated[Vector | None, Meta(description="m")] = None
+    quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
+
+
+class Offset(Part, frozen=True, kw_only=True):
+    """A displacement of the start pose, base axes: so far is the hand from its target when the run starts."""
+
+    translation: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)
+    rotation: Annotated[Vector, Meta(description="rotation vector, rad")] = (0.0, 0.0, 0.0)
+
+
+class Displacement(Part, frozen=True, kw_only=True):
+    """A displacement y of a whole reference, base frame: x_d becomes y x_d."""
+
+    position: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)
+    quaternion: Annotated[Quaternion, Meta(description="scalar first")] = (1.0, 0.0, 0.0, 0.0)
+
+
+class JerkLimits(Part, frozen=True, kw_only=True):
+    """Limits along the path; see `dqcontrol.references.JerkLimited`."""
+
+    velocity: Annotated[float, Meta(gt=0, description="m/s")]
+    acceleration: Annotated[float, Meta(gt=0, description="m/s²")]
+    jerk: Annotated[float, Meta(gt=0, description="m/s³")]
+    angular_velocity: Annotated[float, Meta(gt=0, description="rad/s")] | None = None
+    angular_acceleration: Annotated[float, Meta(gt=0, description="rad/s²")] | None = None
+    angular_jerk: Annotated[float, Meta(gt=0, description="rad/s³")] | None = None
+
+
+class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
+    """A reference; subclasses say which.
+
+    The other keys modify it in this order: ``repeat``, one of ``ramp``, ``corner_stops`` and ``jerk_limits``,
+    ``transform``.
+    """
+
+    start: StartPose = StartPose()
+    offset: Offset = Offset()
+    repeat: Annotated[int, Meta(ge=1, le=10_000)] = 1
+    ramp: Annotated[float, Meta(gt=0, description="s")] | None = None
+    corner_stops: Annotated[float, Meta(gt=0, description="s")] | None = None
+    jerk_limits: JerkLimits | None = None
+    transform: Displacement | None = None
+
+    def build(self, hand: Array, folder: Path, where: str = "reference") -> shapes.Reference:
+        """Return the reference.
+
+        Parameters
+        ----------
+        hand
+            Pose of the hand at the start configuration, shape (8,), inertial frame.
+        folder
+            Where relative file names start.
+        where
+            Name of the field, for error messages.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If the values do not fit together or a file cannot be read.
+        """
+        timings = [
+            name for name in ("ramp", "corner_stops", "jerk_limits") if getattr(self, name) is not None
+        ]
+        if len(timings) > 1:
+            raise ValueRangeError(f"{where}: give only one of {', '.join(timings)}")
+        start = self._start(hand, where)
+        with _within(f"{where}."):
+            reference = self._shape(start, folder, where)
+        if self.repeat > 1:
+            with _within(f"{where}.repeat: "):
+                reference = shapes.Repeat(reference, self.repeat)
+        if self.ramp is not None:
+            with _within(f"{where}.ramp: "):
+                reference = shapes.StartRamp(reference, self.ramp)
+        if self.corner_stops is not None:
+            with _within(f"{where}.corner_stops: "):
+                reference = shapes.CornerStops(reference, self.corner_stops)
+        if self.jerk_limits is not None:
+            with _within(f"{where}.jerk_limits: "):
+                reference = shapes.JerkLimited(reference, **msgspec.structs.asdict(self.jerk_limits))
+        if self.transform is not None:
+            by = self.transform
+            rotation = _rotation(f"{where}.transform.quaternion", by.quaternion)
+            position = as_array(f"{where}.transform.position", by.position, (3,))
+            reference = shapes.Transformed(reference, algebra.pose(rotation, position))
+        return reference
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        """Return the reference before it is modified; `start` is a pose (8,)."""
+        raise NotImplementedError
+
+    def _start(self, hand: Array, where: str) -> Array:
+        rotation, position = algebra.rotation(hand), algebra.translation(hand)
+        if self.start.position is not None:
+            position = as_array(f"{where}.start.position", self.start.position, (3,))
+        if self.start.quaternion is not None:
+            rotation = _rotation(f"{where}.start.quaternion", self.start.quaternion)
+        angle = as_array(f"{where}.offset.rotation", self.offset.rotation, (3,))
+        turn = algebra.exp_body(np.concatenate([angle / 2, np.zeros(3)]))
+        turned = algebra.multiply(turn, np.concatenate([rotation, np.zeros(4)]))[:4]
+        moved = position + as_array(f"{where}.offset.translation", self.offset.translation, (3,))
+        return algebra.pose(turned, moved)
+
+    def _moves(self, part: int) -> list[str]:
+        """Return the keys that say where (0) or how turned (1) the reference starts."""
+        keys = (("position", "translation"), ("quaternion", "rotation"))[part]
+        given = [f"start.{keys[0]}"] if getattr(self.start, keys[0]) is not None else []
+        return given + ([f"offset.{keys[1]}"] if any(getattr(self.offset, keys[1])) else [])
+
+    def _refuse(self, part: int, where: str, file: Path, says: str) -> None:
+        """Refuse keys that a file makes pointless."""
+        for key in self._moves(part):
+            raise ValueRangeError(
+                f"{where}.{key}: {file} says itself {says}: leave it out, or use 'transform'"
+            )
+
+
+def _rotation(field: str, quaternion: Quaternion) -> Array:
+    rotation = as_array(field, quaternion, (4,))
+    norm = np.linalg.norm(rotation)
+    if abs(norm - 1) > 1e-3:
+        raise ValueRangeError(f"{field}: must have norm 1, got {norm:.6g}")
+    return rotation / norm
+
+
+@contextmanager
+def _within(prefix: str) -> Iterator[None]:
+    """Put the field before the message of an error that names neither it nor a file."""
+    try:
+        yield
+    except FileFormatError:
+        raise
+    except Error as error:
+        if str(error).startswith(prefix):
+            raise
+        raise type(error)(f"{prefix}{error}") from None
