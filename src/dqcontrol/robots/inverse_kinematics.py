@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _ITERATIONS = 60  # a start; most need fewer than 15
 _TRIALS = 64  # starts without limits, of which the solution nearest to the limits is reported
+_ROUNDING = 1e-9  # m: no distance
 _NEARLY = 1e-3  # m and rad: a failure so near the pose is a matter of convergence
 _NEARLY_SINGULAR = 1e-2  # smallest singular value of the hand's Jacobian
 
@@ -41,7 +42,8 @@ class Solution:
     starts
         Configurations that were started from.
     reason
-        Empty if it succeeded; else ``limits: …``, ``unreachable: …`` or ``singular: …``, and how much is missing.
+        Empty if it succeeded; else ``limits: …``, ``unreachable: …``, ``singular: …`` or ``tolerance: …``, and how
+        much is missing.
     """
 
     q: Array
@@ -103,69 +105,97 @@ class InverseKinematics(Dexterity):
         >>> arm.solve(dqc.DualQuaternion.from_translation([2.0, 0, 0])).reason
         'unreachable: the position is 1.1 m beyond the reach of iiwa7'
         """
-        n = self.configuration_size
-        poses = unit_poses("pose", pose)
-        lower, upper = _ranges(self)
-        middle = 0.5 * (lower + upper)
-        guess = (
-            middle if q0 is None else np.clip(as_array("q0", q0, (n,)), self.limits.lower, self.limits.upper)
+        problem = _prepare(
+            self.limits,
+            self.joint_types,
+            _tolerance("position_tolerance", position_tolerance),
+            _tolerance("orientation_tolerance", orientation_tolerance),
+            _count("restarts", restarts),
+            _count("seed", seed),
         )
+        n, poses, guess = self.configuration_size, unit_poses("pose", pose), problem.middle
+        if q0 is not None:
+            guess = np.minimum(np.maximum(as_array("q0", q0, (n,)), problem.limits[0]), problem.limits[1])
+        if poses.ndim == guess.ndim == 1:
+            q = guess.reshape(1, n).copy()
+            reports = _solve(self, problem, poses.reshape(1, 8), q)
+            success, reason = problem.is_reached(*reports[0, :2]), ""
+            if not success:
+                success, reason = _explain(self, problem, poses.reshape(1, 8), q[0], reports[0])
+            position, orientation, iterations, tried = reports[0].tolist()
+            return Solution(q[0], success, position, orientation, int(iterations), int(tried), reason)
         lead = _common_lead(poses, guess)
         rows = np.ascontiguousarray(np.broadcast_to(poses, (*lead, 8)).reshape(-1, 8))
         q = np.array(np.broadcast_to(guess, (*lead, n)).reshape(-1, n), order="C")
-        options = np.array(
-            [
-                _tolerance("position_tolerance", position_tolerance),
-                _tolerance("orientation_tolerance", orientation_tolerance),
-                _ITERATIONS,
-            ]
-        )
-        if not np.isfinite(options[:2]).any():
-            raise ValueRangeError("position_tolerance: must be finite if orientation_tolerance is inf")
-        starts = _starts(lower.tobytes(), upper.tobytes(), _count("restarts", restarts), _count("seed", seed))
-        limits = np.array([self.limits.lower, self.limits.upper])
-        reports = _solve(self, limits, starts, rows, options, q)
-        success = (reports[:, 0] <= options[0]) & (reports[:, 1] <= options[1])
+        reports = _solve(self, problem, rows, q)
+        reached = np.array([problem.is_reached(*report[:2]) for report in reports], dtype=bool)
         reasons = np.full(len(rows), "", dtype=object)
-        for i in np.flatnonzero(~success):
-            success[i], reasons[i] = _explain(self, starts, rows[i : i + 1], options, q[i], reports[i])
-        if lead:
-            numbers = (column.reshape(lead) for column in reports.T)
-            position, orientation, iterations, tried = numbers
-            return Solution(
-                q.reshape(*lead, n),
-                success.reshape(lead),
-                position,
-                orientation,
-                iterations.astype(int),
-                tried.astype(int),
-                reasons.reshape(lead),
-            )
-        position, orientation, iterations, tried = reports[0].tolist()
+        for i in np.flatnonzero(~reached):
+            reached[i], reasons[i] = _explain(self, problem, rows[i : i + 1], q[i], reports[i])
+        position, orientation, iterations, tried = (column.reshape(lead) for column in reports.T)
         return Solution(
-            q[0], bool(success[0]), position, orientation, int(iterations), int(tried), str(reasons[0])
+            q.reshape(*lead, n),
+            reached.reshape(lead),
+            position,
+            orientation,
+            iterations.astype(int),
+            tried.astype(int),
+            reasons.reshape(lead),
         )
 
 
-def _solve(
-    arm: InverseKinematics, limits: Array, starts: Array, poses: Array, options: Array, q: Array
-) -> Array:
+class _Problem(NamedTuple):
+    """What does not depend on the pose: limits (2, n), random starts (K, n), the kernel's options, the first start."""
+
+    limits: Array
+    starts: Array
+    options: Array
+    middle: Array
+
+    def is_reached(self, position_error: float, orientation_error: float) -> bool:
+        return bool(position_error <= self.options[0] and orientation_error <= self.options[1])
+
+
+@functools.lru_cache(maxsize=32)  # drawing the starts takes longer than most solutions
+def _prepare(
+    limits: Limits,
+    joint_types: tuple[str, ...],
+    position_tolerance: float,
+    orientation_tolerance: float,
+    restarts: int,
+    seed: int,
+) -> _Problem:
+    if math.isinf(position_tolerance) and math.isinf(orientation_tolerance):
+        raise ValueRangeError("position_tolerance: must be finite if orientation_tolerance is inf")
+    lower, upper = _ranges(limits, joint_types)
+    return _Problem(
+        np.array([limits.lower, limits.upper]),
+        np.random.default_rng(seed).uniform(lower, upper, (restarts, len(lower))),
+        np.array([position_tolerance, orientation_tolerance, _ITERATIONS]),
+        0.5 * (lower + upper),
+    )
+
+
+def _solve(arm: InverseKinematics, problem: _Problem, poses: Array, q: Array) -> Array:
     """Call the kernel: overwrite q and return the reports."""
     reports = np.empty((len(poses), 4))
     work = np.empty(inverse_kernels.work_size(arm.configuration_size))
-    inverse_kernels.solve(arm.chain, limits, starts, poses, options, q, reports, work)
+    inverse_kernels.solve(arm.chain, problem.limits, problem.starts, poses, problem.options, q, reports, work)
     return reports
 
 
 def _explain(
-    arm: InverseKinematics, starts: Array, pose: Array, options: Array, q: Array, report: Array
+    arm: InverseKinematics, problem: _Problem, pose: Array, q: Array, report: Array
 ) -> tuple[bool, str]:
     """Return why a pose was not reached; or overwrite q and its report by a solution found on the way."""
-    n = arm.configuration_size
-    unlimited = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
-    free = np.vstack([q, starts[: _TRIALS - 1]])
-    found = _solve(arm, unlimited, starts[:0], np.repeat(pose, len(free), axis=0), options, free)
-    reached = (found[:, 0] <= options[0]) & (found[:, 1] <= options[1])
+    n, tolerances = arm.configuration_size, problem.options[:2]
+    starts = problem.starts[: _TRIALS - 1]
+    unlimited = problem._replace(
+        limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=starts[:0]
+    )
+    free = np.vstack([q, starts])
+    found = _solve(arm, unlimited, np.repeat(pose, len(free), axis=0), free)
+    reached = (found[:, :2] <= tolerances).all(axis=1)
     if reached.any():
         nearest = _into_ranges(arm, free[reached])
         excess = np.maximum(arm.limits.lower - nearest, nearest - arm.limits.upper).max(axis=1)
@@ -175,19 +205,23 @@ def _explain(
             report[:2] = found[reached][best][:2]
             return True, ""
         return False, _beyond_limits(arm, nearest[best])
-    if math.isfinite(options[0]):
-        only = np.array([options[0], np.inf, options[2]])
-        missing = float(_solve(arm, unlimited, starts[:_TRIALS], pose, only, q[None].copy())[0, 0])
-        if missing > options[0]:
+    if math.isfinite(tolerances[0]):
+        only = np.array([tolerances[0], np.inf, _ITERATIONS])
+        place = unlimited._replace(options=only, starts=starts)
+        missing = float(_solve(arm, place, pose, q[None].copy())[0, 0])
+        if missing > max(tolerances[0], _ROUNDING):
             return False, f"unreachable: the position is {missing:.3g} m beyond the reach of {arm.name}"
     best = int((found[:, 0] + found[:, 1]).argmin())
     position, orientation = found[best, :2]
-    smallest = np.linalg.svd(arm.hand_jacobian(free[best]), compute_uv=False)[-1]
-    if position < _NEARLY and orientation < _NEARLY and smallest < _NEARLY_SINGULAR:
-        return False, (
-            f"singular: came within {position:.2g} m and {orientation:.2g} rad of the pose, where the smallest "
-            f"singular value of the hand's Jacobian is {smallest:.2g}"
-        )
+    if position < _NEARLY and orientation < _NEARLY:
+        near = f"came within {position:.2g} m and {orientation:.2g} rad of the pose"
+        smallest = np.linalg.svd(arm.hand_jacobian(free[best]), compute_uv=False)[-1]
+        if smallest < _NEARLY_SINGULAR:
+            return (
+                False,
+                f"singular: {near}, where the hand's Jacobian has a singular value of {smallest:.2g}",
+            )
+        return False, f"tolerance: {near}; rounding allows no less than about 1e-15"
     few = f" (an arm of {n} joints has few orientations anywhere)" if n < 6 else ""
     return False, (
         "unreachable: the position can be reached, but not with this orientation; the nearest pose found is "
@@ -210,27 +244,18 @@ def _beyond_limits(arm: InverseKinematics, q: Array) -> str:
 
 def _into_ranges(arm: InverseKinematics, q: Array) -> Array:
     """Return q with each revolute joint turned by full turns into its range, or as near as that gets."""
-    lower, upper = _ranges(arm)
+    lower, upper = _ranges(arm.limits, arm.joint_types)
     revolute = np.array([kind == "revolute" for kind in arm.joint_types])
     turns = 2 * np.pi * np.round((q - 0.5 * (lower + upper)) / (2 * np.pi))
     return np.where(revolute, q - turns, q)
 
 
-def _ranges(arm: InverseKinematics) -> tuple[Array, Array]:
+def _ranges(limits: Limits, joint_types: tuple[str, ...]) -> tuple[Array, Array]:
     """Return the limits, ±π rad or ±1 m from zero or from the other limit where there is none."""
-    lower, upper = arm.limits.lower, arm.limits.upper
-    if np.isfinite(lower).all() and np.isfinite(upper).all():
-        return lower, upper
-    half = np.array([np.pi if kind == "revolute" else 1.0 for kind in arm.joint_types])
+    lower, upper = limits.lower, limits.upper
+    half = np.array([np.pi if kind == "revolute" else 1.0 for kind in joint_types])
     low = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 2 * half, -half))
     return low, np.where(np.isfinite(upper), upper, low + 2 * half)
-
-
-@functools.lru_cache(maxsize=32)
-def _starts(lower: bytes, upper: bytes, count: int, seed: int) -> Array:
-    """Return random configurations between the bounds, shape (count, n)."""
-    low, high = np.frombuffer(lower), np.frombuffer(upper)
-    return np.random.default_rng(seed).uniform(low, high, (count, len(low)))
 
 
 def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,9 +14,17 @@ Array = NDArray[np.float64]
 
 def unit_poses(field: str, pose: ArrayLike) -> Array:
     """Return unit dual quaternions, shape (…, 8), with the last digits of their norms mended."""
-    x = as_array(field, getattr(pose, "vec8", pose), (8,))
-    norm = np.sqrt(np.einsum("...i,...i->...", x[..., :4], x[..., :4]))
-    along = np.einsum("...i,...i->...", x[..., :4], x[..., 4:])
+    given = getattr(pose, "vec8", pose)
+    if type(given) is np.ndarray and given.shape == (8,) and given.dtype == np.float64:
+        w, i, j, k, dw, di, dj, dk = given.tolist()  # ten times as fast for the usual case
+        length = math.sqrt(w * w + i * i + j * j + k * k)
+        if abs(length - 1) <= 1e-6 and abs(w * dw + i * di + j * dj + k * dk) <= 1e-6:
+            return given / length
+    x = as_array(field, given, (8,))
+    r, d = x[..., :4], x[..., 4:]
+    squares, products = r * r, r * d
+    norm = np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2] + squares[..., 3])
+    along = products[..., 0] + products[..., 1] + products[..., 2] + products[..., 3]
     if (np.abs(norm - 1) > 1e-6).any() or (np.abs(along) > 1e-6).any():
         worst = np.unravel_index(int(np.argmax(np.abs(norm - 1) + np.abs(along))), norm.shape)
         raise ValueRangeError(
