@@ -333,6 +333,24 @@ def test_broken_recordings_are_named(tmp_path):
         read_joint_log(database, ARM)
 
 
+@pytest.mark.parametrize("kind", WRITERS)
+def test_random_damage_to_a_recording_raises_only_errors_of_one_line(tmp_path, kind):
+    path, rng = WRITERS[kind](tmp_path, messages()), np.random.default_rng(9)
+    file = next(f for f in path.iterdir() if f.suffix in (".db3", ".mcap")) if path.is_dir() else path
+    whole, said = file.read_bytes(), []
+    for _ in range(60):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), 4):
+            damaged[place] = rng.integers(0, 256)
+        file.write_bytes(damaged)
+        try:
+            assert np.isfinite(read_joint_log(path, ARM).q).all()
+        except Error as error:
+            said.append(str(error))
+    assert said
+    assert all(text.startswith(str(path)) and "\n" not in text for text in said)
+
+
 def test_bags_without_rosbags_say_what_to_install(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log", messages())
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)

@@ -72,7 +72,8 @@ def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
     with open_messages(path) as messages:
         topic = _choose(path, messages.types, topic, "reference_topic", (POSE,))
         stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
-    norms = np.linalg.norm(rows[:, 3:], axis=1)
+    with np.errstate(over="ignore"):  # the check is for damaged numbers, too
+        norms = np.linalg.norm(rows[:, 3:], axis=1)
     for k in np.flatnonzero(np.abs(norms - 1) > _NORM_TOLERANCE)[:1]:
         raise FileFormatError(
             f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.6g}"
@@ -98,7 +99,8 @@ def open_messages(path: Path) -> Iterator[Messages]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # decoders of damaged bytes raise anything
-        raise FileFormatError(f"{path}: is no whole recording ({type(error).__name__}: {error})") from None
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FileFormatError(f"{path}: is no whole recording ({reason:.200})") from None
 
 
 @contextmanager
@@ -229,7 +231,8 @@ def _by_name(message: Any, names: Sequence[str], field: str) -> list[float] | No
         return None
     missing = [name for name in names if name not in found]
     if missing:
-        raise ValueError(f"joints missing: {', '.join(missing)} (it has {', '.join(found)})")
+        listed = " ".join(", ".join(found).split())
+        raise ValueError(f"joints missing: {', '.join(missing)} (it has {listed:.200})")
     if len(values) != len(found):
         raise ValueError(f"{field}: expected {len(found)} numbers as there are names, got {len(values)}")
     return [float(values[found.index(name)]) for name in names]
