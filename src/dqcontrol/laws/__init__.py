@@ -4,6 +4,7 @@ from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
 from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
+from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.null_space import ManipulabilityAscent, Posture
@@ -15,6 +16,8 @@ __all__ = [
     "DampedInverse",
     "DecoupledProportional",
     "FilteredInverse",
+    "HInfinity",
+    "HInfinityTracking",
     "Law",
     "ManipulabilityAscent",
     "ManipulabilityInverse",

@@ -1,0 +1,206 @@
+"""H-infinity control of the pose: bounded influence of twist and pose disturbances."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.algebra.kernels import (
+    adjoint_twist,
+    body_translation,
+    conjugate,
+    conjugate_multiply,
+    multiply,
+    rotate,
+    translation,
+)
+from dqcontrol.compile import inlined, kernel
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.inverses import (
+    ELSEWHERE,
+    HEAD,
+    FilteredInverse,
+    Inverse,
+    solve,
+    solve_hand_twist,
+    work_size,
+)
+from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.pose_law import HYSTERESIS, SCRATCH
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+    from dqcontrol.robots import SerialArm
+
+_ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
+
+
+@inlined
+def _solve_twist(twist, pose, twist_jacobian, inverse, work, out):
+    """Write out = z + J_w⁺ (ξ − J_w z) for an inertial twist ξ; it is overwritten."""
+    n = twist_jacobian.shape[1]
+    preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
+    position, hand_twist = own[32:35], own[36:42]
+    translation(pose, position)
+    px, py, pz = position[0], position[1], position[2]
+    for i in range(6):
+        hand_twist[i] = twist[i]
+    hand_twist[3] += twist[1] * pz - twist[2] * py  # ṗ = v + ω × p
+    hand_twist[4] += twist[2] * px - twist[0] * pz
+    hand_twist[5] += twist[0] * py - twist[1] * px
+    far = px * px + py * py + pz * pz
+    smallest = 0.5 * (math.sqrt(far + 4.0) - math.sqrt(far))  # of [[1, 0], [|p|, 1]]
+    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
+    if status != ELSEWHERE:
+        return status
+    return solve(twist_jacobian, twist, preferred, inverse, rest, out)
+
+
+@kernel(LAW)
+def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d) with x_e = x x_d*."""
+    own = work[pose_jacobian.shape[1] :]
+    relative, opposite, twist, moved = own[0:8], own[8:16], own[16:22], own[22:28]
+    conjugate(sample, opposite)
+    multiply(pose, opposite, relative)
+    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    translation(relative, twist[3:6])
+    for i in range(3):
+        twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
+        twist[3 + i] *= -parameters[_TRANSLATION]
+    if parameters[_TRACKING] != 0.0:
+        adjoint_twist(relative, sample[8:14], moved)
+        for i in range(6):
+            twist[i] += moved[i]
+    return _solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+
+
+@kernel(LAW)
+def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J_w⁺ Ad(x) ([−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b) with x_l = x_d* x."""
+    own = work[pose_jacobian.shape[1] :]
+    relative, body_twist, twist = own[0:8], own[8:14], own[16:22]
+    conjugate_multiply(sample, pose, relative)
+    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    body_translation(relative, body_twist[3:6])
+    for i in range(3):
+        body_twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
+        body_twist[3 + i] *= -parameters[_TRANSLATION]
+    adjoint_twist(pose, body_twist, twist)
+    if parameters[_TRACKING] != 0.0:  # Ad(x) Ad(x_l*) ξ_d,b = Ad(x x* x_d x_d*) ξ_d = ξ_d
+        for i in range(6):
+            twist[i] += sample[8 + i]
+    return _solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+
+
+_KERNELS = {"right": h_infinity_right, "left": h_infinity_left}
+
+
+class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
+    """HIR: q̇ = J_w⁺ [−k_O Im r_e ; −k_T p_e], x_e = x x_d* = r_e + ε½p_e r_e. [P16 3.30]
+
+    With a resting target and ideal joints |p_e| decays at rate k_T exactly and tan(θ/4) at k_O/2. Where the robot is
+    disturbed by an inertial twist v_w and by a moving pose c of the hand (twist v_c), with gains at the bounds
+    k_O = √2 √(γ_O1⁻² + γ_O2⁻²) and k_T = √(γ_T1⁻² + γ_T2⁻²):
+    ‖p_e‖² ≤ γ_T1² ‖v'_w‖² + γ_T2² ‖v'_c‖² in L2 over any horizon from zero error, v' the dual parts in the inertial
+    frame, and the same for ‖Im r_e‖ with the primary parts while Re(r_e) ≥ 0. The bounds assume continuous time, an
+    undamped inverse and exact kinematics; in samples keep k_T T < 2 and k_O T < 4.
+
+    The right error's p_e = p − Ad(r_e) p_d contains the lever arm of the base's origin, so accuracy depends on where
+    the base frame sits; the ``left`` form has the same rates, with |p_b,l| = |p − p_d|.
+
+    Parameters
+    ----------
+    orientation_gain, translation_gain
+        k_O and k_T in 1/s, numbers or `Schedule`.
+    orientation_gamma, translation_gamma
+        Instead of the gains: γ with equal shares of both disturbances, k_O = 2/γ_O, k_T = √2/γ_T. [P16 5.5–5.6]
+    form
+        ``"right"`` (as published) or ``"left"`` (recommended where position accuracy matters).
+    inverse
+        How J_w is inverted; the default is exact away from singularities.
+    hysteresis
+        How far Re(r_e) must pass 0 before the sign of x_e flips.
+    null_space
+        Motion preferred where the task leaves freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> law = dqc.laws.HInfinity(orientation_gamma=0.5, translation_gamma=0.5, form="left")
+    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), dt=0.01)).max()) < 1e-12
+    True
+    """
+
+    orientation_gain: Annotated[float | Schedule | None, Meta(description="k_O, 1/s")] = None
+    translation_gain: Annotated[float | Schedule | None, Meta(description="k_T, 1/s")] = None
+    orientation_gamma: Annotated[float | None, Meta(description="γ_O, s")] = None
+    translation_gamma: Annotated[float | None, Meta(description="γ_T, s")] = None
+    form: Literal["right", "left"] = "right"
+    inverse: Inverse = FilteredInverse()
+    hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
+
+    @property
+    def kernel(self):  # type: ignore[override]
+        """The kernel of the form."""
+        if self.form not in _KERNELS:
+            raise unknown_name("form", str(self.form), _KERNELS)
+        return _KERNELS[self.form]
+
+    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+        """Return inverse, hysteresis, gains and whether to track, at each time."""
+        delta = float(as_array("hysteresis", self.hysteresis, ()))
+        if not 0 <= delta < 1:
+            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
+        orientation = _gains("orientation", self.orientation_gain, self.orientation_gamma, 2.0, times)
+        translation_ = _gains(
+            "translation", self.translation_gain, self.translation_gamma, math.sqrt(2), times
+        )
+        count = max(len(orientation), len(translation_))
+        rows = np.empty((count, _TRACKING + 1))
+        rows[:, :HEAD] = self.inverse.parameters()
+        rows[:, HYSTERESIS] = delta
+        rows[:, _ORIENTATION] = orientation
+        rows[:, _TRANSLATION] = translation_
+        rows[:, _TRACKING] = self._tracks()
+        return rows
+
+    def _tracks(self) -> bool:
+        return False
+
+    def horizon(self, reference: Reference | None) -> float:
+        """Return the end of the later gain schedule, s."""
+        gains = (self.orientation_gain, self.translation_gain)
+        return max([gain.end for gain in gains if isinstance(gain, Schedule)], default=0.0)
+
+    def work_size(self, robot: SerialArm) -> int:
+        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
+        return SCRATCH + 9 * robot.input_size + work_size()
+
+
+class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):
+    """HIRT: `HInfinity` with the desired twist added: q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d). [P16 3.33]
+
+    Rates and bounds of `HInfinity` hold for a moving target. Parameters as there.
+    """
+
+    def _tracks(self) -> bool:
+        return True
+
+
+def _gains(
+    name: str, gain: float | Schedule | None, gamma: float | None, product: float, times: np.ndarray
+) -> np.ndarray:
+    """Return gain rows from a gain, or from a γ with gain · γ = product."""
+    if (gain is None) == (gamma is None):
+        raise ShapeError(f"{name}_gain: give either {name}_gain or {name}_gamma")
+    if gamma is not None:
+        return np.array([product / as_positive(f"{name}_gamma", gamma)])
+    return gain_rows(f"{name}_gain", gain, times)  # type: ignore[arg-type]
