@@ -112,8 +112,10 @@ def evaluate(
         Table (CSV), MCAP file, ROS 1 or ROS 2 bag, or folder of a run; see docs/own-data.md.
     robot
         Name, .yaml or .urdf file, or example-robot-data:PATH; recordings of dqcontrol name theirs.
-    base_link, tip_link
-        Ends of the chain in a URDF file.
+    base_link
+        Start of the chain in a URDF file.
+    tip_link
+        End of the chain in a URDF file.
     reference
         YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
     reference_topic
