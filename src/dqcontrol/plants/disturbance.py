@@ -186,9 +186,10 @@ class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     Both are realised through the joints: before the plant steps, q moves by T J_h⁺[ω ; ṗ], the smallest move that gives
     the hand this twist (to first order in T), so that laws and metrics see it as any other motion. With ideal joints
-    the hand drifts with the sum of command and disturbance. A servo pulls its joints back to their targets and gives
-    way by about its time constant times the disturbance. Near singularities, and for arms of fewer than six joints,
-    the hand gets the part that the joints can make; the record holds what it got.
+    the hand drifts with the sum of command and disturbance. A servo pulls its joints back to their targets: with
+    integrated commands it gives way by about its time constant times the disturbance, with measured ones, whose target
+    follows, it drifts with e^(−T/τ) of it. Near singularities, and for arms of fewer than six joints, the hand gets the
+    part that the joints can make; the record holds what it got.
 
     Each value is held from its sample to the next.
 
