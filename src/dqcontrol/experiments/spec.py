@@ -17,6 +17,8 @@ from dqcontrol.laws import (
     DecoupledProportional,
     HInfinity,
     HInfinityTracking,
+    LinearQuadraticDQ,
+    LinearQuadraticR8,
     OpenLoop,
     PartialProportional,
     Proportional,
@@ -36,6 +38,8 @@ AnyLaw = (
     | ProportionalFeedforward
     | HInfinity
     | HInfinityTracking
+    | LinearQuadraticR8
+    | LinearQuadraticDQ
 )
 AnyPlant = Integrator | Servo | MujocoPlant
 

@@ -7,9 +7,11 @@ from dqcontrol.laws.gains import Schedule
 from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
+from dqcontrol.laws.linear_quadratic import LinearQuadraticDQ, LinearQuadraticR8
 from dqcontrol.laws.null_space import ManipulabilityAscent, Posture
 from dqcontrol.laws.own import OwnLaw
 from dqcontrol.laws.proportional import Proportional
+from dqcontrol.laws.riccati import Steps
 
 __all__ = [
     "ClassicProportional",
@@ -19,6 +21,8 @@ __all__ = [
     "HInfinity",
     "HInfinityTracking",
     "Law",
+    "LinearQuadraticDQ",
+    "LinearQuadraticR8",
     "ManipulabilityAscent",
     "ManipulabilityInverse",
     "OpenLoop",
@@ -29,4 +33,5 @@ __all__ = [
     "Proportional",
     "ProportionalFeedforward",
     "Schedule",
+    "Steps",
 ]

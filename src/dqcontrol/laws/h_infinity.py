@@ -14,7 +14,6 @@ from dqcontrol.algebra.kernels import (
     conjugate,
     conjugate_multiply,
     multiply,
-    rotate,
     translation,
 )
 from dqcontrol.compile import inlined, kernel
@@ -41,7 +40,7 @@ _ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
 
 
 @inlined
-def _solve_twist(twist, pose, twist_jacobian, inverse, work, out):
+def solve_twist(twist, pose, twist_jacobian, inverse, work, out):
     """Write out = z + J_w⁺ (ξ − J_w z) for an inertial twist ξ; it is overwritten."""
     n = twist_jacobian.shape[1]
     preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
@@ -77,7 +76,7 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
         adjoint_twist(relative, sample[8:14], moved)
         for i in range(6):
             twist[i] += moved[i]
-    return _solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+    return solve_twist(twist, pose, twist_jacobian, parameters, work, out)
 
 
 @kernel(LAW)
@@ -95,7 +94,7 @@ def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, 
     if parameters[_TRACKING] != 0.0:  # Ad(x) Ad(x_l*) ξ_d,b = Ad(x x* x_d x_d*) ξ_d = ξ_d
         for i in range(6):
             twist[i] += sample[8 + i]
-    return _solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+    return solve_twist(twist, pose, twist_jacobian, parameters, work, out)
 
 
 _KERNELS = {"right": h_infinity_right, "left": h_infinity_left}

@@ -69,13 +69,17 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
             If a parameter is not allowed; nothing is raised later for that reason.
         """
         dt = as_positive("dt", dt)
+        rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
+        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
+
+    def rows(self, robot: SerialArm, reference: Reference | None, dt: float) -> Array:
+        """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
         steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
         if steps > _MOST_STEPS:
             raise ValueRangeError(
                 f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million"
             )
-        rows = np.ascontiguousarray(self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64)))
-        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
+        return self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64))
 
     def command(
         self, robot: SerialArm, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None

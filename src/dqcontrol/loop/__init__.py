@@ -6,4 +6,14 @@ from dqcontrol.loop.mcap import load_metadata, load_record, save_record
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import simulate
 
-__all__ = ["Record", "Stop", "Trace", "close_loop", "export_record", "load_metadata", "load_record", "save_record", "simulate"]
+__all__ = [
+    "Record",
+    "Stop",
+    "Trace",
+    "close_loop",
+    "export_record",
+    "load_metadata",
+    "load_record",
+    "save_record",
+    "simulate",
+]

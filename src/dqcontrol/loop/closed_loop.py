@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import Kernel
+from dqcontrol.compile import Kernel, Pointer
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
@@ -74,8 +74,8 @@ def close_loop(
     Returns
     -------
     Trace
-        Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and says
-        so in ``stopped``.
+        Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and
+        says so in ``stopped``.
 
     Raises
     ------
@@ -98,9 +98,11 @@ def close_loop(
             raise ShapeError(
                 f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
             )
-    compiled_plant = isinstance(plant, CompiledPlant) and isinstance(plant.kernel, Kernel)
-    if compiled_plant and isinstance(law.kernel, Kernel) and not interpreted:
-        return _rollout(law, plant, samples, stop, disturbance)
+    if not interpreted and isinstance(plant, CompiledPlant):
+        law_kernel, plant_kernel = law.kernel, plant.kernel
+        if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
+            pointers = law_kernel.pointer, plant_kernel.pointer
+            return _rollout(law, plant, pointers, samples, stop, disturbance)
     return _interpret(law, plant, samples, stop, disturbance, progress)
 
 
@@ -140,10 +142,12 @@ def _ended(
 def _rollout(
     law: PreparedLaw,
     plant: CompiledPlant,
+    pointers: tuple[Pointer, Pointer],
     samples: Array,
     stop: Stop | None,
     disturbance: LiveDisturbance | None,
 ) -> Trace:
+    law_pointer, plant_pointer = pointers
     records = _records(law, samples)
     realised = np.zeros((len(samples) if disturbance else 1, 6))
     acting = disturbance or no_disturbance()
@@ -151,10 +155,10 @@ def _rollout(
     status = compiled.rollout(
         kernels.kinematics.pointer,
         law.preference.pointer,
-        law.kernel.pointer,
+        law_pointer,
         law.limit.pointer,
         acting.kernel.pointer,
-        plant.kernel.pointer,
+        plant_pointer,
         compiled.settled.pointer,
         law.robot.chain,
         law.preference_parameters,
