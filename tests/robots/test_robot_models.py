@@ -5,7 +5,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from pinocchio_oracle import Z_GRAVITY, model_of, pose_matrix, symmetric
+from pinocchio_oracle import Z_GRAVITY, model_of, pose_matrix, se3, symmetric
 
 from dqcontrol.robots import SerialArm, describe, load_robot, robot_names
 
@@ -163,3 +163,48 @@ def test_nothing_is_beyond_the_reach(name):
     tools = np.array([pose_matrix(x)[:3, 3] for x in arm.fkm(q)])
     farthest = np.linalg.norm(tools - shoulder, axis=1).max()
     assert 0.6 * describe(arm).reach < farthest < describe(arm).reach + 1e-12
+
+
+# libbarrett, config/wam7w.conf: mass, centre (mm), tensor xx yy zz xy xz yz (kg mm²), in the frame at each link's end
+WAM_LINKS = [
+    (10.7677, [-4.43, 121.89, -0.66], [134880.33, 113283.69, 90463.30, -2130.41, -124.85, 685.55]),
+    (3.8749, [-2.37, 31.06, 15.42], [21409.58, 13778.75, 15589.06, 271.72, 24.61, -1819.20]),
+    (1.8023, [-38.26, 207.51, 0.03], [59110.77, 3245.50, 59270.43, -2496.12, 7.38, -17.67]),
+    (2.17266212, [5.53408, 0.06822, 119.27695], [10674.91, 10586.59, 2820.36, 45.03, -1355.57, -110.02]),
+    (0.35655692, [0.05483, 28.86286, 1.48493], [371.12, 194.34, 382.09, -0.08, -0.03, -16.13]),
+    (0.40915886, [-0.05923, -16.86123, 24.19052], [548.89, 238.46, 451.33, 0.19, -0.10, -44.30]),
+    (0.07548270, [0.14836, 0.07252, -3.35185], [39.11, 38.77, 76.14, 0.19, 0, 0]),
+]
+# Universal Robots, DH parameters for calculations of kinematics and dynamics: mass, centre (mm), likewise
+UR5_LINKS = [
+    (3.7, [0, -25.61, 1.93]),
+    (8.393, [212.5, 0, 113.36]),
+    (2.33, [150, 0, 26.5]),
+    (1.219, [0, -1.8, 16.34]),
+    (1.219, [0, 1.8, 16.34]),
+    (0.1879, [0, 0, -1.159]),
+]
+
+
+@pytest.mark.parametrize(("name", "links"), [("barrett-wam", WAM_LINKS), ("ur5", UR5_LINKS)])
+def test_bodies_given_at_the_end_of_their_links(name, links):
+    arm = load_robot(name)
+    model = pin.Model()
+    model.gravity.linear = Z_GRAVITY
+    for i, (mass, center, *tensors) in enumerate(links):
+        model.addJoint(i, pin.JointModelRZ(), se3(arm.chain[i]), f"j{i}")
+        xx, yy, zz, xy, xz, yz = np.array(tensors[0] if tensors else [0] * 6) * 1e-6
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        body = pin.Inertia(mass, np.array(center) * 1e-3, tensor)
+        model.appendBodyToJoint(
+            i + 1, body, se3(arm.chain[i + 1])
+        )  # theta is 0: the fixed pose is the whole row
+    own = model_of(arm)
+    for q in within(arm, 6):
+        torque = pin.computeGeneralizedGravity(model, model.createData(), q)
+        np.testing.assert_allclose(arm.gravity_torque(q), torque, rtol=0, atol=1e-8)
+        if name == "barrett-wam":
+            expected = symmetric(pin.crba(model, model.createData(), q))
+            np.testing.assert_allclose(
+                symmetric(pin.crba(own, own.createData(), q)), expected, rtol=0, atol=1e-8
+            )
