@@ -13,6 +13,7 @@ from dqcontrol import references as shapes
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.run import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
+from dqcontrol.references.rigid_motion import point_motion
 
 START = algebra.pose([0.5, 0.5, -0.5, 0.5], [0.4, -0.2, 0.6])
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 4}
@@ -196,6 +197,8 @@ SPIRAL = {"kind": "spiral", "radius": 0.1, "length": 0.1, "duration": 6}
         ({**CIRCLE, "ramp": 1, "corner_stops": 1}, RANGE, r"^reference: give only one of ramp, corner_stops$"),
         ({**SPIRAL, "repeat": 2}, RANGE,
          r"^reference\.repeat: references\[1\]: must start where references\[0\] ends, but starts 0\.1 m and 0 deg"),
+        ({**sequence({**SQUARE, "repeat": 10_000}), "repeat": 10_000}, RANGE,
+         r"^reference\.repeat: makes 400000000 corners, at most 1000000 are allowed$"),
         ({**CIRCLE, "ramp": 9}, RANGE, r"^reference\.ramp: seconds: must be ≤ 8, twice the reference, got 9$"),
         ({"kind": "set-point", "ramp": 1}, RANGE, r"^reference\.ramp: reference: never ends"),
         ({"kind": "set-point", "corner_stops": 1}, RANGE, r"^reference\.corner_stops: reference: never ends"),
@@ -226,7 +229,7 @@ SPIRAL = {"kind": "spiral", "radius": 0.1, "length": 0.1, "duration": 6}
         (PLACED | {"start": {"position": [0, 0, 0]}}, RANGE, r"^reference\.start\.position: placed\.txt says"),
         (PLACED | {"offset": {"rotation": [1, 0, 0]}}, RANGE, r"^reference\.offset\.rotation: placed\.txt says"),
         ({"kind": "points", "file": "place.csv"}, FileFormatError, r"^place\.csv: no such file; did you mea"),
-        (sequence({"kind": "drawing", "file": "lin.txt"}), FileFormatError, r"^lin\.txt: no such file; did you mean 'li"),
+        (sequence({"kind": "drawing", "file": "lin.txt"}), FileFormatError, r"^lin\.txt: no such file; did you mean"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_together(folder, monkeypatch, reference, kind, text):
@@ -245,3 +248,15 @@ def test_sequences_nested_without_end_are_refused(tmp_path):
     path.write_text(content + "reference: " + text + "\n")
     with pytest.raises(Error, match=r"deep\.yaml: "):
         prepare(path)
+
+
+@pytest.mark.parametrize("name", ["via-points", "composed"])
+def test_examples_fit_their_robot_and_keep_their_limits(name):
+    setting = prepare(Path(__file__).parents[2] / "examples" / f"{name}.yaml")
+    limits = setting.spec.reference.jerk_limits
+    assert limits
+    _, v, a = point_motion(setting.samples)
+    speed = np.linalg.norm(v, axis=1)
+    assert limits.velocity * 0.99 < speed.max() <= limits.velocity * (1 + 1e-9)
+    along = np.sum(v * a, axis=1) / np.maximum(speed, 1e-12)
+    assert np.abs(along).max() <= limits.acceleration * (1 + 1e-9)

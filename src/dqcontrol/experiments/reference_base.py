@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+_MOST_CORNERS = 1_000_000  # a few nested repeats would fill any memory
+
 
 class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of all parts of a spec."""
@@ -98,6 +100,10 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         with _within(f"{where}."):
             reference = self._shape(start, folder, where)
         if self.repeat > 1:
+            if (corners := self.repeat * len(reference.corners)) > _MOST_CORNERS:
+                raise ValueRangeError(
+                    f"{where}.repeat: makes {corners} corners, at most {_MOST_CORNERS} are allowed"
+                )
             with _within(f"{where}.repeat: "):
                 reference = shapes.Repeat(reference, self.repeat)
         if self.ramp is not None:
