@@ -117,12 +117,24 @@ def test_only_position_or_only_orientation():
     target = DualQuaternion.from_translation([0.2, 0.1, 0.25])
     found = arm.solve(target, orientation_tolerance=np.inf)
     assert found.success
-    assert errors(arm, found.q, target.vec8)[0] < 1.1e-6
+    position, orientation = errors(arm, found.q, target.vec8)
+    assert position < 1.1e-6
+    assert found.orientation_error == pytest.approx(orientation) != 0
     iiwa = load_robot("iiwa7")
     far = DualQuaternion.from_translation([9.0, 0, 0]) * DualQuaternion(iiwa.fkm([0.5] * 7))
     found = iiwa.solve(far, position_tolerance=np.inf)
     assert found.success
     assert errors(iiwa, found.q, far.vec8)[1] < 1.1e-6
+
+
+def test_a_solution_counts_whatever_the_starts_before_it_missed():
+    arm = load_robot("ur5")
+    poses = arm.fkm(within(arm, 300))
+    found = arm.solve(poses, position_tolerance=1e-2, orientation_tolerance=1e-9)
+    assert found.success.all()
+    position, orientation = errors(arm, found.q, poses)
+    assert position.max() <= 1.01e-2
+    assert orientation.max() <= 1.1e-9
 
 
 def test_missing_distance():

@@ -154,7 +154,7 @@ def _step(jacobian, residual, q, limits, damping, gram, y, left, held, out):
 
 @inlined
 def _reached(residual, turns, moves, position_tolerance, orientation_tolerance):
-    """Return whether both errors are within their tolerances; where an error does not count it is zero."""
+    """Return whether the errors that count are within their tolerances."""
     turned = residual[0] * residual[0] + residual[1] * residual[1] + residual[2] * residual[2]
     moved = residual[3] * residual[3] + residual[4] * residual[4] + residual[5] * residual[5]
     return (turns == 0.0 or turned <= orientation_tolerance * orientation_tolerance) and (
@@ -216,14 +216,16 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
                 waited = waited + 1 if square > _HARDLY * before else 0
                 if waited >= _PATIENCE:
                     break
-            if square < least:
+            done = _reached(residual, turns, moves, position_tolerance, orientation_tolerance)
+            if done or square < least:
                 least = square
                 for m in range(n):
                     best[m] = now[m]
-                reports[row, 0] = math.sqrt(residual[3] ** 2 + residual[4] ** 2 + residual[5] ** 2)
-                reports[row, 1] = math.sqrt(residual[0] ** 2 + residual[1] ** 2 + residual[2] ** 2)
-            if _reached(residual, turns, moves, position_tolerance, orientation_tolerance):
+            if done:
                 break
+        _residual(chain, best, target, position, 1.0, 1.0, here, residual, turn)  # also what does not count
+        reports[row, 0] = math.sqrt(residual[3] ** 2 + residual[4] ** 2 + residual[5] ** 2)
+        reports[row, 1] = math.sqrt(residual[0] ** 2 + residual[1] ** 2 + residual[2] ** 2)
         for m in range(n):
             q[row, m] = best[m]
         reports[row, 2], reports[row, 3] = total, tried
