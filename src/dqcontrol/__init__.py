@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from dqcontrol import algebra
 from dqcontrol.algebra import DualQuaternion
 from dqcontrol.errors import Error
-from dqcontrol.robots import Inertia, Kinematics, Limits, SerialArm, load_robot, robot_names
+from dqcontrol.robots import Inertia, Kinematics, Limits, SerialArm, Solution, load_robot, robot_names
 
 if TYPE_CHECKING:
     from dqcontrol import experiments, laws, loop, plants, references
@@ -26,6 +26,7 @@ __all__ = [
     "Run",
     "Sample",
     "SerialArm",
+    "Solution",
     "Study",
     "algebra",
     "experiments",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -239,6 +240,7 @@ def show(
 
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
+    warnings.showwarning = _show_warning
     try:
         app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
     except (Error, CycloptsError) as error:
@@ -249,6 +251,10 @@ def main() -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"dqcontrol: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 def _wide_console() -> Console:

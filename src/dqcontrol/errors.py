@@ -53,6 +53,10 @@ class CacheWarning(UserWarning):
     """Compiled code cannot be cached and is compiled anew in each process."""
 
 
+class LimitWarning(UserWarning):
+    """A reference can be followed only beyond the robot's joint limits."""
+
+
 class InterpretedWarning(UserWarning):
     """A user's own function does not compile and is interpreted."""
 

@@ -1,11 +1,14 @@
 """References out of reach: refused before anything moves, with distance and time."""
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import ReachError
+from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.run import prepare
 
@@ -55,7 +58,7 @@ def test_a_line_that_ends_too_far_by_geometry(arm):
 
 
 def test_a_line_too_far_for_the_wrist_only(arm):
-    """Backwards along the hand's own axis: the hand stays near enough, its wrist leaves its sphere. Seen by Newton."""
+    """Backwards along the hand's own axis: the hand stays near enough, its wrist leaves its sphere. Seen by solving."""
     pose = arm.fkm(Q0)
     hand, back = algebra.translation(pose), -algebra.matrix_from_pose(pose)[:3, 2]
     wrist = hand + 0.126 * back
@@ -65,29 +68,37 @@ def test_a_line_too_far_for_the_wrist_only(arm):
     end = crossing + 0.1
     assert np.linalg.norm(hand + end * back - SHOULDER) < 0.8
     spiral = {"kind": "spiral", "radius": 1e-6, "length": end, "axis": back.tolist(), "duration": 10 * end}
-    distance, time = refused(spiral)
+    with pytest.raises(ReachError) as caught:
+        prepare({**BASE, "reference": spiral})
+    text = str(caught.value)
+    found = re.search(r"t = (\S+) s the desired pose is out of reach of iiwa7: .* found is (\S+) m", text)
+    assert found, text
+    time, distance = map(float, found.groups())
     assert 10 * crossing <= time < 10 * crossing + 0.3
     assert 1e-3 < distance < 0.02
 
 
 def test_what_can_be_reached_passes(arm):
-    """Also near singularities, where Newton's steps are short."""
+    """Also near singularities, and without a warning."""
     rng = np.random.default_rng(20260716)
     for _ in range(100):
         q = rng.uniform(-1, 1, 7)
         samples = np.zeros((3, 21))
         samples[:, :8] = arm.fkm(q)
         samples[:, 20] = [0, 1, 2]
-        check_reach(arm, np.array(Q0), samples)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            check_reach(arm, np.array(Q0), samples)
     prepare({**BASE, "reference": {"kind": "circle", "radius": 0.1, "duration": 3}})
 
 
-def test_joint_limits_are_left_out_of_account(arm):
+def test_joint_limits_in_the_way_are_warned_of(arm):
     q = np.array([0, 0.6, 0, -2.4, 0, 0.6, 0])
     assert (q < arm.limits.lower).any()
     samples = np.zeros((1, 21))
     samples[:, :8] = arm.fkm(q)
-    check_reach(arm, np.array(Q0), samples)
+    with pytest.warns(LimitWarning, match=r"t = 0 s .* needs iiwa7 beyond its limits: .*joint_4 at"):
+        check_reach(arm, np.array(Q0), samples)
 
 
 def test_of_an_arm_with_five_joints_only_the_distance_is_checked():

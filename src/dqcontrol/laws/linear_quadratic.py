@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 Weight = Annotated[
-    float | list[float] | list[list[float]] | Steps,
+    float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),
 ]
 _GAIN = HEAD + 1
@@ -39,11 +39,11 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     error_weight: Weight
     control_weight: Weight
     final_weight: Annotated[
-        float | list[float] | list[list[float]], Meta(description="number, diagonal or matrix")
+        float | list[float | list[float]], Meta(description="number, diagonal or matrix")
     ] = 0.0
-    horizon_time: Annotated[
-        float | None, Meta(gt=0, description="t_f, s; default: the reference's duration")
-    ] = None
+    horizon_time: (
+        Annotated[float, Meta(gt=0, description="t_f, s; default: as long as the reference")] | None
+    ) = None
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
 

@@ -34,7 +34,7 @@ class Steps(Struct, frozen=True, forbid_unknown_fields=True):
     ]
 
 
-Weight = float | list[float] | list[list[float]] | Steps
+Weight = float | list[float | list[float]] | Steps
 
 
 def weight_matrix(field: str, value: Any, size: int, *, definite: bool) -> Array:
