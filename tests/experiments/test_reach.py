@@ -89,7 +89,7 @@ def test_what_can_be_reached_passes(arm):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             check_reach(arm, np.array(Q0), samples)
-    prepare({**BASE, "reference": {"kind": "circle", "radius": 0.1, "duration": 3}})
+    prepare({**BASE, "reference": {"kind": "circle", "radius": 0.05, "duration": 3}})
 
 
 def test_joint_limits_in_the_way_are_warned_of(arm):

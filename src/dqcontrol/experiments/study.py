@@ -128,7 +128,9 @@ def load_run(folder: str | Path) -> Run:
     """
     path = Path(folder)
     if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
-        raise FileFormatError(f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)")
+        raise FileFormatError(
+            f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
+        )
     if "evaluation:" in (path / MARK).read_text(encoding="utf-8").splitlines():
         return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
     spec, _ = read_spec(path / MARK)

@@ -112,7 +112,7 @@ class PreparedLaw:
         self.dt = dt
         self.state_size = law.state_size
         self.preference = law.null_space.kernel if law.null_space else no_preference
-        self.preference_parameters = law.null_space.parameters(robot) if law.null_space else np.zeros(1)
+        self.preference_parameters = law.null_space.parameters(robot) if law.null_space else np.zeros(0)
         self.limit, self.limit_parameters = limits.prepare(robot)
         self._last = len(parameters) - 1
         self.work: Array = np.zeros(law.work_size(robot))

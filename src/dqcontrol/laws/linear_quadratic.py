@@ -86,7 +86,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             return self._packed(gain[None], np.zeros((1, size)))
         if end < dt:
             raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
-        times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1)
+        times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
         solution, offset = self._solve(weights, controls, final, times, end, reference)
         inverse_controls = np.linalg.inv(riccati.at_times(controls, times))
         return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])

@@ -55,7 +55,7 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             If the robot has no velocity limits to keep.
         """
         if not self.velocity:
-            return unlimited, np.zeros(1)
+            return unlimited, np.zeros(0)
         if not np.isfinite(robot.limits.velocity).any():
             raise ValueRangeError(f"limits.velocity: {robot.name} has no velocity limits to keep")
         return scale_velocity, np.ascontiguousarray(robot.limits.velocity)

@@ -104,8 +104,9 @@ def rollout(
     twist_jacobian = buffer[8 + 8 * m : 8 + 14 * m].reshape(6, m)
     preferred = work[0:m]
     last = law_parameters.shape[0] - 1
+    # A call by pointer with its arrays costs 50 ns: stages that do nothing have no parameters and are passed over.
+    preferring, limiting = preference_parameters.shape[0] > 0, limit_parameters.shape[0] > 0
     last_disturbance = disturbance.shape[0] - 1
-    last_realised = disturbance_record.shape[0] - 1
     for k in range(samples.shape[0]):
         for i in range(n):
             q_record[k, i] = q[i]
@@ -113,7 +114,8 @@ def rollout(
         status = kinematics(chain, measured, buffer)
         if status != OK:
             return status
-        preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
+        if preferring:
+            preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
         status = law(
             measured,
             pose,
@@ -127,21 +129,23 @@ def rollout(
         )
         if status != OK:
             return LAW_FAILED + status
-        limit(measured, limit_parameters, command_record[k])
+        if limiting:
+            limit(measured, limit_parameters, command_record[k])
         steps[0] = k + 1.0
         if stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
             return OK
-        status = disturb(
-            kinematics,
-            chain,
-            disturbance[min(k, last_disturbance)],
-            disturbance_parameters,
-            disturbance_work,
-            q,
-            disturbance_record[min(k, last_realised)],
-        )
-        if status != OK:
-            return PLANT_FAILED + status
+        if last_disturbance >= 0:
+            status = disturb(
+                kinematics,
+                chain,
+                disturbance[min(k, last_disturbance)],
+                disturbance_parameters,
+                disturbance_work,
+                q,
+                disturbance_record[k],
+            )
+            if status != OK:
+                return PLANT_FAILED + status
         status = plant(command_record[k], plant_parameters, noise[k], plant_state, q, measured)
         if status != OK:
             return PLANT_FAILED + status

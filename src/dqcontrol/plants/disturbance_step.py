@@ -112,4 +112,4 @@ class LiveDisturbance:
 
 def no_disturbance() -> LiveDisturbance:
     """Return what leaves all joints as they are."""
-    return LiveDisturbance(undisturbed, np.zeros((1, ROW)), 0.0, 0)
+    return LiveDisturbance(undisturbed, np.zeros((0, ROW)), 0.0, 0)
