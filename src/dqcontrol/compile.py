@@ -95,7 +95,7 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
     try:
-        return numba.njit(
+        return numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
             cache=cached and _cache is not None,
             fastmath=fastmath,
             nogil=True,
@@ -108,7 +108,7 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Mark a small function that kernels call; it becomes part of each of them."""
-    return numba.njit(fastmath=FAST, error_model="numpy", _nrt=False)(function)
+    return numba.njit(fastmath=FAST, error_model="numpy", _nrt=False)(function)  # type: ignore[call-overload]
 
 
 class Pointer(types.WrapperAddressProtocol):
