@@ -40,7 +40,7 @@ demo: $(VENV)/demo
 lint: $(VENV)/test
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
-	@$(BIN)/pyright
+	@$(BIN)/pyright --project pyproject.toml
 
 test: lint
 	@$(BIN)/pytest
