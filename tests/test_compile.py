@@ -27,7 +27,7 @@ with warnings.catch_warnings(record=True) as caught:
         assert q[0] == 1.0
 print(count[5], sum(settled.compiled.stats.cache_hits.values()), [str(w.message) for w in caught])
 """
-ANNOUNCED = "dqcontrol: compiling kernels, once per version (up to a minute) …\n"
+ANNOUNCED = "dqcontrol: compiling kernels for their first use (up to a minute) …\n"
 
 
 def call(cache=None, source=PACKAGE.parent, second=False, **environment):

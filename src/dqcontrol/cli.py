@@ -22,6 +22,7 @@ app = App(
     help="Drive arms along desired poses with dual quaternion control laws: simulate, measure, compare.",
     version=dqcontrol.__version__,
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
 robots = App(name="robots", help="List the robots that come with dqcontrol, or show one.")
 app.command(robots)

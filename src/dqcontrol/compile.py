@@ -40,7 +40,7 @@ WRITE = types.Array(types.float64, 1, "C")
 WRITE2 = types.Array(types.float64, 2, "C")
 STATUS = types.intp
 
-OK, WRONG_SIZE, NOT_FINITE, SINGULAR = range(4)  # what a kernel returns
+OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 
 _KEPT_CACHES = 4
 
@@ -228,6 +228,7 @@ class InterpretedKernel:
 def compile_own(
     function: Callable[..., Any],
     checked: Callable[[Callable[..., Any]], Callable[..., int]],
+    guarded: Callable[[Callable[..., int]], Callable[..., int]],
     signature: Any,
 ) -> Kernel | InterpretedKernel:
     """Compile a user's function, or warn and wrap it to be interpreted.
@@ -238,11 +239,15 @@ def compile_own(
         Plain Python.
     checked
         Makes of it (compiled or not) a function of the signature that also returns a status.
+    guarded
+        Makes of the compiled one a function that returns a status where that one raises: an exception does not pass
+        through compiled loops.
     signature
         What to compile for.
     """
     try:
-        own = Kernel(checked(numba.njit(error_model="numpy")(function)), signature, strict=True, cached=False)
+        compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
+        own = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = own.compiled
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
@@ -271,5 +276,5 @@ def _announce(function: Callable[..., Any]) -> None:
     elif not _announced and not any(_cache.glob(f"*/*{function.__name__}-*.nbi")):
         _announced = True
         print(
-            "dqcontrol: compiling kernels, once per version (up to a minute) …", file=sys.stderr, flush=True
+            "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
         )

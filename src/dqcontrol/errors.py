@@ -132,3 +132,10 @@ def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> floa
     if number < 0 or (number == 0 and not zero_allowed):
         raise ValueRangeError(f"{field}: must be {'≥' if zero_allowed else '>'} 0, got {number:g}")
     return number
+
+
+def as_count(field: str, value: int) -> int:
+    """Return an integer of at least 0."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+        raise ValueRangeError(f"{field}: expected an integer ≥ 0, got {value!r:.80}")
+    return int(value)

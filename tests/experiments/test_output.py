@@ -3,7 +3,7 @@
 import pytest
 
 from dqcontrol.errors import Error, ExistsError
-from dqcontrol.experiments.output import check_new, new_folder
+from dqcontrol.experiments.output import check_new, folder_names, new_folder
 
 
 def fill(folder, text="new", force=False):
@@ -23,6 +23,7 @@ def test_written_at_once_with_parents(tmp_path):
         "results",
         "results/deep",
         "results/deep/run",
+        "results/deep/run/.dqcontrol-results",
         "results/deep/run/new.txt",
         "results/deep/run/spec.yaml",
     ]
@@ -50,9 +51,37 @@ def test_what_exists_is_not_replaced(tmp_path, kind):
         fill(target, force=True)
         assert (target / "new.txt").read_text() == "new"
     else:
-        with pytest.raises(ExistsError, match=r"run: exists and holds no results of a run \(no spec.yaml\)"):
+        with pytest.raises(
+            ExistsError, match=r"run: exists and holds no results of a run; it is never replaced"
+        ):
             fill(target, force=True)
     assert files(tmp_path) == before
+
+
+def test_results_with_a_file_of_the_user_are_not_replaced(tmp_path):
+    """Also not a folder in which a user keeps a spec.yaml of their own."""
+    target = tmp_path / "run"
+    fill(target)
+    (target / "notes.txt").write_text("mine")
+    with pytest.raises(ExistsError, match=r"run: holds 'notes.txt', which no run wrote; it is not replaced"):
+        fill(target, force=True)
+    thesis = tmp_path / "thesis"
+    thesis.mkdir()
+    (thesis / "spec.yaml").write_text("name: a")
+    with pytest.raises(ExistsError, match=r"thesis: exists and holds no results of a run"):
+        fill(thesis, force=True)
+    assert (thesis / "spec.yaml").exists()
+
+
+def test_folder_names_of_labels_differ():
+    assert folder_names(["K · servo", "K+FF · servo"]) == {
+        "K · servo": "K-servo",
+        "K+FF · servo": "K+FF-servo",
+    }
+    with pytest.raises(Error, match=r"'K 1' and 'K-1': both would be written to the folder 'K-1'"):
+        folder_names(["K 1", "K-1"])
+    with pytest.raises(Error, match=r"'\? · !': give labels with letters or digits"):
+        folder_names(["? · !"])
 
 
 def test_a_link_to_results_is_not_replaced(tmp_path):
@@ -111,12 +140,12 @@ def test_the_old_results_survive_when_the_new_cannot_be_moved(tmp_path, monkeypa
     monkeypatch.setattr(type(target), "rename", failing)
     with pytest.raises(OSError, match="disk trouble"):
         fill(target, force=True)
-    assert files(tmp_path) == ["run", "run/new.txt", "run/spec.yaml"]
+    assert files(tmp_path) == ["run", "run/.dqcontrol-results", "run/new.txt", "run/spec.yaml"]
     assert (target / "new.txt").read_text() == "old"
 
 
 def test_where_nothing_can_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(Error, match=r"run: cannot be written: (Not a directory|File exists)$"):
-        fill(tmp_path / "file" / "run")
+    with pytest.raises(Error, match=r"run: cannot be written: .*file is no folder that may be written$"):
+        check_new(tmp_path / "file" / "run", force=False)
     check_new(tmp_path / "new", force=False)

@@ -99,3 +99,35 @@ def test_bad_laws(arm, law, message):
 def test_bad_plant(arm):
     with pytest.raises(Error, match="function: expected a function of six arguments"):
         OwnPlant(function="x").start(arm, np.array(START), 0.01, 1, 0)  # type: ignore[arg-type]
+
+
+def stopping(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    for i in range(out.shape[0]):
+        out[i] = 0.1
+    if sample[20] > 0.5:
+        raise ValueError("safety stop")
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
+    record = run(arm, OwnLaw(function=stopping), Integrator(), interpreted)
+    assert record.stopped == "diverged at 0.51 s: your own function raised an exception"
+    assert len(record) == 51
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        (OwnLaw(function=transpose, memory=-1), "memory: expected an integer ≥ 0, got -1"),
+        (OwnLaw(function=transpose, scratch="a"), "scratch: expected an integer ≥ 0, got 'a'"),  # type: ignore[arg-type]
+        (OwnLaw(function=transpose, parameters=[[1.0]]), r"parameters: expected a row of numbers, got shape \(1, 1\)"),  # type: ignore[list-item]
+    ],
+)
+def test_unfit_memory_and_parameters(arm, law, message):
+    with pytest.raises(Error, match=message):
+        law.prepare(arm, None, 0.01)
+
+
+def test_parameters_may_be_arrays(arm):
+    law = OwnLaw(function=transpose, parameters=np.array([20.0, 1.0]))  # type: ignore[arg-type]
+    assert run(arm, law, Integrator()).stopped == "duration"

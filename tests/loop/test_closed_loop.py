@@ -1,5 +1,7 @@
 """The compiled loop against the interpreted one, early stops, runs that diverge."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -129,14 +131,14 @@ def test_a_command_that_overflows_ends_the_run(arm, interpreted):
 
 @pytest.mark.parametrize("interpreted", [False, True])
 def test_joints_that_overflow_end_the_run(slide, interpreted):
-    """kT = 1e60 on a sliding joint: six samples lead out of the numbers."""
+    """kT = 1e60 on a sliding joint: the first step leads where no robot goes."""
     samples = SetPoint(slide.fkm([0.1])).samples(T * np.arange(50))
     law = Proportional(gain=1e62).prepare(slide, None, T)
     trace = close_loop(
         law, Integrator().start(slide, np.zeros(1), T, 50, 0), samples, interpreted=interpreted
     )
-    assert trace.stopped.startswith("diverged at 0.0")
-    assert 3 <= len(trace.q) < 8
+    assert re.match(r"diverged at 0.0\d* s: a joint went beyond 10000 rad or m", trace.stopped)
+    assert len(trace.q) == 1
     assert np.isfinite(trace.q).all()
     assert np.isfinite(trace.command).all()
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dqcontrol.errors import Error, ExistsError
+from dqcontrol.errors import Error, ExistsError, ValueRangeError
 
-MARK = "spec.yaml"  # every folder of results holds it
+MARK = "spec.yaml"  # every folder of results holds what it came from
+_CONTENTS = ".dqcontrol-results"  # and the list of all that was written
 
 
 def check_new(folder: str | Path, *, force: bool) -> None:
@@ -19,17 +22,25 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     Raises
     ------
     ExistsError
-        If it exists, and ``force`` is off or it holds no results.
+        If it exists, and ``force`` is off or it holds anything but results.
+    Error
+        If nothing can be written there.
     """
     target = Path(folder)
     if not target.exists() and not target.is_symlink():
+        near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
+        if not near.is_dir() or not os.access(near, os.W_OK | os.X_OK):
+            raise Error(f"{target}: cannot be written: {near} is no folder that may be written")
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")
     if target.is_symlink() and target.exists():
         raise ExistsError(f"{target}: is a link; it is never replaced")
-    if not (target / MARK).is_file():
-        raise ExistsError(f"{target}: exists and holds no results of a run (no {MARK}); it is never replaced")
+    if not (target / _CONTENTS).is_file():
+        raise ExistsError(f"{target}: exists and holds no results of a run; it is never replaced")
+    written = set((target / _CONTENTS).read_text(encoding="utf-8").splitlines())
+    if foreign := sorted(_files(target) - written - {_CONTENTS}):
+        raise ExistsError(f"{target}: holds '{foreign[0]}', which no run wrote; it is not replaced")
 
 
 @contextmanager
@@ -50,12 +61,40 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
     try:
         yield draft
+        (draft / _CONTENTS).write_text(
+            "".join(f"{name}\n" for name in sorted(_files(draft))), encoding="utf-8"
+        )
         draft.chmod(0o755)
         check_new(target, force=force)
         _replace(target, draft)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
+
+
+def folder_names(labels: Iterable[str]) -> dict[str, str]:
+    """Return a folder name for each label of a run.
+
+    Raises
+    ------
+    ValueRangeError
+        If a label leaves nothing for a name, or two labels the same.
+    """
+    names: dict[str, str] = {}
+    for label in labels:
+        name = re.sub(r"[^\w.+-]+", "-", label).strip("-.")
+        if not name:
+            raise ValueRangeError(f"'{label}': give labels with letters or digits, for the names of folders")
+        if twin := next((other for other, taken in names.items() if taken.lower() == name.lower()), None):
+            raise ValueRangeError(
+                f"'{twin}' and '{label}': both would be written to the folder '{name}'; rename one"
+            )
+        names[label] = name
+    return names
+
+
+def _files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
 
 
 def _replace(target: Path, draft: Path) -> None:

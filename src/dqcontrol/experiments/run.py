@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.errors import LimitWarning, ShapeError, ValueRangeError, as_array, naming
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.reach import check_reach
@@ -177,6 +178,8 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
         )
     reference = spec.reference.build(robot.fkm(start), folder)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
+    if spec.settle > samples[-1, -1]:
+        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
     check_reach(robot, start, samples)
     for label, law in spec.law_by_label.items():
         with naming(f"law {label}"):
@@ -218,7 +221,15 @@ def run_one(
         progress=progress,
     )
     text = spec_text(_single(spec, law, plant), setting.folder)
-    return Run(text, setting.robot, record, spec.settle, f"{law_label} · {plant_label}")
+    done = Run(text, setting.robot, record, spec.settle, f"{law_label} · {plant_label}")
+    if done.metrics.limit_margin < 0:
+        warnings.warn(
+            f"{done.label}: {done.metrics.limit_joint} went {-done.metrics.limit_margin:.3g} rad or m "
+            "beyond its limits",
+            LimitWarning,
+            stacklevel=3,
+        )
+    return done
 
 
 def _single(spec: Spec, law: AnyLaw, plant: AnyPlant) -> Spec:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,13 @@ from typing import Any
 
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.evaluation import saved_evaluation
-from dqcontrol.experiments.output import MARK, new_folder
+from dqcontrol.experiments.output import MARK, folder_names, new_folder
 from dqcontrol.experiments.run import Run, prepare, run_one
 from dqcontrol.experiments.spec import RobotSpec, read_spec, spec_text
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop import load_record
 from dqcontrol.robots import load_robot
+from dqcontrol.yaml_file import read_text
 
 COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
     "position.settled_mean": Column("mean", "mm", ".3g"),
@@ -72,8 +72,9 @@ class Study:
         """
         with new_folder(folder, force=force) as new:
             (new / MARK).write_text(self.spec, encoding="utf-8")
+            names = folder_names(self.runs)
             for label, run in self.runs.items():
-                inner = new / _file_name(label)
+                inner = new / names[label]
                 inner.mkdir()
                 run.write(inner)
             write_comparison(self.runs, new, self.name)
@@ -96,6 +97,8 @@ def run_study(source: str | Path | dict[str, Any], *, progress: StudyProgress | 
         If something is missing, malformed, does not fit or is out of reach; before anything moves.
     """
     setting = prepare(source)
+    spec = setting.spec
+    folder_names(f"{law} · {plant}" for plant in spec.plant_by_label for law in spec.law_by_label)
     runs = {}
     for plant in setting.spec.plant_by_label:
         for law in setting.spec.law_by_label:
@@ -131,13 +134,16 @@ def load_run(folder: str | Path) -> Run:
         raise FileFormatError(
             f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
         )
-    if "evaluation:" in (path / MARK).read_text(encoding="utf-8").splitlines():
+    text = read_text(path / MARK)
+    if "evaluation:" in text.splitlines():
         return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
     spec, _ = read_spec(path / MARK)
+    if not spec.is_single:
+        raise FileFormatError(f"{path / MARK}: has several laws or plants; a run has one of each")
     robot = spec.robot if isinstance(spec.robot, RobotSpec) else RobotSpec(source=spec.robot)
     (law,), (plant,) = spec.law_by_label, spec.plant_by_label
     return Run(
-        (path / MARK).read_text(encoding="utf-8"),
+        text,
         load_robot(robot.source, robot.base_link, robot.tip_link),
         load_record(path / "record.mcap"),
         spec.settle,
@@ -154,12 +160,14 @@ def load_runs(folders: list[Path]) -> dict[str, Run]:
         If a folder holds no run.
     """
     runs: dict[str, Run] = {}
+    seen: set[Path] = set()
     for folder in folders:
         inner = sorted(path.parent for path in folder.glob("*/record.mcap"))
         for path in inner if inner and not (folder / "record.mcap").exists() else [folder]:
-            label = path.name if path.name not in runs else str(path)
-            if label in runs:
+            if path.resolve() in seen:
                 raise Error(f"{path}: given twice")
+            seen.add(path.resolve())
+            label = path.name if path.name not in runs else str(path)
             runs[label] = load_run(path)
     return runs
 
@@ -172,7 +180,3 @@ def write_comparison(runs: Mapping[str, Run], folder: Path, title: str) -> None:
     (folder / "table.md").write_text(table.markdown(), encoding="utf-8")
     (folder / "table.csv").write_text(table.csv(), encoding="utf-8")
     save_comparison({label: run.record for label, run in runs.items()}, folder)
-
-
-def _file_name(label: str) -> str:
-    return re.sub(r"[^\w.+-]+", "-", label).strip("-")

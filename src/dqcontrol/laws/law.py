@@ -9,7 +9,18 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import INPUT, NOT_FINITE, READ, STATUS, WRITE, WRITE2, InterpretedKernel, Kernel
+from dqcontrol.compile import (
+    INPUT,
+    NOT_FINITE,
+    RAISED,
+    READ,
+    SINGULAR,
+    STATUS,
+    WRITE,
+    WRITE2,
+    InterpretedKernel,
+    Kernel,
+)
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
@@ -75,10 +86,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
     def rows(self, robot: SerialArm, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
         steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
-        if steps > _MOST_STEPS:
-            raise ValueRangeError(
-                f"{self.__struct_config__.tag}: its parameters change over {steps:,} periods; at most 10 million"
-            )
+        check_steps("gain schedule", steps)
         return self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64))
 
     def command(
@@ -91,7 +99,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
 
 
 class PreparedLaw:
-    """A law with its parameters over time for one robot.
+    """A law with its parameters over time for one robot; it holds scratch memory, so use one in each thread.
 
     Attributes
     ----------
@@ -193,6 +201,19 @@ class PreparedLaw:
             self.limit(q, self.limit_parameters, out)
 
 
+_STATUS = {
+    NOT_FINITE: "the command is not finite",
+    SINGULAR: "the damped system is singular; use more damping or the filtered inverse",
+    RAISED: "your own function raised an exception",
+}
+
+
 def status_text(status: int) -> str:
     """Say what a law's status code means."""
-    return "the command is not finite" if status == NOT_FINITE else f"the law failed with status {status}"
+    return _STATUS.get(status, f"the law failed with status {status}")
+
+
+def check_steps(what: str, steps: float) -> None:
+    """Raise a `ValueRangeError` if something would take more than ten million steps."""
+    if not steps <= _MOST_STEPS:
+        raise ValueRangeError(f"{what}: takes {steps:,.0f} steps; at most 10 million")

@@ -15,7 +15,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive,
 from dqcontrol.laws import riccati
 from dqcontrol.laws.h_infinity import solve_twist
 from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse, work_size
-from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
 from dqcontrol.laws.pose_law import HYSTERESIS, SCRATCH
 from dqcontrol.laws.riccati import Steps
@@ -86,6 +86,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             return self._packed(gain[None], np.zeros((1, size)))
         if end < dt:
             raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
+        check_steps("horizon_time", end / dt)
         times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
         solution, offset = self._solve(weights, controls, final, times, end, reference)
         inverse_controls = np.linalg.inv(riccati.at_times(controls, times))
@@ -159,9 +160,9 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _solve(self, weights, controls, final, times, end, reference):  # type: ignore[no-untyped-def]
         dt = times[1] - times[0]
         q, r = riccati.at_times(weights, times), riccati.at_times(controls, times)
-        substeps = riccati.substeps_for(
-            weights[1][:1] if len(weights[1]) == 1 else q, r[:1] if len(weights[1]) == 1 else r, final, dt
-        )
+        constant = len(weights[1]) == len(controls[1]) == 1
+        substeps = riccati.substeps_for(q[:1] if constant else q, r[:1] if constant else r, final, dt)
+        check_steps("error_weight, control_weight: their fast decay", substeps * len(times))
         fine = np.clip(dt / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1])
         if reference is None:
             velocity = np.zeros((len(fine), 8))

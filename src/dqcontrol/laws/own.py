@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.compile import NOT_FINITE, OK, InterpretedKernel, Kernel, compile_own
-from dqcontrol.errors import ShapeError, as_array
+from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
+from dqcontrol.errors import ShapeError, as_array, as_count
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -26,9 +26,19 @@ def _checked(function: Callable[..., Any]) -> Callable[..., int]:
     return own_law
 
 
+def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
+    def guarded(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+        try:
+            return checked(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
+        except Exception:
+            return RAISED
+
+    return guarded
+
+
 @lru_cache(maxsize=64)
 def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
-    return compile_own(function, _checked, LAW)
+    return compile_own(function, _checked, _guarded, LAW)
 
 
 class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
@@ -79,12 +89,15 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     @property
     def state_size(self) -> int:  # type: ignore[override]
         """Length of the state."""
-        return self.memory
+        return as_count("memory", self.memory)
 
     def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
-        return as_array("parameters", self.parameters or [0.0], (None,))[None, :]
+        parameters = as_array("parameters", self.parameters if len(self.parameters) else [0.0], (None,))
+        if parameters.ndim != 1:
+            raise ShapeError(f"parameters: expected a row of numbers, got shape {parameters.shape}")
+        return parameters[None, :]
 
     def work_size(self, robot: SerialArm) -> int:
         """Return room for the preferred motion and the function's scratch."""
-        return robot.input_size + self.scratch
+        return robot.input_size + as_count("scratch", self.scratch)

@@ -14,6 +14,8 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 Array = NDArray[np.float64]
 
+_LARGEST_WEIGHT = 1e100
+_SMALLEST_WEIGHT = 1e-100
 _LARGEST_PHASE = 0.25  # κh of a Runge–Kutta step; at 0.5 its decay factor is still right to 1e-4 of itself
 
 
@@ -58,9 +60,11 @@ def weight_matrix(field: str, value: Any, size: int, *, definite: bool) -> Array
         raise ValueRangeError(
             f"{field}: must be symmetric; it differs from its transpose by {np.abs(array - array.T).max():g}"
         )
+    if np.abs(array).max() > _LARGEST_WEIGHT:
+        raise ValueRangeError(f"{field}: must be ≤ {_LARGEST_WEIGHT:g}, got {np.abs(array).max():g}")
     least = float(np.linalg.eigvalsh(array)[0])
     largest = float(np.abs(array).max())
-    if least < -1e-12 * largest or (definite and least <= 1e-12 * largest):
+    if least < -1e-12 * largest or (definite and least <= max(1e-12 * largest, _SMALLEST_WEIGHT)):
         raise ValueRangeError(
             f"{field}: must be positive {'' if definite else 'semi'}definite, got an eigenvalue of {least:g}"
         )

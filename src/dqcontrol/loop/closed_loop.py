@@ -21,6 +21,7 @@ from dqcontrol.robots import kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
+_FAR = 1e4  # rad or m: no robot goes there
 _LOST = "the measured configuration is not finite"
 
 
@@ -131,6 +132,9 @@ def _ended(
     realised: Array | None,
     failure: str | None,
 ) -> Trace:
+    lost = np.flatnonzero((np.abs(records[0][:done]) > _FAR).any(axis=1))
+    if len(lost) and lost[0] > 0:
+        done, failure = int(lost[0]), f"a joint went beyond {_FAR:g} rad or m"
     if failure is not None:
         stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
     else:

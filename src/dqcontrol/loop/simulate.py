@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.errors import DivergedError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import Stop, close_loop
@@ -85,6 +85,14 @@ def simulate(
     >>> bool(record.position_error.max() < 0.005)
     True
     """
+    for field, value, kind in (
+        ("robot", robot, SerialArm),
+        ("reference", reference, Reference),
+        ("law", law, Law),
+        ("plant", plant, Plant),
+    ):
+        if not isinstance(value, kind):
+            raise ShapeError(f"{field}: expected a {kind.__name__}, got {value!r:.80}")
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))

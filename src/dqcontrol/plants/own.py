@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.compile import NOT_FINITE, OK, InterpretedKernel, Kernel, compile_own
-from dqcontrol.errors import ShapeError, as_array
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant
+from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
+from dqcontrol.errors import ShapeError, as_array, as_count, as_positive
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.serial_arm import SerialArm
 
 
@@ -26,9 +26,19 @@ def _checked(function: Callable[..., Any]) -> Callable[..., int]:
     return own_plant
 
 
+def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
+    def guarded(command, parameters, noise, state, q, measured):
+        try:
+            return checked(command, parameters, noise, state, q, measured)
+        except Exception:
+            return RAISED
+
+    return guarded
+
+
 @lru_cache(maxsize=64)
 def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
-    return compile_own(function, _checked, PLANT)
+    return compile_own(function, _checked, _guarded, PLANT)
 
 
 class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
@@ -68,11 +78,18 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     noise: int = 0
 
     def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-        """Return the plant at q0."""
+        """Return the plant at q0.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If an argument or a parameter does not fit.
+        """
+        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
         if not callable(self.function):
             raise ShapeError(f"function: expected a function of six arguments, got {self.function!r}")
         parameters = np.array([dt, *as_array("parameters", self.parameters, (None,))])
-        state = as_array("state", self.state or [0.0], (None,))
-        noise = np.random.default_rng(seed).standard_normal((steps, max(self.noise, 1)))
+        state = as_array("state", self.state if len(self.state) else [0.0], (None,))
+        noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
         kernel = _kernel(self.function)
         return CompiledPlant(kernel, parameters, state, q0, noise)
