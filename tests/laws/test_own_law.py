@@ -120,7 +120,10 @@ def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
     [
         (OwnLaw(function=transpose, memory=-1), "memory: expected an integer ≥ 0, got -1"),
         (OwnLaw(function=transpose, scratch="a"), "scratch: expected an integer ≥ 0, got 'a'"),  # type: ignore[arg-type]
-        (OwnLaw(function=transpose, parameters=[[1.0]]), r"parameters: expected a row of numbers, got shape \(1, 1\)"),  # type: ignore[list-item]
+        (
+            OwnLaw(function=transpose, parameters=[[1.0]]),
+            r"parameters: expected a row of numbers, got shape \(1, 1\)",
+        ),  # type: ignore[list-item]
     ],
 )
 def test_unfit_memory_and_parameters(arm, law, message):
