@@ -243,6 +243,15 @@ ROTATED[0, 1] = 1.0
             "error_weight.times: must increase",
         ),
         (
+            LinearQuadraticR8(error_weight=1.0, control_weight=1e-12, horizon_time=2.0),
+            r"control_weight: so fast a decay needs 40,000 steps in each period; at most 2,487",
+        ),
+        (
+            LinearQuadraticR8(error_weight=1.0, control_weight=1.0, horizon_time=1e9),
+            "horizon_time: takes .* at most 10 m",
+        ),
+        (LinearQuadraticR8(error_weight=1e300, control_weight=1.0), "error_weight: must be ≤ 1e"),
+        (
             LinearQuadraticDQ(error_weight=Steps([0, 1], [1.0, 2.0]), control_weight=1.0),
             "must be constant where",
         ),

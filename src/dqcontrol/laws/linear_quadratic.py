@@ -31,6 +31,7 @@ Weight = Annotated[
     Meta(description="number, diagonal, matrix, or those over time"),
 ]
 _GAIN = HEAD + 1
+_MOST_SUBSTEPS = 500_000  # a few seconds
 
 
 class LinearQuadratic(Law, frozen=True, kw_only=True):
@@ -162,7 +163,11 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         q, r = riccati.at_times(weights, times), riccati.at_times(controls, times)
         constant = len(weights[1]) == len(controls[1]) == 1
         substeps = riccati.substeps_for(q[:1] if constant else q, r[:1] if constant else r, final, dt)
-        check_steps("error_weight, control_weight: their fast decay", substeps * len(times))
+        if substeps * len(times) > _MOST_SUBSTEPS:
+            raise ValueRangeError(
+                f"error_weight, control_weight: so fast a decay needs {substeps:,} steps in each period; "
+                f"at most {_MOST_SUBSTEPS // len(times):,} for {len(times):,} periods (√(q/r) T must stay below 2)"
+            )
         fine = np.clip(dt / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1])
         if reference is None:
             velocity = np.zeros((len(fine), 8))

@@ -189,10 +189,6 @@ def _frozen(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
     return _locked(np.ascontiguousarray(array, dtype=np.float64).view())
 
 
-def _brief(array: Array) -> str:
-    return np.array2string(array, threshold=8)
-
-
 def _locked(array: Array) -> Array:
     array.flags.writeable = False
     return array
