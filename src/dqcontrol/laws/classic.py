@@ -8,11 +8,11 @@ import numpy as np
 
 from dqcontrol.algebra.kernels import multiply
 from dqcontrol.compile import inlined, kernel
-from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist, work_size
-from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist
+from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, SCRATCH, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 if TYPE_CHECKING:
     from dqcontrol.robots import SerialArm
@@ -105,7 +105,3 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
         """Return the inverse's parameters."""
         return np.array([self.inverse.parameters()])
-
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()

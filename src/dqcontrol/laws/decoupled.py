@@ -18,11 +18,10 @@ from dqcontrol.laws.inverses import (
     Inverse,
     solve,
     solve_hand_twist,
-    work_size,
 )
-from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, SCRATCH, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -216,7 +215,3 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     def horizon(self, reference: Reference | None) -> float:
         """Return the end of the gain schedule, s."""
         return self.gain.end if isinstance(self.gain, Schedule) else 0.0
-
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()

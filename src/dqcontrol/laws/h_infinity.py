@@ -17,7 +17,7 @@ from dqcontrol.algebra.kernels import (
     translation,
 )
 from dqcontrol.compile import inlined, kernel
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
@@ -26,11 +26,10 @@ from dqcontrol.laws.inverses import (
     Inverse,
     solve,
     solve_hand_twist,
-    work_size,
 )
-from dqcontrol.laws.law import LAW, Law
+from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import HYSTERESIS, SCRATCH
+from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -155,17 +154,14 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
 
     def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gains and whether to track, at each time."""
-        delta = float(as_array("hysteresis", self.hysteresis, ()))
-        if not 0 <= delta < 1:
-            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
+        head = parameter_head(self.inverse, self.hysteresis)
         orientation = _gains("orientation", self.orientation_gain, self.orientation_gamma, 2.0, times)
         translation_ = _gains(
             "translation", self.translation_gain, self.translation_gamma, math.sqrt(2), times
         )
         count = max(len(orientation), len(translation_))
         rows = np.empty((count, _TRACKING + 1))
-        rows[:, :HEAD] = self.inverse.parameters()
-        rows[:, HYSTERESIS] = delta
+        rows[:, : len(head)] = head
         rows[:, _ORIENTATION] = orientation
         rows[:, _TRANSLATION] = translation_
         rows[:, _TRACKING] = self._tracks()
@@ -178,10 +174,6 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
         """Return the end of the later gain schedule, s."""
         gains = (self.orientation_gain, self.translation_gain)
         return max([gain.end for gain in gains if isinstance(gain, Schedule)], default=0.0)
-
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()
 
 
 class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):

@@ -22,6 +22,7 @@ from dqcontrol.compile import (
     Kernel,
 )
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
 from dqcontrol.references.sample import TIME, Sample
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
 _MOST_STEPS = 10_000_000
 
 # q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
@@ -51,8 +53,8 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         raise NotImplementedError
 
     def work_size(self, robot: SerialArm) -> int:
-        """Return the length of the kernel's work array."""
-        raise NotImplementedError
+        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
+        return SCRATCH + 9 * robot.input_size + work_size()
 
     def horizon(self, reference: Reference | None) -> float:
         """Return the time after which the parameters no longer change, s."""

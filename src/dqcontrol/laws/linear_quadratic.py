@@ -11,13 +11,13 @@ from msgspec import Meta
 from dqcontrol import algebra
 from dqcontrol.algebra.kernels import adjoint_twist, conjugate, half_angle, multiply, translation
 from dqcontrol.compile import kernel
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.h_infinity import solve_twist
-from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse, work_size
+from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
-from dqcontrol.laws.pose_law import HYSTERESIS, SCRATCH
+from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
 
@@ -54,16 +54,6 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             return as_positive("horizon_time", self.horizon_time)
         return reference.duration if reference is not None else math.inf
 
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()
-
-    def _head(self) -> list[float]:
-        delta = float(as_array("hysteresis", self.hysteresis, ()))
-        if not 0 <= delta < 1:
-            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
-        return [*self.inverse.parameters(), delta]
-
     def _weights(self, size: int) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
         weights = riccati.weight_pieces("error_weight", self.error_weight, size, definite=False)
         controls = riccati.weight_pieces("control_weight", self.control_weight, size, definite=True)
@@ -95,7 +85,8 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 
     def _packed(self, gains: Array, offsets: Array) -> Array:
         count = len(gains)
-        return np.hstack([np.tile(self._head(), (count, 1)), gains.reshape(count, -1), offsets])
+        head = np.tile(parameter_head(self.inverse, self.hysteresis), (count, 1))
+        return np.hstack([head, gains.reshape(count, -1), offsets])
 
     def _size(self) -> int:
         raise NotImplementedError

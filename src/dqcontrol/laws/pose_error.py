@@ -5,8 +5,8 @@ from __future__ import annotations
 from dqcontrol.algebra.kernels import conjugate_multiply, rotate
 from dqcontrol.compile import inlined
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
+from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
-from dqcontrol.laws.pose_law import SCRATCH
 
 
 @inlined

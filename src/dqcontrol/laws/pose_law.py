@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
-from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse, work_size
+from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
 from dqcontrol.laws.law import Law
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 
 HYSTERESIS = HEAD
 GAIN = HEAD + 1  # parameters: inverse (3), hysteresis, gains (8)
-SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
+
+
+def parameter_head(inverse: Inverse, hysteresis: float) -> list[float]:
+    """Return the parameters that a law of an error with a sign puts first."""
+    delta = float(as_array("hysteresis", hysteresis, ()))
+    if not 0 <= delta < 1:
+        raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
+    return [*inverse.parameters(), delta]
 
 
 class PoseLaw(Law, frozen=True, kw_only=True):
@@ -34,17 +41,10 @@ class PoseLaw(Law, frozen=True, kw_only=True):
 
     def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis and gain diagonal at each time."""
-        delta = float(as_array("hysteresis", self.hysteresis, ()))
-        if not 0 <= delta < 1:
-            raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
+        head = parameter_head(self.inverse, self.hysteresis)
         gains = gain_matrix_rows("gain", self.gain, 8, times)
-        head = np.array([*self.inverse.parameters(), delta])
         return np.hstack([np.tile(head, (len(gains), 1)), gains])
 
     def horizon(self, reference: Reference | None) -> float:
         """Return the end of the gain schedule, s."""
         return self.gain.end if isinstance(self.gain, Schedule) else 0.0
-
-    def work_size(self, robot: SerialArm) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()
