@@ -11,11 +11,10 @@ from dqcontrol.experiments.metric_tables import (
     METRIC_COLUMNS,
     PUBLISHED,
     comparison_table,
-    repeats_table,
     summary_table,
 )
 from dqcontrol.experiments.metrics import Metrics, evaluate
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.experiments.tables import Column, PlusMinus, Table
 from dqcontrol.loop.record import Record
 
 TABLE = Table(
@@ -69,6 +68,79 @@ def test_latex_escapes():
     ]
 
 
+PUBLISHED_AND_OURS = Table(
+    [Column("Law"), Column("Published", "s"), Column("Ours", "s"), Column("Ratio", "", ".2f")],
+    [
+        ["K", PlusMinus(3.1614, 0.0861), PlusMinus(12.5, 1.23), 3.95],
+        ["LQR", 4.882, PlusMinus(None, None), None],
+    ],
+)
+
+
+def test_spreads_stand_below_each_other():
+    assert PUBLISHED_AND_OURS.markdown() == (
+        "| Law | Published [s] |   Ours [s] | Ratio |\n"
+        "|:----|--------------:|-----------:|------:|\n"
+        "| K   | 3.161 ± 0.086 | 12.5 ± 1.2 |  3.95 |\n"
+        "| LQR | 4.882         |    –       |     – |\n"
+    )
+    assert list(csv.reader(io.StringIO(PUBLISHED_AND_OURS.csv()))) == [
+        ["Law", "Published [s]", "± Published [s]", "Ours [s]", "± Ours [s]", "Ratio"],
+        ["K", "3.1614", "0.0861", "12.5", "1.23", "3.95"],
+        ["LQR", "4.882", "", "", "", ""],
+    ]
+    assert PUBLISHED_AND_OURS.latex().splitlines() == [
+        r"\begin{tabular}{lr@{${}\pm{}$}lr@{${}\pm{}$}lr}",
+        r"\toprule",
+        r"Law & \multicolumn{2}{c}{Published [s]} & \multicolumn{2}{c}{Ours [s]} & Ratio \\",
+        r"\midrule",
+        r"K & 3.161 & 0.086 & 12.5 & 1.2 & 3.95 \\",
+        r"LQR & \multicolumn{2}{c}{4.882} & \multicolumn{2}{c}{--} & -- \\",
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [
+        (3.1614, 0.0861, "3.161 ± 0.086"),
+        (5.0, 0.0996, "5.00 ± 0.10"),  # two digits after rounding
+        (-0.0123, 0.5, "-0.01 ± 0.50"),
+        (0.0, 0.2, "0.00 ± 0.20"),
+        (344.05, 2.879, "344.1 ± 2.9"),
+        (12345.6, 234.0, "12350 ± 230"),
+        (1.2e-7, 3.4e-9, "1.200e-07 ± 3.4e-09"),
+        (2.5e9, 3.4e7, "2.500e+09 ± 3.4e+07"),
+        (1.0, 1.2e-11, "1 ± 1.2e-11"),
+        (1.25, 0.0, "1.25 ± 0"),
+        (1.25, None, "1.25"),
+        (1.25, math.nan, "1.25"),
+        (math.nan, 0.1, "–"),
+    ],
+)
+def test_a_value_is_shown_to_the_place_of_its_spread(value, spread, text):
+    assert Column("A").show(PlusMinus(value, spread)) == text
+
+
+def test_every_heading_is_plain_latex():
+    mathtext = pytest.importorskip("matplotlib.mathtext").MathTextParser("path")
+    text = Table([Column(column.title, column.unit) for column in METRIC_COLUMNS.values()], []).latex()
+    text += Table([Column("θ̇ of LQR in ℝ⁸, 50 % ± 3·10⁻⁴ [°] & γ_Ω < λ…")], [["m/s² ≤ 1e-5"]]).latex()
+    assert text.isascii()
+    for formula in re.findall(r"\$[^$]+\$", text):
+        mathtext.parse(formula.replace(r"\surd", r"\sqrt{x}"))  # matplotlib does not know this one
+    assert r"$\dot{\theta}$ of LQR in $\mathbf{R}$$^8$, 50 \% $\pm$ 3" in text
+
+
+def test_numbers_in_latex():
+    lines = Table([Column("A"), Column("B")], [[-1.5, 1.23e-9], [2.0, -4e12]]).latex().splitlines()
+    assert lines[4:6] == [
+        r"$-1.5$ & $1.23 \times 10^{-9}$ \\",
+        r"2 & $-4 \times 10^{12}$ \\",
+    ]
+
+
 def test_latex_rows_do_not_become_arguments_of_the_row_before():
     lines = Table([Column("A")], [["[x]"], ["*"]]).latex().splitlines()
     assert lines[4:6] == [r"{}[x] \\", r"{}* \\"]
@@ -119,21 +191,11 @@ def test_summary_leaves_out_what_does_not_exist():
 
 def test_comparison_has_a_row_a_run():
     table = comparison_table({"K": metrics(0.1), "LQR": metrics(0.2)}, PUBLISHED)
-    assert [c.heading for c in table.columns][:3] == ["Run", "Error integral [s]", "Control integral [rad]"]
+    assert [c.heading for c in table.columns][:3] == [
+        "Run",
+        "Error integral [s]",
+        "Control integral [rad or m]",
+    ]
     assert [row[:2] for row in table.rows] == [["K", pytest.approx(0.05)], ["LQR", pytest.approx(0.1)]]
     with pytest.raises(UnknownNameError, match=re.escape("'error.integrl'; did you mean 'error.integral'?")):
         comparison_table({}, ["error.integrl"])
-
-
-def test_repeats_give_mean_and_sample_deviation():
-    table = repeats_table(
-        {"K": [metrics(0.1), metrics(0.2), metrics(0.3)], "one": [metrics()]}, ["error.integral"]
-    )
-    assert [c.heading for c in table.columns][2:] == ["Error integral [s]", "± Error integral [s]"]
-    assert list(table.rows[0]) == ["K", 3, pytest.approx(0.1), pytest.approx(0.05)]
-    assert list(table.rows[1]) == ["one", 1, pytest.approx(0.05), None]
-    assert repeats_table({"K": [metrics()]}, ["settling_time"]).rows[0][2] is None
-    with pytest.raises(ShapeError, match="'none' has no runs"):
-        repeats_table({"none": []})
-    with pytest.raises(UnknownNameError, match="limit_joint"):
-        repeats_table({}, ["limit_joint"])

@@ -81,8 +81,10 @@ class Metrics:
         Count.
     error
         |vec8(1 − x* x_d)|, no unit; "Err" [P16 5.1]. Half the distance in m, about half the angle in rad.
+    settled_error
+        The same without the start: only samples from ``settle`` on, its integral over them only [P16 Table 5.6].
     final_error
-        The same at the last sample.
+        |vec8(1 − x* x_d)| at the last sample.
     control
         |u|₂ of the commanded inputs, rad/s (and m/s for prismatic joints and bases) [P16 5.1].
     joint_step
@@ -118,6 +120,7 @@ class Metrics:
     duration: float
     samples: int
     error: Signal
+    settled_error: Signal
     final_error: float
     control: Signal
     joint_step: Signal
@@ -155,7 +158,7 @@ def evaluate(
     limits
         Of the configuration variables, for the margin.
     settle
-        Length of the start that the settled deviations leave out, s.
+        Length of the start that the settled error and deviations leave out, s.
     tolerance
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
 
@@ -197,6 +200,7 @@ def evaluate(
             duration=record.duration,
             samples=len(record),
             error=_continuous(time, record.error),
+            settled_error=_continuous(time[start:], record.error[start:]),
             final_error=float(record.error[-1]),
             control=_held(control, intervals),
             joint_step=_held(effect, intervals),

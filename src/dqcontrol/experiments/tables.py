@@ -4,75 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError, ShapeError, unknown_name
+from dqcontrol.experiments.cells import Cell, Column, PlusMinus, known
+from dqcontrol.experiments.latex import latex, latex_number
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-Cell = str | float | int | None
-
-MISSING = "–"
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{sign: "\\" + sign for sign in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "|": r"\textbar{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "°": r"$^\circ$",
-    "²": "$^2$",
-    "√": r"$\surd$",
-    "·": r"$\cdot$",
-    "±": r"$\pm$",
-    "−": "$-$",
-    "–": "--",
-    "∫": r"$\int$",
-    "≤": r"$\leq$",
-    "≥": r"$\geq$",
-    "∞": r"$\infty$",
-}
-
-
-@dataclass(frozen=True)
-class Column:
-    """A column of a table.
-
-    Parameters
-    ----------
-    title
-        Heading.
-    unit
-        Shown with the heading; empty for none.
-    format
-        Format of its floating-point numbers, as for `format`; integers and texts stand as they are.
-    """
-
-    title: str
-    unit: str = ""
-    format: str = ".4g"
-
-    @property
-    def heading(self) -> str:
-        """Title and unit, as ``"Effort [rad/√s]"``."""
-        return f"{self.title} [{self.unit}]" if self.unit else self.title
-
-    def show(self, cell: Cell) -> str:
-        """Return a cell as text; a dash for ``None`` and for numbers that are not finite."""
-        if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
-            return MISSING
-        return format(cell, self.format) if isinstance(cell, float) else str(cell)
-
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of texts and numbers under columns.
+    """Rows of texts, numbers and numbers with their spread (`PlusMinus`) under columns.
 
     Parameters
     ----------
@@ -109,10 +56,11 @@ class Table:
                 raise ShapeError(f"rows[{i}]: expected {len(self.columns)} cells, got {len(row)}")
 
     def texts(self) -> list[list[str]]:
-        """Return all cells as they are shown."""
-        return [
-            [column.show(cell) for column, cell in zip(self.columns, row, strict=True)] for row in self.rows
+        """Return all cells as they are shown, the signs ± of a column one below the other."""
+        columns = [
+            _aligned([column.parts(row[i]) for row in self.rows]) for i, column in enumerate(self.columns)
         ]
+        return [[column[k] for column in columns] for k in range(len(self.rows))]
 
     def numeric(self) -> list[bool]:
         """Tell which columns hold numbers (and align right)."""
@@ -121,6 +69,10 @@ class Table:
             any(c is not None for c in column) and not any(isinstance(c, str) for c in column)
             for column in cells
         ]
+
+    def spread(self) -> list[bool]:
+        """Tell which columns hold numbers with their spread."""
+        return [any(isinstance(row[i], PlusMinus) for row in self.rows) for i in range(len(self.columns))]
 
     def rich(self) -> RichTable:
         """Return it for `rich.print`, safe against markup in cells."""
@@ -156,29 +108,44 @@ class Table:
         return "\n".join([*caption, line(headings), rule + "|", *map(line, rows)]) + "\n"
 
     def csv(self) -> str:
-        """Return it as CSV with all digits; missing numbers are empty."""
+        """Return it as CSV with all digits; missing numbers are empty, a spread has a column of its own."""
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([column.heading for column in self.columns])
+        headings: list[Cell] = [column.heading for column in self.columns]
+        writer.writerow(self._with_spread(headings, [f"± {heading}" for heading in headings]))
         for row in self.rows:
-            writer.writerow(["" if isinstance(c, float) and not math.isfinite(c) else c for c in row])
+            values, spreads = zip(*map(_raw, row), strict=True)
+            writer.writerow(self._with_spread(values, spreads))
         return stream.getvalue()
+
+    def _with_spread(self, values: Sequence[Cell], spreads: Sequence[Cell]) -> list[Cell]:
+        """Return a row of raw values, each followed by its spread in the columns that have one."""
+        cells: list[Cell] = []
+        for value, spread, two in zip(values, spreads, self.spread(), strict=True):
+            cells += [value, spread] if two else [value]
+        return cells
 
     def latex(self) -> str:
         r"""Return it as a ``tabular`` for the package booktabs, in a ``table`` if it has a title."""
-        alignment = "".join("r" if right else "l" for right in self.numeric())
-        lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule"]
-        lines += [_latex_row([column.heading for column in self.columns]), r"\midrule"]
-        lines += [_latex_row(row) for row in self.texts()]
+        numeric, spread = self.numeric(), self.spread()
+        alignment = "".join(
+            r"r@{${}\pm{}$}l" if two else "r" if right else "l"
+            for right, two in zip(numeric, spread, strict=True)
+        )
+        headings = [
+            rf"\multicolumn{{2}}{{c}}{{{latex(column.heading)}}}" if two else latex(column.heading)
+            for column, two in zip(self.columns, spread, strict=True)
+        ]
+        lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule", _latex_row(headings), r"\midrule"]
+        for row in self.rows:
+            columns = zip(self.columns, row, numeric, spread, strict=True)
+            lines.append(
+                _latex_row([_latex_cell(column.parts(cell), *kind) for column, cell, *kind in columns])
+            )
         lines += [r"\bottomrule", r"\end{tabular}"]
         if self.title:
-            lines = [
-                r"\begin{table}",
-                r"\centering",
-                rf"\caption{{{_latex(self.title)}}}",
-                *lines,
-                r"\end{table}",
-            ]
+            caption = rf"\caption{{{latex(self.title)}}}"
+            lines = [r"\begin{table}", r"\centering", caption, *lines, r"\end{table}"]
         return "\n".join(lines) + "\n"
 
     def write(self, path: str | Path) -> Path:
@@ -199,13 +166,31 @@ class Table:
 
 
 def _one_line(text: str) -> str:
-    return " ".join(text.split()).replace("|", "\\|")
+    return " ".join(text.splitlines()).replace("|", "\\|")
 
 
-def _latex(text: str) -> str:
-    return "".join(_LATEX.get(sign, sign) for sign in " ".join(text.split()))
+def _aligned(parts: Sequence[tuple[str, str]]) -> list[str]:
+    """Join values and their spreads with ±, so that all signs stand in one place."""
+    if not any(spread for _, spread in parts):
+        return [value for value, _ in parts]
+    left, right = (max(map(len, side)) for side in zip(*parts, strict=True))
+    return [
+        f"{value:>{left}} ± {spread:<{right}}" if spread else f"{value:>{left}}{'':{right + 3}}"
+        for value, spread in parts
+    ]
+
+
+def _raw(cell: Cell) -> tuple[Cell, Cell]:
+    return (known(cell.value), known(cell.spread)) if isinstance(cell, PlusMinus) else (known(cell), None)
+
+
+def _latex_cell(parts: tuple[str, str], numeric: bool, two: bool) -> str:
+    value, spread = map(latex_number if numeric else latex, parts)
+    if not two:
+        return value
+    return f"{value} & {spread}" if spread else rf"\multicolumn{{2}}{{c}}{{{value}}}"
 
 
 def _latex_row(cells: Sequence[str]) -> str:
-    row = " & ".join(map(_latex, cells))
+    row = " & ".join(cells)
     return ("{}" if row[:1] in ("[", "*") else "") + row + r" \\"  # \\ before it would take those as its own

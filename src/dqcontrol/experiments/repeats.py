@@ -1,0 +1,111 @@
+"""The rows of a study in groups of repeats.
+
+A row is one run: a mapping of the labels ``robot``, ``law``, ``set`` and ``plant``, perhaps ``parameter.X``, of
+``seed``, ``stopped`` and of all numbers of `Metrics.flat`. Runs of the same labels are repeats of each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dqcontrol.errors import ShapeError, unknown_name
+from dqcontrol.experiments.cells import known
+from dqcontrol.experiments.statistics import Mean, mean_of
+from dqcontrol.experiments.tables import Column
+
+Row = Mapping[str, Any]
+Group = tuple[str | float, ...]  # the labels of runs that are repeats of each other
+
+LABELS = ("robot", "law", "set", "plant")
+_LAW = LABELS.index("law")
+_PARAMETER = "parameter."
+
+
+class Repeats:
+    """The rows of a study in groups of repeats.
+
+    Parameters
+    ----------
+    rows
+        Of a study.
+
+    Raises
+    ------
+    ShapeError
+        If there are none.
+    """
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        if not rows:
+            raise ShapeError("rows: expected at least one run, got none")
+        parameters = dict.fromkeys(name for row in rows for name in row if name.startswith(_PARAMETER))
+        self.names = (*LABELS, *parameters)
+        self.groups: dict[Group, list[Row]] = {}
+        for row in rows:
+            self.groups.setdefault(tuple(row.get(name, "") for name in self.names), []).append(row)
+        varied = [len({group[i] for group in self.groups}) > 1 for i in range(len(self.names))]
+        self._shown = [i for i, differs in enumerate(varied) if differs or (i == _LAW and not any(varied))]
+
+    @property
+    def columns(self) -> list[Column]:
+        """Headings of the labels that differ."""
+        names = [self.names[i] for i in self._shown]
+        return [
+            Column(name.removeprefix(_PARAMETER) if _PARAMETER in name else name.capitalize())
+            for name in names
+        ]
+
+    def labels(self, group: Group) -> list[str | float]:
+        """Return the labels of a group that differ."""
+        return [group[i] for i in self._shown]
+
+    def caption(self, title: str) -> str:
+        """Return the title, with a note if runs are left out."""
+        left_out = sum(map(self.diverged, self.groups))
+        note = f"{left_out} diverged {'run' if left_out == 1 else 'runs'} left out" if left_out else ""
+        return "; ".join(filter(None, (title, note)))
+
+    def finished(self, group: Group) -> list[Row]:
+        """Return the runs of a group that did not diverge."""
+        return [row for row in self.groups.get(group, ()) if not _diverged(row)]
+
+    def diverged(self, group: Group) -> int:
+        """Return how many runs of a group diverged."""
+        return sum(map(_diverged, self.groups[group]))
+
+    def values(self, group: Group, key: str) -> list[float]:
+        """Return a number of all runs of a group that did not diverge, empty if one of them lacks it."""
+        finished = self.finished(group)
+        values = [value for row in finished if (value := known(row.get(key))) is not None]
+        return values if len(values) == len(finished) else []
+
+    def mean(self, group: Group, key: str) -> Mean | None:
+        """Return mean and spread of a number, or None where there are none."""
+        values = self.values(group, key)
+        return mean_of(values) if values else None
+
+    def by_seed(self, group: Group, key: str) -> dict[Any, float]:
+        """Return a number of each run by its seed, without those that diverged or lack it."""
+        values: dict[Any, float] = {}
+        for row in self.finished(group):
+            if row["seed"] in values:
+                raise ShapeError(f"rows: two runs of law '{row['law']}' have the seed {row['seed']}")
+            if (value := known(row.get(key))) is not None:
+                values[row["seed"]] = value
+        return values
+
+    def baseline(self, law: str | None) -> str:
+        """Return the label of the law to compare with."""
+        laws = list(dict.fromkeys(str(group[_LAW]) for group in self.groups))
+        if law is not None and law not in laws:
+            raise unknown_name("baseline", law, laws)
+        return laws[0] if law is None else law
+
+    def beside(self, group: Group, law: str) -> Group:
+        """Return the group of another law with otherwise the same labels."""
+        return (*group[:_LAW], law, *group[_LAW + 1 :])
+
+
+def _diverged(row: Row) -> bool:
+    return str(row.get("stopped", "")).startswith("diverged")
