@@ -57,6 +57,10 @@ class LimitWarning(UserWarning):
     """A reference can be followed only beyond the robot's joint limits."""
 
 
+class SafetyWarning(UserWarning):
+    """A simulated robot's safety has switched its motors off."""
+
+
 class InterpretedWarning(UserWarning):
     """A user's own function does not compile and is interpreted."""
 

@@ -26,7 +26,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
-from dqcontrol.plants import Disturbance, Integrator, MujocoPlant, Servo
+from dqcontrol.plants import CompliantPlant, Disturbance, Integrator, MujocoPlant, Servo
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 AnyLaw = (
@@ -41,7 +41,7 @@ AnyLaw = (
     | LinearQuadraticR8
     | LinearQuadraticDQ
 )
-AnyPlant = Integrator | Servo | MujocoPlant
+AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant
 
 _Label = Annotated[
     str,

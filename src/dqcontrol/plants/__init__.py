@@ -1,5 +1,6 @@
 """Plants: what moves when a law commands it, and what disturbs it."""
 
+from dqcontrol.plants.compliant import CompliantPlant
 from dqcontrol.plants.disturbance import (
     BandLimitedTwist,
     ConstantTwist,
@@ -8,6 +9,7 @@ from dqcontrol.plants.disturbance import (
     WorstCase,
 )
 from dqcontrol.plants.integrator import Integrator
+from dqcontrol.plants.loads import EncoderLoss, Payload, Push
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
@@ -16,13 +18,17 @@ from dqcontrol.plants.servo import Servo
 __all__ = [
     "BandLimitedTwist",
     "CompiledPlant",
+    "CompliantPlant",
     "ConstantTwist",
     "Disturbance",
+    "EncoderLoss",
     "Integrator",
     "LivePlant",
     "MujocoPlant",
     "OwnPlant",
+    "Payload",
     "Plant",
+    "Push",
     "Servo",
     "SinusoidalTwist",
     "WorstCase",

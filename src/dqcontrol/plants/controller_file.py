@@ -1,0 +1,242 @@
+"""Controller files: motors, springs, sensors and gains of one arm's joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, suggest, unknown_name
+from dqcontrol.plants.elastic_model import Actuation, Hand
+from dqcontrol.robots.robot_file import JointInertia
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.yaml_file import read_yaml
+
+Array = NDArray[np.float64]
+
+_OURS = Path(__file__).parent / "controllers"
+SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad
+
+Stiffness = Annotated[float, Meta(ge=SOFTEST, le=STIFFEST, description="N·m/rad")]
+Springs = Annotated[list[Stiffness | None], Meta(min_length=1, max_length=1000)]
+
+
+class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all parts of a controller file. All quantities are those seen at the joint."""
+
+
+class Motor(_Part, frozen=True, kw_only=True):
+    """Motor, gear and amplifier."""
+
+    rotor_inertia: Annotated[float, Meta(gt=0, le=1e3, description="with the gear, kg m²")]
+    friction: Annotated[float, Meta(ge=0, le=1e4, description="viscous, N·m·s/rad")]
+    torque_constant: Annotated[float, Meta(gt=0, le=1e5, description="with the gear, N·m/A")]
+    resistance: Annotated[float, Meta(gt=0, le=1e4, description="of the winding, Ω")]
+    voltage: Annotated[float, Meta(gt=0, le=1e3, description="of the supply, V")]
+    max_duty: Annotated[float, Meta(gt=0, le=1, description="largest share of the voltage in mode PWM")]
+    max_current: Annotated[float, Meta(gt=0, le=1e4, description="A")]
+    nominal_current: Annotated[float, Meta(gt=0, le=1e4, description="that the motor bears for ever, A")]
+    thermal_time: Annotated[float, Meta(gt=0, le=1e5, description="time constant of the winding's heat, s")]
+    overload_time: Annotated[float, Meta(gt=0, le=1e3, description="that the motor may stay too hot, s")]
+
+
+class Range(_Part, frozen=True, kw_only=True):
+    """What may be asked of a joint."""
+
+    lower: Annotated[float, Meta(ge=-100, le=100, description="min_q, rad")]
+    upper: Annotated[float, Meta(ge=-100, le=100, description="max_q, rad")]
+    slew_rate: Annotated[float, Meta(gt=0, le=100, description="largest of the reference, rad/s")]
+    torque: Annotated[float, Meta(gt=0, le=1e4, description="largest desired torque, N·m")]
+
+
+class PositionLoop(_Part, frozen=True, kw_only=True):
+    """PID from angle to torque, of the modes THETA_GC and THETA_GC_MJ."""
+
+    k_p: Annotated[float, Meta(ge=0, le=1e6, description="N·m/rad")]
+    k_i: Annotated[float, Meta(ge=0, le=1e7, description="N·m/(rad·s)")] = 0.0
+    k_d: Annotated[float, Meta(ge=0, le=1e5, description="N·m·s/rad")] = 0.0
+    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="N·m")] = 0.0
+    integral_range: Annotated[float, Meta(ge=0, le=1e3, description="error that is integrated, rad")] = 0.0
+
+
+class TorqueLoop(_Part, frozen=True, kw_only=True):
+    """PID from spring torque to current, with a feed-forward share of the desired torque."""
+
+    k_p: Annotated[float, Meta(ge=0, le=1e4, description="A/(N·m)")] = 0.0
+    k_i: Annotated[float, Meta(ge=0, le=1e6, description="A/(N·m·s)")] = 0.0
+    k_d: Annotated[float, Meta(ge=0, le=1e3, description="A·s/(N·m)")] = 0.0
+    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="A")] = 0.0
+    integral_range: Annotated[float, Meta(ge=0, le=1e5, description="error that is integrated, N·m")] = 0.0
+    feedforward: Annotated[float, Meta(ge=0, le=2, description="share of desired torque / torque constant")]
+
+
+class AngleServo(_Part, frozen=True, kw_only=True):
+    """Position servo on the motor's angle, of the modes THETA and THETA_MJ."""
+
+    bandwidth: Annotated[float, Meta(gt=0, le=50, description="Hz")]
+    damping_ratio: Annotated[float, Meta(ge=0, le=10, description="ζ")]
+
+
+class Sensors(_Part, frozen=True, kw_only=True):
+    """Encoder and torque sensor, and the third-order Butterworth filters behind them."""
+
+    angle_resolution: Annotated[float, Meta(ge=0, le=1, description="rad; 0 for none")]
+    torque_resolution: Annotated[float, Meta(ge=0, le=1e3, description="N·m; 0 for none")]
+    angle_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
+    velocity_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
+    torque_rate_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
+
+
+class JointControl(_Part, frozen=True, kw_only=True):
+    """One joint."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    motor: Motor
+    spring_damping: Annotated[float, Meta(ge=0, le=1e4, description="N·m·s/rad")]
+    range: Range
+    position_loop: PositionLoop
+    torque_loop: TorqueLoop
+    angle_servo: AngleServo
+    sensors: Sensors
+
+
+class WristSensor(_Part, frozen=True, kw_only=True):
+    """Six-axis force–torque sensor between arm and hand, axes of the tool."""
+
+    cutoff: Annotated[float, Meta(gt=0, le=450, description="of its filter, Hz")]
+    force_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N")]
+    torque_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N·m")]
+    force_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    torque_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Safety(_Part, frozen=True, kw_only=True):
+    """When the motors are switched off."""
+
+    command_timeout: Annotated[float, Meta(gt=0, le=100, description="age of the last command, s")]
+    sensor_timeout: Annotated[float, Meta(gt=0, le=100, description="time without encoder, s")]
+
+
+class ControllerFile(_Part, frozen=True, kw_only=True):
+    """A controller file: an arm's joints at 1 kHz."""
+
+    robot: Annotated[str, Meta(min_length=1)]
+    description: str = ""
+    sources: list[str] = []
+    springs: Annotated[dict[str, Springs], Meta(min_length=1)]
+    hand: JointInertia | None = None
+    wrist_sensor: WristSensor
+    safety: Safety
+    ramp_time: Annotated[float, Meta(gt=0, le=100, description="of a mode change, s")]
+    joints: Annotated[list[JointControl], Meta(min_length=1, max_length=1000)]
+
+    def column(self, *path: str) -> Array:
+        """Return one number of every joint, shape (n,), as ``column("motor", "friction")``."""
+        rows = []
+        for joint in self.joints:
+            value = joint
+            for name in path:
+                value = getattr(value, name)
+            rows.append(value)
+        return np.array(rows, dtype=np.float64)
+
+    def stiffness(self, springs: str | list[float | None]) -> Array:
+        """Return the springs' stiffness by a preset's name or a list, shape (n,), N·m/rad; infinite where rigid.
+
+        Raises
+        ------
+        UnknownNameError, ShapeError, ValueRangeError
+            If there is no such preset or the list does not fit.
+        """
+        if isinstance(springs, str):
+            if springs not in self.springs:
+                raise unknown_name("plant.springs", springs, self.springs)
+            springs = self.springs[springs]
+        if len(springs) != len(self.joints):
+            raise ShapeError(f"plant.springs: expected {len(self.joints)} numbers, got {len(springs)}")
+        values = np.array([np.inf if value is None else value for value in springs], dtype=np.float64)
+        finite = values[np.isfinite(values)]
+        if np.isnan(values).any() or ((finite < SOFTEST) | (finite > STIFFEST)).any():
+            raise ValueRangeError(
+                f"plant.springs: must lie in {SOFTEST:g} … {STIFFEST:g} N·m/rad, or be null for a rigid joint, "
+                f"got {springs}"
+            )
+        return values
+
+    def actuation(self, springs: str | list[float | None]) -> Actuation:
+        """Return what lies between the motors' currents and the links."""
+        return Actuation(
+            self.column("motor", "rotor_inertia"),
+            self.column("motor", "friction"),
+            self.stiffness(springs),
+            self.column("spring_damping"),
+        )
+
+    def hand_body(self) -> Hand:
+        """Return the hand.
+
+        Raises
+        ------
+        ValueRangeError
+            If the file has none.
+        """
+        if self.hand is None:
+            raise ValueRangeError(f"plant.hand: the controllers of {self.robot} describe no hand; use false")
+        t = self.hand.tensor
+        tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
+        return Hand(self.hand.mass, as_array("hand.center", self.hand.center, (3,)), tensor)
+
+
+def known_controllers() -> tuple[str, ...]:
+    """Return the names of the robots whose controllers come with dqcontrol."""
+    return tuple(sorted(path.stem for path in _OURS.glob("*.yaml")))
+
+
+def load_controllers(robot: SerialArm, path: str | None = None) -> ControllerFile:
+    """Read the controllers of a robot.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+    path
+        A controller file; by the robot's name if omitted.
+
+    Raises
+    ------
+    FileFormatError, ValueRangeError, ShapeError
+        If the robot is not known and no file is given, or the file is malformed or does not fit the robot.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> load_controllers(dqc.load_robot("meka-a2")).column("motor", "rotor_inertia")[0]
+    np.float64(0.1987)
+    """
+    if path is None and robot.name not in known_controllers():
+        raise ValueRangeError(
+            f"plant.controllers: no controllers are known for '{robot.name}'"
+            f"{suggest(robot.name, known_controllers())}; they are for {', '.join(known_controllers())}; "
+            "give a controller file"
+        )
+    where = Path(path) if path is not None else _OURS / f"{robot.name}.yaml"
+    file = read_yaml(where, ControllerFile)
+    names = [joint.name for joint in file.joints]
+    if names != list(robot.joint_names):
+        raise ShapeError(
+            f"{where}: joints: must be those of {robot.name}, {', '.join(robot.joint_names)}, got {', '.join(names)}"
+        )
+    for joint in file.joints:
+        if joint.range.lower >= joint.range.upper:
+            raise FileFormatError(
+                f"{where}: {joint.name}.range: lower {joint.range.lower:g} must be below upper {joint.range.upper:g}"
+            )
+    for name, springs in file.springs.items():
+        if len(springs) != len(names):
+            raise FileFormatError(
+                f"{where}: springs.{name}: expected {len(names)} numbers, got {len(springs)}"
+            )
+    return file

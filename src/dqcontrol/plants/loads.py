@@ -1,0 +1,106 @@
+"""What pushes and hangs on an arm, and which encoders fail, over time."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_array, as_count, as_positive, unknown_name
+
+Array = NDArray[np.float64]
+
+Seconds = Annotated[float, Meta(ge=0, le=1e6, description="s")]
+Newtons = Annotated[float, Meta(ge=-1e4, le=1e4, description="N, base frame")]
+
+
+class Push(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A force for a while.
+
+    Parameters
+    ----------
+    time, duration
+        s.
+    force
+        N, base frame.
+    point
+        ``hand``: the tool's point; ``link 1`` …: that link's centre of mass.
+    """
+
+    time: Seconds
+    duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
+    force: tuple[Newtons, Newtons, Newtons]
+    point: Annotated[
+        str, Meta(pattern=r"^(hand|link [1-9]\d{0,2})\Z", description="hand, or link and its number")
+    ] = "hand"
+
+
+class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A mass at the tool's point for a while, unknown to the controllers.
+
+    Parameters
+    ----------
+    mass
+        kg.
+    begin, until
+        s; in a file, ``from`` and ``until``. For ever if ``until`` is omitted.
+    """
+
+    mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")]
+    begin: Seconds = msgspec.field(default=0.0, name="from")
+    until: Seconds | None = None
+
+
+class EncoderLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An encoder that stays silent for a while: its last reading stands.
+
+    Parameters
+    ----------
+    time, duration
+        s.
+    joint
+        Its number, from 1.
+    """
+
+    time: Seconds
+    duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
+    joint: Annotated[int, Meta(ge=1, le=1000, description="number, from 1")]
+
+
+def push_table(pushes: list[Push], bodies: dict[str, int]) -> Array:
+    """Return the rows [from, until, body, force (3)], shape (N, 6), or name what does not fit."""
+    rows = np.zeros((len(pushes), 6))
+    for row, push in zip(rows, pushes, strict=True):
+        start = as_positive("plant.pushes.time", push.time, zero_allowed=True)
+        end = start + as_positive("plant.pushes.duration", push.duration)
+        if push.point not in bodies:
+            raise unknown_name("plant.pushes.point", push.point, bodies)
+        row[:3] = start, end, bodies[push.point]
+        row[3:] = as_array("plant.pushes.force", push.force, (3,))
+    return rows
+
+
+def payload_table(payload: Payload | None) -> Array:
+    """Return the rows [from, until, mass], shape (N, 3), or name what does not fit."""
+    if payload is None:
+        return np.zeros((0, 3))
+    start = as_positive("plant.payload.from", payload.begin, zero_allowed=True)
+    end = np.inf if payload.until is None else as_positive("plant.payload.until", payload.until)
+    if end <= start:
+        raise ValueRangeError(f"plant.payload.until: must be after 'from', {start:g} s, got {end:g} s")
+    return np.array([[start, end, as_positive("plant.payload.mass", payload.mass)]])
+
+
+def loss_table(losses: list[EncoderLoss], joints: int) -> Array:
+    """Return the rows [from, until, joint from 0], shape (N, 3), or name what does not fit."""
+    rows = np.zeros((len(losses), 3))
+    for row, loss in zip(rows, losses, strict=True):
+        start = as_positive("plant.encoder_losses.time", loss.time, zero_allowed=True)
+        end = start + as_positive("plant.encoder_losses.duration", loss.duration)
+        if not 1 <= as_count("plant.encoder_losses.joint", loss.joint) <= joints:
+            raise ValueRangeError(f"plant.encoder_losses.joint: must lie in 1 … {joints}, got {loss.joint}")
+        row[:] = start, end, loss.joint - 1
+    return rows
