@@ -10,6 +10,7 @@ from dqcontrol.algebra.kernels import multiply
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist
 from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
@@ -71,6 +72,12 @@ class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-propo
     |x_d − x| never grows and decays at rate k. The error is not invariant: how translation and rotation are weighed
     depends on where the base frame sits. Prefer `Proportional` unless you compare with the literature.
 
+    Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
+    stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
+    check``.
+
+    Choice: as for `Proportional`.
+
     Parameters
     ----------
     gain
@@ -81,9 +88,23 @@ class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-propo
         How far ⟨r, r_d⟩ must pass 0 before the sign of x_d flips.
     null_space
         Motion preferred where the task leaves freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> target, law = dqc.references.SetPoint(arm.fkm(q + 0.1)), dqc.laws.ClassicProportional(gain=3.0)
+    >>> record = dqc.simulate(arm, target, law, dqc.plants.Integrator(), q, period=0.01, duration=3.0)
+    >>> bool(record.error[-1] < 1e-3 * record.error[0])
+    True
     """
 
     kernel = classic_proportional
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates:
+        """Return the largest entry of K, a bound for both: how it is shared depends on the pose."""
+        largest = parameters[:, GAIN : GAIN + 8].max(axis=1)
+        return LoopRates(position=largest, orientation=largest)
 
 
 class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
@@ -91,12 +112,23 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
 
     The errors of integration, joints and start are never corrected: the hand drifts. For comparison only.
 
+    Sampling limits: none, as there is no loop; the error of integration grows with T.
+
     Parameters
     ----------
     inverse
         How J is inverted; the default is exact away from singularities.
     null_space
         Motion preferred where the task leaves freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> twist = arm.twist_jacobian(q) @ np.full(7, 0.1)
+    >>> u = dqc.laws.OpenLoop().command(arm, q, dqc.Sample(arm.fkm(q), twist), dt=0.01)
+    >>> np.allclose(arm.twist_jacobian(q) @ u, twist)
+    True
     """
 
     kernel = open_loop
@@ -105,3 +137,7 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
         """Return the inverse's parameters."""
         return np.array([self.inverse.parameters()])
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates:
+        """Return zeros: no error is corrected."""
+        return LoopRates(position=np.zeros(len(parameters)), orientation=np.zeros(len(parameters)))

@@ -20,6 +20,7 @@ from dqcontrol.laws.inverses import (
     solve_hand_twist,
 )
 from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
@@ -98,8 +99,14 @@ def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, param
 class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
     """Decoupled P: q̇ = N_d⁺ K [p_d − p ; 1 − r*r_d], N_d = [J_p ; H⁻(r_d) C4 J_r]. [P16 3.1.1]
 
-    Position and orientation converge independently: the hand moves on a straight line to a resting target. Both decay
-    at rate k (orientation as tan(θ/4)).
+    Position and orientation converge independently: with ideal joints the hand moves on a straight line to a resting
+    target. Both decay at rate k (orientation as tan(θ/4)).
+
+    Sampling limits: position and orientation have the loop gain k (the largest of their entries of K). With ideal
+    joints kT < 2 is stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and
+    physics ask ``dqcontrol check``.
+
+    Choice: as for `Proportional`; position and orientation may have rates of their own.
 
     Parameters
     ----------
@@ -112,9 +119,25 @@ class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-p
         How far Re(r*r_d) must pass 0 before the sign of r_d flips.
     null_space
         Motion preferred where the task leaves freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> law = dqc.laws.DecoupledProportional(gain=[1, 4, 4, 4, 2, 2, 2, 2])
+    >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
+    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
+    >>> np.allclose(arm.translation_jacobian(q) @ u, 4 * way)
+    True
     """
 
     kernel = decoupled_proportional
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates:
+        """Return the largest of K's entries for p_d − p and for Im(r*r_d)."""
+        gains = parameters[:, GAIN : GAIN + 8]
+        return LoopRates(position=gains[:, 1:4].max(axis=1), orientation=gains[:, 5:8].max(axis=1))
 
 
 @kernel(LAW)
@@ -172,7 +195,13 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     """P on a part of the pose; what is left free may serve a `null_space` motion. [P16 2.2.2]
 
     ``position``: q̇ = J_p⁺ k (p_d − p); ``rotation``: orientation only, tan(θ/4) ∝ exp(−kt); ``axis``: only the
-    direction of one axis of the hand, q̇ = J_l⁺ k (l_d − l), for tools that are symmetric about it.
+    direction of one axis of the hand, q̇ = J_l⁺ k (l_d − l), for tools that are symmetric about it. With ideal joints
+    the part's error decays at rate k; the rest of the pose moves as it happens to.
+
+    Sampling limits: the part has the loop gain k. With ideal joints kT < 2 is stable and kT ≤ 1 monotone, with one
+    sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol check``.
+
+    Choice: k as for `Proportional`, and a ``null_space`` motion for what is left free.
 
     Parameters
     ----------
@@ -187,6 +216,17 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
         ways, so its Jacobian always has one vanishing singular value, which is filtered out.
     null_space
         Motion preferred where the part leaves freedom.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> law = dqc.laws.PartialProportional(part="position", gain=2.0)
+    >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
+    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
+    >>> np.allclose(arm.translation_jacobian(q) @ u, 2 * way)
+    True
     """
 
     part: Literal["position", "rotation", "axis"]
@@ -211,6 +251,13 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
         rows = np.tile(row, (len(gains), 1))
         rows[:, HEAD] = gains
         return rows
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates:
+        """Return k for the part that is controlled."""
+        gains = parameters[:, HEAD]
+        if self.part == "position":
+            return LoopRates(position=gains, orientation=None)
+        return LoopRates(position=None, orientation=gains)
 
     def horizon(self, reference: Reference | None) -> float:
         """Return the end of the gain schedule, s."""

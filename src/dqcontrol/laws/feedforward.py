@@ -32,7 +32,13 @@ class ProportionalFeedforward(PoseLaw, frozen=True, kw_only=True, tag="proportio
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
     Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target: ideal
-    joints follow without lag up to the period. The feed-forward costs no stability margin.
+    joints follow without lag up to the period.
+
+    Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
+    stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
+    check``. The feed-forward changes none of them.
+
+    Choice: k as for `Proportional`, but only to correct errors: the motion itself is fed forward.
 
     Parameters
     ----------
@@ -42,6 +48,8 @@ class ProportionalFeedforward(PoseLaw, frozen=True, kw_only=True, tag="proportio
         How N is inverted; the default is exact away from singularities.
     hysteresis
         x_d and −x_d are the same pose; the sign is changed only when Re(x*x_d) has passed 0 by this much.
+    null_space
+        Motion preferred where the task leaves freedom.
 
     Examples
     --------

@@ -23,6 +23,7 @@ from dqcontrol.compile import (
 )
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.inverses import work_size
+from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
 from dqcontrol.references.sample import TIME, Sample
@@ -59,6 +60,10 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
     def horizon(self, reference: Reference | None) -> float:
         """Return the time after which the parameters no longer change, s."""
         return 0.0
+
+    def loop_rates(self, parameters: Array) -> LoopRates | None:
+        """Return how fast small errors decay at each of the rows of a prepared law; None if that is unknown."""
+        return None
 
     def prepare(
         self, robot: SerialArm, reference: Reference | None, dt: float, limits: CommandLimits | None = None

@@ -11,6 +11,7 @@ from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
 from dqcontrol.laws.law import Law
+from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
@@ -44,6 +45,11 @@ class PoseLaw(Law, frozen=True, kw_only=True):
         head = parameter_head(self.inverse, self.hysteresis)
         gains = gain_matrix_rows("gain", self.gain, 8, times)
         return np.hstack([np.tile(head, (len(gains), 1)), gains])
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates:
+        """Return the largest of K's entries for the dual and the primary imaginary parts."""
+        gains = parameters[:, GAIN : GAIN + 8]
+        return LoopRates(position=gains[:, 5:8].max(axis=1), orientation=gains[:, 1:4].max(axis=1))
 
     def horizon(self, reference: Reference | None) -> float:
         """Return the end of the gain schedule, s."""

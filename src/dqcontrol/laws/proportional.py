@@ -27,8 +27,13 @@ class Proportional(PoseLaw, frozen=True, kw_only=True, tag="proportional"):
     The error norm decreases monotonically towards a resting target from everywhere but its antipode. Because e is
     projected on what a unit dual quaternion can do, ė = −Ke holds only nearly: a pure translation error decays at rate
     k exactly, a pure rotation θ as tan(θ/4) ∝ exp(−kt). A moving target is followed with a lag of about |ẋ_d|/k.
-    With ideal joints and period T the loop is stable for kT < 2 and monotone for kT ≤ 1; with a servo lag or delay
-    much less is allowed.
+
+    Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
+    stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
+    check``.
+
+    Choice: k is the reciprocal of the wanted time constant, as far as the limits allow. A moving target asks for k
+    ≥ |ẋ_d| / (error allowed), or for `ProportionalFeedforward`.
 
     Parameters
     ----------
@@ -38,6 +43,8 @@ class Proportional(PoseLaw, frozen=True, kw_only=True, tag="proportional"):
         How N is inverted; the default is exact away from singularities.
     hysteresis
         x_d and −x_d are the same pose; the sign is changed only when Re(x*x_d) has passed 0 by this much.
+    null_space
+        Motion preferred where the task leaves freedom.
 
     Examples
     --------

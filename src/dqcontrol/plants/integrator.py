@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.errors import ShapeError, as_array, as_positive
+from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -57,3 +58,7 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
             raise ShapeError(f"plant.bias: expected one number or {len(q0)}, got shape {bias.shape}")
         parameters = np.concatenate([[dt], np.broadcast_to(bias, q0.shape)])
         return CompiledPlant(integrate, parameters, np.zeros(1), q0, np.zeros((steps, 1)))
+
+    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+        """Return q⁺ = q + T u."""
+        return LinearModel(np.ones((1, 1)), np.full((1, 1), dt))

@@ -10,6 +10,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco_live import LiveMujoco, per_joint
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.plant import Plant
@@ -211,10 +212,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         data = mujoco.MjData(model)
         data.qpos[:] = start
         mujoco.mj_forward(model, data)
-        inertia, column = np.empty(n), np.empty(n)
-        for i, unit in enumerate(np.eye(n)):
-            mujoco.mj_mulM(model, data, column, unit)
-            inertia[i] = column[i]
+        inertia = _mass_matrix(model, data).diagonal()
         if self.stiffness is None:
             stiffness = inertia * (2 * math.pi * self.bandwidth) ** 2
         else:
@@ -235,3 +233,37 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         data.act[:] = start + (data.qfrc_bias - data.qfrc_gravcomp) / stiffness
         mujoco.mj_forward(model, data)
         return data
+
+    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+        """Return all joints together, coupled by their inertia at q0, in MuJoCo's own time steps.
+
+        A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
+        q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
+        encoders are left out.
+        """
+        h, steps, n = self.timestep, self._substeps(dt), robot.configuration_size
+        live = self.start(robot, q0, dt, 1, 0)
+        mass, unit, none = _mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
+        damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
+        pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
+        velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
+        step = np.eye(3 * n)  # of q, v and q*
+        step[n : 2 * n] = velocity
+        step[:n] += h * velocity
+        transition, inputs = np.eye(3 * n), np.zeros((3 * n, n))
+        for _ in range(steps):
+            transition, inputs = step @ transition, step @ inputs
+            inputs[2 * n :] += h * unit
+        if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
+            transition += inputs @ np.hstack([unit, none, -unit]) / dt
+        return LinearModel(transition, inputs)
+
+
+def _mass_matrix(model: Any, data: Any) -> Array:
+    """Return the joint-space inertia at the data's configuration, armature included, shape (n, n)."""
+    mujoco, n = import_mujoco(), model.nv
+    matrix, column = np.empty((n, n)), np.empty(n)
+    for i, unit in enumerate(np.eye(n)):
+        mujoco.mj_mulM(model, data, column, unit)
+        matrix[:, i] = column
+    return matrix

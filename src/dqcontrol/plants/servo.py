@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.gravity import body_table, gravity_torque
 from dqcontrol.robots.serial_arm import SerialArm
@@ -107,11 +108,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        delay_steps = round(as_positive("plant.delay", self.delay, zero_allowed=True) / dt)
-        if abs(delay_steps * dt - self.delay) > 1e-9:
-            raise ValueRangeError(
-                f"plant.delay: must be a multiple of the period {dt:g} s, got {self.delay:g} s"
-            )
+        delay_steps = self._delay_steps(dt)
         stiffness = as_array("plant.stiffness", self.stiffness)
         if stiffness.shape not in ((), (n,)):
             raise ShapeError(f"plant.stiffness: expected one number or {n}, got shape {stiffness.shape}")
@@ -142,3 +139,28 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             else np.zeros((steps, n))
         )
         return CompiledPlant(servo, parameters, state, q0, noise)
+
+    def _delay_steps(self, dt: float) -> int:
+        """Return the delay in periods."""
+        steps = round(as_positive("plant.delay", self.delay, zero_allowed=True) / dt)
+        if abs(steps * dt - self.delay) > 1e-9:
+            raise ValueRangeError(
+                f"plant.delay: must be a multiple of the period {dt:g} s, got {self.delay:g} s"
+            )
+        return steps
+
+    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+        """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
+
+        t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ).
+        """
+        delay, decay = self._delay_steps(dt), math.exp(-dt / self.time_constant)
+        transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
+        transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
+        inputs[1] = dt
+        for late in range(2, delay + 2):
+            transition[late, late - 1] = 1.0
+        transition[0] = (1 - decay) * transition[-1]
+        transition[0, 0] += decay
+        inputs[0] = (1 - decay) * inputs[-1]
+        return LinearModel(transition, inputs)

@@ -1,0 +1,112 @@
+"""Which loop gains a plant allows: the sampling limits of one law on one plant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.plants.linear_model import LinearModel
+
+Verdict = Literal["monotone", "oscillatory", "unstable", "drifts", "cannot be decided"]
+
+MOST_STATES = 100  # of a model: eigenvalues of more take too long
+_GAINS = np.geomspace(1e-6, 1e6, 160)  # k T that are tried until one fails
+_DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
+_TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
+_REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class GainLimits:
+    """Largest products k T of a loop gain and the period, or of its modulus if it is complex.
+
+    Attributes
+    ----------
+    stable
+        Below it all poles lie inside the unit circle.
+    monotone
+        Up to it the slowest pole is real and positive: the error ends without oscillation.
+    recommended
+        Up to it the slowest poles have a damping ratio of 0.7 or more, and twice the gain is stable.
+    """
+
+    stable: float
+    monotone: float
+    recommended: float
+
+    def verdict(self, product: float) -> Verdict:
+        """Say what becomes of small errors at this k T."""
+        if product == 0:
+            return "drifts"
+        if product >= self.stable:
+            return "unstable"
+        return "monotone" if product <= self.monotone * (1 + _TIE) else "oscillatory"
+
+
+def gain_limits(model: LinearModel, period: float, direction: complex = 1.0) -> GainLimits:
+    """Return the limits of the loop u = −k y, with k along a direction of the complex plane.
+
+    Each is the first gain, from zero on, at which its condition on the closed loop's poles fails.
+
+    Parameters
+    ----------
+    model
+        Of the plant.
+    period
+        T, s.
+    direction
+        k/|k|: 1 for all but laws whose own loop oscillates.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.experiments.stability import gain_limits
+    >>> from dqcontrol.plants.linear_model import LinearModel
+    >>> limits = gain_limits(LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01)), 0.01)
+    >>> [round(limit, 6) for limit in (limits.stable, limits.monotone, limits.recommended)]
+    [2.0, 1.0, 1.0]
+    """
+
+    @cache
+    def poles(product: float) -> NDArray[np.complex128]:
+        return model.poles(product / period * direction)
+
+    stable = _first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
+    monotone = _first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
+    damped = _first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
+    return GainLimits(stable, min(monotone, stable), min(damped, stable / 2))
+
+
+def spectral_radius(poles: NDArray[np.complex128]) -> float:
+    """Return the largest modulus: by so much an error shrinks a period, in the long run."""
+    return float(np.abs(poles).max())
+
+
+def _least_damping(poles: NDArray[np.complex128]) -> float:
+    """Return the damping ratio −Re ln z / |ln z| of the slowest poles: 1 where they are real and positive."""
+    moduli = np.abs(poles)
+    if moduli.max() < _ROUNDING:
+        return 1.0
+    exponents = np.log(poles[moduli >= (1 - _TIE) * moduli.max()])
+    return float(np.min(-np.real(exponents) / np.abs(exponents)))
+
+
+def _first_failure(holds: Callable[[float], bool]) -> float:
+    """Return the product k T from which on a condition no longer holds, to seven digits; infinite if it always does."""
+    below = 0.0
+    for above in _GAINS:
+        if not holds(above):
+            break
+        below = above
+    else:
+        return float("inf")
+    while above - below > 1e-7 * above and below > 0:
+        middle = (below + above) / 2
+        below, above = (middle, above) if holds(middle) else (below, middle)
+    return float(below)
