@@ -1,5 +1,6 @@
 """The closed loop, compiled and interpreted, and what it records."""
 
+from dqcontrol.loop.clock import Clock, Timing
 from dqcontrol.loop.closed_loop import Stop, Trace, close_loop
 from dqcontrol.loop.export import export_record
 from dqcontrol.loop.mcap import load_metadata, load_record, save_record
@@ -7,8 +8,10 @@ from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import simulate
 
 __all__ = [
+    "Clock",
     "Record",
     "Stop",
+    "Timing",
     "Trace",
     "close_loop",
     "export_record",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from dqcontrol.compile import Kernel, Pointer
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
+from dqcontrol.loop.clock import Clock
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
@@ -52,6 +54,7 @@ def close_loop(
     disturbance: LiveDisturbance | None = None,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    clock: Clock | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -71,6 +74,8 @@ def close_loop(
         True: step in Python even if all parts are compiled; the result is the same to the last bit.
     progress
         Called with steps done and steps in all.
+    clock
+        Paces the loop in real time, one step a period of the law; it is then interpreted, and the clock measures it.
 
     Returns
     -------
@@ -99,6 +104,10 @@ def close_loop(
             raise ShapeError(
                 f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
             )
+    if clock is not None:
+        _warm_up(law, plant, samples, disturbance)
+        with clock.running(law.dt, len(samples)):
+            return _interpret(law, plant, samples, stop, disturbance, progress, clock)
     if not interpreted and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
@@ -204,6 +213,7 @@ def _interpret(
     stop: Stop | None,
     disturbance: LiveDisturbance | None,
     progress: Callable[[int, int], None] | None,
+    clock: Clock | None = None,
 ) -> Trace:
     records = _records(law, samples)
     q, measured, command = records
@@ -211,10 +221,14 @@ def _interpret(
     state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
     done, failure = 0, None
     for k, row in enumerate(samples):
+        if clock:
+            clock.await_step()
         q[k], measured[k] = plant.q, plant.measured
         try:
             law.step(plant.measured, row, k, state, command[k])
             done = k + 1
+            if clock:
+                clock.commanded()
             if stop and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
                 break
             if disturbance is not None and realised is not None:
@@ -231,3 +245,14 @@ def _interpret(
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))
     return _ended(done, samples, records, realised, failure)
+
+
+def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:
+    """Compile what the loop calls, so that its first steps are as fast as the others."""
+    for kernel in (compiled.settled, getattr(plant, "kernel", None), getattr(disturbance, "kernel", None)):
+        if isinstance(kernel, Kernel):
+            _ = kernel.pointer
+    if isinstance(law.kernel, Kernel):
+        with suppress(DivergedError, ValueRangeError):  # the loop will say so
+            for row in samples[:1]:
+                law.step(plant.measured, row, 0, law.initial_state(plant.q), np.empty(law.robot.input_size))
