@@ -1,5 +1,7 @@
 """Gain limits against closed forms, published numbers and closed loops at both sides of them."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import cont2discrete, tf2ss
@@ -87,7 +89,8 @@ def test_ideal_joints_with_delay(delay):
 def test_a_velocity_servo(period, published):
     """A joint whose velocity follows the command with a lag of 50 ms, held over the period: no plant here is that."""
     a, b, c, d = tf2ss([1.0], [TAU, 1.0, 0.0])
-    a, b, c, *_ = cont2discrete((a, b, c, d), period)
+    discrete: Any = cont2discrete((a, b, c, d), period)
+    a, b, c, *_ = discrete
     to_output = np.vstack([c, [[0.0, 1.0]] if c[0, 0] else [[1.0, 0.0]]])
     a, b = to_output @ a @ np.linalg.inv(to_output), to_output @ b
     for delay, wanted in enumerate(published):

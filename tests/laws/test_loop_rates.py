@@ -1,5 +1,7 @@
 """The rates that laws claim against the derivatives of their commands: u = −L (q − q_d), eigenvalues of L."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -51,8 +53,14 @@ def measured_rates(arm, law, row=0):
     return values[np.abs(values) > 1e-4]
 
 
-def claimed(arm, law, row=0):
-    rates = law.loop_rates(law.prepare(arm, None, T).parameters)
+def claims(law, rows) -> Any:
+    """Return the claimed rates at rows of parameters."""
+    return law.loop_rates(rows)
+
+
+def claimed(arm, law, row=0) -> list[Any]:
+    """Return the claimed position and orientation rate at one sample."""
+    rates = claims(law, law.prepare(arm, None, T).parameters)
     return [None if part is None else part[row] for part in (rates.position, rates.orientation)]
 
 
@@ -113,7 +121,7 @@ def test_rates_that_turn():
     turning = np.eye(8)
     turning[1:3, 1:3] = [[2.0, -3.0], [3.0, 2.0]]
     row = np.concatenate([np.zeros(4), turning.ravel(), np.zeros(8)])
-    rates = law.loop_rates(row[None])
+    rates = claims(law, row[None])
     assert rates.orientation[0].real == pytest.approx(2)
     assert abs(rates.orientation[0].imag) == pytest.approx(3)
     assert rates.position[0] == pytest.approx(1)
@@ -121,7 +129,7 @@ def test_rates_that_turn():
 
 def test_schedules_have_a_rate_each_sample(arm):
     law = HInfinity(translation_gain=Schedule([0.0, 0.1], [2.0, 4.0]), orientation_gain=6.0)
-    rates = law.loop_rates(law.prepare(arm, None, T).parameters)
+    rates = claims(law, law.prepare(arm, None, T).parameters)
     assert rates.position == pytest.approx(np.linspace(2, 4, 11))
     assert rates.orientation == pytest.approx(np.full(11, 3.0))
 
@@ -131,7 +139,7 @@ def test_the_end_of_a_horizon(arm):
     for final, last in ((0.0, 0.0), (50.0, 50.0)):
         for kind in (LinearQuadraticR8, LinearQuadraticDQ):
             law = kind(error_weight=9.0, control_weight=1.0, final_weight=final, horizon_time=3.0)
-            rates = law.loop_rates(law.prepare(arm, None, T).parameters)
+            rates = claims(law, law.prepare(arm, None, T).parameters)
             assert rates.position[0] == pytest.approx(3, rel=1e-6)
             assert rates.position[-1] == pytest.approx(last, abs=1e-9)
             assert rates.orientation[-1] == pytest.approx(last, abs=1e-9)
@@ -141,13 +149,13 @@ def test_weights_over_time(arm):
     law = LinearQuadraticDQ(
         error_weight=Steps([0.0, 5.0], [1.0, 25.0]), control_weight=1.0, final_weight=5.0, horizon_time=10.0
     )
-    rates = law.loop_rates(law.prepare(arm, None, T).parameters)
+    rates = claims(law, law.prepare(arm, None, T).parameters)
     assert rates.position[[0, 500, 999]] == pytest.approx([1, 5, 5], rel=1e-3)
 
 
 def test_laws_without_a_loop_or_with_one_unknown(arm):
     law = OpenLoop()
-    rates = law.loop_rates(law.prepare(arm, None, T).parameters)
+    rates = claims(law, law.prepare(arm, None, T).parameters)
     assert rates.position.tolist() == rates.orientation.tolist() == [0]
     assert not len(measured_rates(arm, law))
     assert OwnLaw(function=print).loop_rates(np.zeros((1, 1))) is None
