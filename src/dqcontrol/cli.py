@@ -32,8 +32,8 @@ Force = Annotated[bool, Parameter(negative=(), help="Replace an earlier folder o
 
 
 @app.command
-def run(spec: Path, /, *, out: Out = None, force: Force = False) -> None:
-    """Run an experiment and write its table, recordings and plots.
+def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | None = None) -> None:
+    """Run an experiment and write its table, recordings and plots; interrupted, the same command goes on.
 
     Parameters
     ----------
@@ -42,18 +42,23 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False) -> None:
     out
         New folder for the results; default: results/NAME, NAME from the spec.
     force
-        Replace an earlier folder of results.
+        Replace an earlier folder of results, and discard an unfinished study of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     """
-    from dqcontrol.experiments import read_spec, run_study
-    from dqcontrol.experiments.output import check_new
+    from dqcontrol.experiments import read_spec, run_study_to
+    from dqcontrol.experiments.study import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
-    check_new(folder, force=force)
-    with _progress() as progress:
-        study = run_study(spec, progress=progress)
-    single = len(study.runs) == 1
-    (next(iter(study.runs.values())) if single else study).save(folder, force=force)
+    try:
+        with _progress() as progress:
+            study = run_study_to(spec, folder, force=force, jobs=jobs, progress=progress)
+    except KeyboardInterrupt:
+        kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
+        raise KeyboardInterrupt(kept) from None
     _wide_console().print(study.table().rich())
+    for line in study.divergences():
+        print(line)
     print(f"results: {folder}")
 
 
@@ -247,8 +252,8 @@ def main() -> None:
     except (Error, CycloptsError) as error:
         print(f"dqcontrol: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(USER_ERROR)
-    except KeyboardInterrupt:
-        print("dqcontrol: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as interrupt:
+        print(f"dqcontrol: interrupted{interrupt}", file=sys.stderr)
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
@@ -264,23 +269,28 @@ def _wide_console() -> Console:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+def _progress() -> Iterator[Callable[[float, int], None]]:
+    """Give what shows a bar of trials on standard error, once there are any."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, console=console)
-    tasks: dict[str, TaskID] = {}
+    columns = (
+        TextColumn("trials"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    bar = Progress(*columns, console=Console(stderr=True))
 
-    def report(label: str, done: int, total: int) -> None:
-        if not tasks:
-            bar.start()  # only now: an error before the first step prints nothing else
-        if label not in tasks:
-            tasks[label] = bar.add_task(label, total=total)
-        bar.update(tasks[label], completed=done)
+    def report(done: float, total: int) -> None:
+        if not bar.tasks:
+            if done:
+                print(f"dqcontrol: goes on; {done:g} of {total} trials were finished before", file=sys.stderr)
+            bar.start()  # only now: an error before the first trial prints nothing else
+            bar.add_task("trials", total=total)
+        bar.update(bar.tasks[0].id, completed=done)
 
     try:
         yield report
     finally:
-        if tasks:
+        if bar.tasks:
             bar.stop()

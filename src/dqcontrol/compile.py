@@ -45,7 +45,8 @@ OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 _KEPT_CACHES = 4
 
 
-def _source_hash() -> str:
+def source_hash() -> str:
+    """Return a hash of all that machine code depends on: this package's sources, Numba, Python and the processor."""
     digest = hashlib.sha256(
         f"{numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()}".encode()
     )
@@ -70,7 +71,7 @@ def _cache_root() -> Path:
 
 def _writable_cache() -> Path | None:
     root = _cache_root()
-    folder = root / _source_hash()
+    folder = root / source_hash()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

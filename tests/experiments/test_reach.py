@@ -10,7 +10,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.experiments.reach import check_reach
-from dqcontrol.experiments.run import prepare
+from dqcontrol.experiments.setting import prepare
 
 Q0 = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 SHOULDER = np.array([0, 0, 0.34])

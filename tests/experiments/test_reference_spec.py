@@ -11,7 +11,7 @@ import yaml
 from dqcontrol import algebra
 from dqcontrol import references as shapes
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError
-from dqcontrol.experiments.run import prepare
+from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
 from dqcontrol.references.rigid_motion import point_motion
 
@@ -146,7 +146,7 @@ def test_resolved_text_of_nested_files_runs_anywhere(folder):
     (folder / "sub").mkdir()
     (folder / "sub" / "spec.yaml").write_text(text)
     again = prepare(folder / "sub" / "spec.yaml")
-    np.testing.assert_array_equal(again.samples, setting.samples)
+    np.testing.assert_array_equal(again.scene.samples, setting.scene.samples)
     assert spec_text(again.spec, again.folder) == text
 
 
@@ -255,7 +255,7 @@ def test_examples_fit_their_robot_and_keep_their_limits(name):
     setting = prepare(Path(__file__).parents[2] / "examples" / f"{name}.yaml")
     limits = setting.spec.reference.jerk_limits
     assert limits
-    _, v, a = point_motion(setting.samples)
+    _, v, a = point_motion(setting.scene.samples)
     speed = np.linalg.norm(v, axis=1)
     assert limits.velocity * 0.99 < speed.max() <= limits.velocity * (1 + 1e-9)
     along = np.sum(v * a, axis=1) / np.maximum(speed, 1e-12)

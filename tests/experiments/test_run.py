@@ -9,7 +9,8 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, ShapeError
-from dqcontrol.experiments.run import prepare, run, run_one
+from dqcontrol.experiments.run import as_run, execute, run
+from dqcontrol.experiments.setting import prepare
 
 FEEDFORWARD = {"kind": "proportional-feedforward", "gain": 10}
 BASE = {
@@ -95,22 +96,21 @@ def test_start_and_offset_place_the_reference():
     setting = prepare({**BASE, "reference": {"kind": "set-point", "offset": offset}, "duration": 1})
     turned = dqc.algebra.multiply([np.cos(0.1), 0, 0, np.sin(0.1), 0, 0, 0, 0], [*hand[:4], 0, 0, 0, 0])[:4]
     wanted = dqc.algebra.pose(turned, dqc.algebra.translation(hand) + np.array(offset["translation"]))
-    assert setting.samples[:, :8] == pytest.approx(np.tile(wanted, (101, 1)), abs=1e-14)
+    assert setting.scene.samples[:, :8] == pytest.approx(np.tile(wanted, (101, 1)), abs=1e-14)
     start = {"position": [0.4, 0.1, 0.5], "quaternion": [0, 1, 0, 0]}
     setting = prepare({**BASE, "reference": {"kind": "set-point", "start": start}, "duration": 1})
     wanted = dqc.algebra.pose([0, 1, 0, 0], [0.4, 0.1, 0.5])
-    assert setting.samples[0, :8] == pytest.approx(wanted, abs=1e-14)
+    assert setting.scene.samples[0, :8] == pytest.approx(wanted, abs=1e-14)
 
 
 def test_several_laws_are_a_study():
     data = {key: value for key, value in BASE.items() if key != "law"}
     data["laws"] = {"slow": {**FEEDFORWARD, "gain": 1}, "fast": FEEDFORWARD}
-    with pytest.raises(
-        ShapeError, match=r"^spec: has several laws or plants; use dqcontrol.run_study for it$"
-    ):
+    with pytest.raises(ShapeError, match=r"^spec: describes several runs; use dqcontrol.run_study for it$"):
         run(data)
     setting = prepare(data)
-    fast = run_one(setting, "fast", "integrator")
+    case = setting.cases[1]
+    fast = as_run(setting, case, 0, execute(setting, case))
     assert fast.label == "fast · integrator"
     assert same(fast, run(BASE))
     assert yaml.safe_load(fast.spec)["law"]["gain"] == 10

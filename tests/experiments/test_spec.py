@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments.run import prepare
+from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
 from dqcontrol.laws import Proportional
 
@@ -44,13 +44,13 @@ def test_the_base_of_these_tests_is_right(tmp_path):
     from_file, from_dict = prepare(path), prepare(BASE)
     assert from_file.spec == from_dict.spec
     assert (from_file.folder, from_dict.folder) == (tmp_path, Path.cwd())
-    assert len(from_file.samples) == 201
+    assert len(from_file.scene.samples) == 201
     assert from_file.spec.is_single
     assert not prepare(changed(law=GONE, laws={"a": K, "b": K})).spec.is_single
 
 
 UNFIT = [
-    (changed(lawz=K), r"unknown key 'lawz'; did you mean 'law'\? \(allowed: name, robot, start, period, "),
+    (changed(lawz=K), r"unknown key 'lawz'; did you mean 'law'\? \(allowed: name, robot, start, robots, period, "),
     (changed(law={"kind": "proportional", "gian": 1}),
      r"law: unknown key 'gian'; did you mean 'gain'\? \(allowed: kind, [^()]*gain, [^()]*\)$"),
     (changed(plant={"kind": "servo", "time_konstant": 1}),
@@ -85,7 +85,7 @@ UNFIT = [
     (changed(period=-0.01), r"period: expected 'float' > 0.0, got -0.01$"),
     (changed(start=[0, "a"]), r"start\[1\]: expected 'float', got 'str'$"),
     (changed(start=[]), r"start: expected 'array' of length >= 1, got \[\]$"),
-    (changed(start=0.5), r"start: expected 'array', got 'float'$"),
+    (changed(start=0.5), r"start: expected 'array \| null', got 'float'$"),
     (changed(robot=3), r"robot: expected 'str \| object', got 'int'$"),
     (changed(reference=3), r"reference: expected 'object', got 'int'$"),
     (changed(reference=circle(radius=-0.1)), r"reference.radius: expected 'float' > 0.0, got -0.1$"),

@@ -6,8 +6,9 @@ from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
 from dqcontrol.experiments.run import Run, run
+from dqcontrol.experiments.saved import load_run, load_runs, load_study
 from dqcontrol.experiments.spec import Spec, read_spec
-from dqcontrol.experiments.study import Study, load_run, load_runs, run_study, summary
+from dqcontrol.experiments.study import Study, run_study, run_study_to, summary
 from dqcontrol.experiments.tables import Column, PlusMinus, Table
 
 __all__ = [
@@ -25,12 +26,14 @@ __all__ = [
     "evaluate_log",
     "load_run",
     "load_runs",
+    "load_study",
     "means_table",
     "read_joint_log",
     "read_spec",
     "repeatability_table",
     "run",
     "run_study",
+    "run_study_to",
     "summary",
     "summary_table",
 ]

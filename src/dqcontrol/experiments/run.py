@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import LimitWarning, ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.errors import LimitWarning, ShapeError
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
-from dqcontrol.experiments.reach import check_reach
-from dqcontrol.experiments.spec import AnyLaw, AnyPlant, RobotSpec, Spec, read_spec, spec_text
-from dqcontrol.loop import Record, save_record, simulate
-from dqcontrol.loop.closed_loop import check_disturbed
-from dqcontrol.loop.simulate import step_count
-from dqcontrol.references import Reference
-from dqcontrol.robots import SerialArm, load_robot
+from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.loop import Record, save_record
+from dqcontrol.loop.simulate import follow
+from dqcontrol.robots import SerialArm
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -86,7 +82,7 @@ class Run:
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return evaluate(self.record, self.robot.limits, settle=min(self.settle, self.record.duration))
+        return measure(self.record, self.robot, self.settle)
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
@@ -127,113 +123,68 @@ class Run:
         """Write the files of `save` into an existing folder."""
         from dqcontrol.view import save_plots, write_report
 
+        self.write_data(folder)
+        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
+        save_plots(self.record, folder, self.robot.limits, joint_units=units, input_units=units)
+        write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
+
+    def write_data(self, folder: Path) -> None:
+        """Write the files of `save`, except report and plots, into an existing folder."""
         (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
         )
-        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
-        save_plots(self.record, folder, self.robot.limits, joint_units=units, input_units=units)
-        write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
 
 
-@dataclass(frozen=True)
-class Setting:
-    """A spec made ready: what all its runs share."""
-
-    spec: Spec
-    folder: Path
-    robot: SerialArm
-    start: Array
-    reference: Reference
-    samples: Array
+def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
+    """Say how far repeats of one case, given by their metrics, went beyond the joint limits."""
+    crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < 0]
+    worst = min(crossed, key=lambda trial: trial["limit_margin"])
+    count = f", in {len(crossed)} of {len(trials)} repeats" if len(trials) > 1 else ""
+    return (
+        f"{label}: {worst['limit_joint']} went {-worst['limit_margin']:.3g} rad or m beyond its limits{count}"
+    )
 
 
-def prepare(source: str | Path | dict[str, Any]) -> Setting:
-    """Load everything that a spec names and check that it fits together, before anything moves.
-
-    Raises
-    ------
-    dqcontrol.Error
-        If something is missing, malformed, does not fit or is out of reach.
-    """
-    spec, folder = read_spec(source)
-    if isinstance(source, dict):
-        return _prepare(spec, folder)
-    with naming(str(source)):
-        return _prepare(spec, folder)
+def measure(record: Record, robot: SerialArm, settle: float) -> Metrics:
+    """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
+    return evaluate(record, robot.limits, settle=min(settle, record.duration))
 
 
-def _prepare(spec: Spec, folder: Path) -> Setting:
-    chosen = spec.robot if isinstance(spec.robot, RobotSpec) else RobotSpec(source=spec.robot)
-    near = folder / chosen.source
-    robot = load_robot(near if near.is_file() else chosen.source, chosen.base_link, chosen.tip_link)
-    start = as_array("start", spec.start, (robot.configuration_size,))
-    outside = (start < robot.limits.lower) | (start > robot.limits.upper)
-    if outside.any():
-        i = int(outside.argmax())
-        raise ValueRangeError(
-            f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
-            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
-        )
-    reference = spec.reference.build(robot.fkm(start), folder)
-    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
-    if spec.settle > samples[-1, -1]:
-        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
-    check_reach(robot, start, samples)
-    for label, law in spec.law_by_label.items():
-        with naming(f"law {label}"):
-            law.prepare(robot, reference, spec.period, spec.limits)
-    for label, plant in spec.plant_by_label.items():
-        with naming(f"plant {label}"):
-            live = plant.start(robot, start, spec.period, 1, spec.seed)
-            if spec.disturbance is not None:
-                check_disturbed(live)
-    if spec.disturbance is not None:
-        spec.disturbance.start(robot, spec.period, 1, spec.seed)
-    return Setting(spec, folder, robot, start, reference, samples)
-
-
-def run_one(
+def execute(
     setting: Setting,
-    law_label: str,
-    plant_label: str,
+    case: Case,
+    repeat: int = 0,
     *,
     interpreted: bool = False,
     progress: Progress | None = None,
-) -> Run:
-    """Execute one law on one plant of a prepared spec."""
-    spec = setting.spec
-    law, plant = spec.law_by_label[law_label], spec.plant_by_label[plant_label]
-    record = simulate(
-        setting.robot,
-        setting.reference,
-        law,
-        plant,
-        setting.start,
-        spec.period,
-        spec.duration,
-        limits=spec.limits,
+) -> Record:
+    """Return the record of one trial of a prepared spec.
+
+    Raises
+    ------
+    DivergedError
+        If the very first command fails.
+    """
+    spec, scene = setting.spec, case.scene
+    return follow(
+        case.prepare_law(spec),
+        case.plant,
+        scene.start,
+        scene.samples,
         stop=spec.stop,
         disturbance=spec.disturbance,
-        seed=spec.seed,
+        seed=spec.seed + repeat,
         interpreted=interpreted,
         progress=progress,
     )
-    text = spec_text(_single(spec, law, plant), setting.folder)
-    done = Run(text, setting.robot, record, spec.settle, f"{law_label} · {plant_label}")
-    if done.metrics.limit_margin < 0:
-        warnings.warn(
-            f"{done.label}: {done.metrics.limit_joint} went {-done.metrics.limit_margin:.3g} rad or m "
-            "beyond its limits",
-            LimitWarning,
-            stacklevel=3,
-        )
-    return done
 
 
-def _single(spec: Spec, law: AnyLaw, plant: AnyPlant) -> Spec:
-    return msgspec.structs.replace(spec, law=law, laws=msgspec.UNSET, plant=plant, plants=msgspec.UNSET)
+def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:
+    """Return the record of a trial with the spec that repeats it."""
+    text = setting.single_text(case, repeat)
+    return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label)
 
 
 def run(
@@ -268,6 +219,10 @@ def run(
     """
     setting = prepare(source)
     if not setting.spec.is_single:
-        raise ShapeError("spec: has several laws or plants; use dqcontrol.run_study for it")
-    (law,), (plant,) = setting.spec.law_by_label, setting.spec.plant_by_label
-    return run_one(setting, law, plant, interpreted=interpreted, progress=progress)
+        raise ShapeError("spec: describes several runs; use dqcontrol.run_study for it")
+    (case,) = setting.cases
+    record = execute(setting, case, interpreted=interpreted, progress=progress)
+    done = as_run(setting, case, 0, record)
+    if done.metrics.limit_margin < 0:
+        warnings.warn(beyond_limits(done.label, [done.metrics.flat()]), LimitWarning, stacklevel=2)
+    return done

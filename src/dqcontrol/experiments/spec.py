@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
 import yaml
 from msgspec import UNSET, Meta, UnsetType
 
-from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.errors import Error, FileFormatError, ShapeError
+from dqcontrol.experiments.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.laws import (
     ClassicProportional,
@@ -43,14 +44,6 @@ AnyLaw = (
 )
 AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant
 
-_Label = Annotated[
-    str,
-    Meta(
-        pattern=r"^(?!\.)[^/\\\x00-\x1f]{1,60}\Z",
-        description="labels of at most 60 characters without / and \\, not beginning with a dot",
-    ),
-]
-
 
 class RobotSpec(Part, frozen=True, kw_only=True):
     """A robot by name or file, and the ends of its chain."""
@@ -62,33 +55,52 @@ class RobotSpec(Part, frozen=True, kw_only=True):
     tip_link: str | None = None
 
 
+class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
+    """A robot and where it starts."""
+
+    start: Annotated[list[float], Meta(min_length=1, description="rad or m")]
+
+    def without_start(self) -> RobotSpec:
+        """Return the robot alone."""
+        return RobotSpec(source=self.source, base_link=self.base_link, tip_link=self.tip_link)
+
+
 class Spec(Part, frozen=True, kw_only=True):
-    """An experiment: one robot and one reference; one law and one plant, or several of each.
+    """An experiment: one reference; robots, laws with their parameters and plants, one or several of each; repeats.
 
     Parameters
     ----------
     name
         Names the folder of results.
-    robot
-        Name, file, or source with base and tip link.
-    start
-        Start configuration, one number a joint, rad or m.
+    robot, start
+        Name, file, or source with base and tip link; start configuration, one number a joint, rad or m.
+    robots
+        In their place several by label, each with its ``start``.
     period
         T, control period, s.
     reference
-        The desired motion.
+        The desired motion; from each robot's own start.
     duration
         s; default: as long as the reference.
     law, laws
         One law, or several by label.
+    sets
+        Named parameter sets: by label the laws that take part, each with those of its keys that differ.
+    grids
+        By law and key a list of values; each combination is a parameter set of that law.
     plant, plants
         One plant, or several by label.
     limits
         What is done to the commands before they leave.
     disturbance
         What moves the hand beside the commands; not for physics.
+    repeats
+        How often each combination runs; the seed of repeat k is ``seed`` + k for all laws, so differences are paired.
     seed
         Of all noise.
+    record
+        ``"all"`` keeps every sample of every trial, ``"metrics"`` only the numbers that judge it; default: all without
+        repeats, metrics with them.
     stop
         When to end a run early.
     settle
@@ -102,24 +114,51 @@ class Spec(Part, frozen=True, kw_only=True):
             description="at most 60 letters, digits, _ . - and no dot first",
         ),
     ]
-    robot: str | RobotSpec
-    start: Annotated[list[float], Meta(min_length=1, description="rad or m")]
+    robot: str | RobotSpec | UnsetType = UNSET
+    start: Annotated[list[float], Meta(min_length=1, description="rad or m")] | None = None
+    robots: Annotated[dict[Label, StartedRobotSpec], Meta(min_length=1)] | UnsetType = UNSET
     period: Annotated[float, Meta(gt=0, le=10, description="s")]
     reference: AnyReference
     duration: Annotated[float, Meta(gt=0, le=1e5, description="s")] | None = None
     law: AnyLaw | UnsetType = UNSET
-    laws: Annotated[dict[_Label, AnyLaw], Meta(min_length=1)] | UnsetType = UNSET
+    laws: Annotated[dict[Label, AnyLaw], Meta(min_length=1)] | UnsetType = UNSET
+    sets: (
+        Annotated[dict[Label, Annotated[dict[str, Changes], Meta(min_length=1)]], Meta(min_length=1)] | None
+    ) = None
+    grids: (
+        Annotated[
+            dict[str, Annotated[dict[str, Annotated[list[Any], Meta(min_length=1)]], Meta(min_length=1)]],
+            Meta(min_length=1),
+        ]
+        | None
+    ) = None
     plant: AnyPlant | UnsetType = UNSET
-    plants: Annotated[dict[_Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
+    plants: Annotated[dict[Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
     limits: CommandLimits = CommandLimits()
     disturbance: Disturbance | None = None
-    seed: Annotated[int, Meta(ge=0)] = 0
+    repeats: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
+    seed: Annotated[int, Meta(ge=0, le=2**62)] = 0
+    record: Literal["all", "metrics"] | None = None
     stop: Stop | None = None
     settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
 
     @property
+    def robot_by_label(self) -> dict[str, StartedRobotSpec]:
+        """All robots by label; a single robot's label is empty."""
+        if (self.robot is UNSET) == (self.robots is UNSET):
+            raise ShapeError("robot: give either 'robot' with 'start' (one) or 'robots' (several by label)")
+        if not isinstance(self.robots, UnsetType):
+            if self.start is not None:
+                raise ShapeError("start: each of 'robots' has its own; give it there")
+            return dict(self.robots)
+        if self.start is None:
+            raise ShapeError("missing key 'start'")
+        one = self.robot if isinstance(self.robot, RobotSpec) else RobotSpec(source=str(self.robot))
+        return {"": StartedRobotSpec(**msgspec.structs.asdict(one), start=self.start)}
+
+    @property
     def law_by_label(self) -> dict[str, AnyLaw]:
-        """All laws by label; a single law's label is its kind."""
+        """All laws by label, without sets and grids; a single law's label is its kind."""
         return _by_label("law", self.law, self.laws)
 
     @property
@@ -128,9 +167,20 @@ class Spec(Part, frozen=True, kw_only=True):
         return _by_label("plant", self.plant, self.plants)
 
     @property
+    def variants(self) -> list[Variant[AnyLaw]]:
+        """All laws with the parameters of their sets and grids, in the order that they run in."""
+        return variants(self.law_by_label, self.sets, self.grids)
+
+    @property
+    def keeps_records(self) -> bool:
+        """Whether every sample is kept."""
+        return self.repeats == 1 if self.record is None else self.record == "all"
+
+    @property
     def is_single(self) -> bool:
         """Whether it describes one run."""
-        return len(self.law_by_label) == 1 and len(self.plant_by_label) == 1
+        several = len(self.robot_by_label), len(self.variants), len(self.plant_by_label), self.repeats
+        return several == (1, 1, 1, 1)
 
 
 def _by_label(field: str, one: Any, several: Any) -> dict[str, Any]:
@@ -152,6 +202,8 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     FileFormatError
         If the file is missing, malformed, or has an unknown or unfit key: ``path: field: …``.
     """
+    if not isinstance(source, str | Path | dict):
+        raise ShapeError(f"spec: expected the path of a YAML file or a dictionary, got {source!r:.80}")
     if isinstance(source, dict):
         where, folder = "spec", Path.cwd()
         try:
@@ -166,10 +218,10 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
         )
     spec = convert(where, data, Spec)
-    for check in ("law_by_label", "plant_by_label"):
+    for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
             getattr(spec, check)
-        except ShapeError as error:
+        except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
     return spec, folder
 
@@ -187,11 +239,18 @@ def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
     data = msgspec.to_builtins(spec)
     _make_absolute(data["reference"], folder)
-    robot = data["robot"] if isinstance(data["robot"], dict) else {"source": data["robot"]}
-    if (folder / robot["source"]).is_file():
-        robot["source"] = str((folder / robot["source"]).resolve())
-        data["robot"] = robot
+    if "robot" in data:
+        data["robot"] = _absolute_robot(data["robot"], folder)
+    for label, robot in data.get("robots", {}).items():
+        data["robots"][label] = _absolute_robot(robot, folder)
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+
+
+def _absolute_robot(robot: str | dict[str, Any], folder: Path) -> str | dict[str, Any]:
+    source = robot["source"] if isinstance(robot, dict) else robot
+    if not (folder / source).is_file():
+        return robot
+    return (robot if isinstance(robot, dict) else {}) | {"source": str((folder / source).resolve())}
 
 
 def _make_absolute(reference: dict[str, Any], folder: Path) -> None:

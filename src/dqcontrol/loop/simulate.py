@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.laws.law import Law
+from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import Stop, close_loop
 from dqcontrol.loop.record import Record
@@ -16,6 +16,8 @@ from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant
 from dqcontrol.references import Reference
 from dqcontrol.robots.serial_arm import SerialArm
+
+Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000_000
 
@@ -96,12 +98,45 @@ def simulate(
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
-    trace = close_loop(
+    return follow(
         law.prepare(robot, reference, period, limits),
-        plant.start(robot, q0, period, len(samples), seed),
+        plant,
+        q0,
+        samples,
+        stop=stop,
+        disturbance=disturbance,
+        seed=seed,
+        interpreted=interpreted,
+        progress=progress,
+    )
+
+
+def follow(
+    law: PreparedLaw,
+    plant: Plant,
+    start: Array,
+    samples: Array,
+    *,
+    stop: Stop | None = None,
+    disturbance: Disturbance | None = None,
+    seed: int = 0,
+    interpreted: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Record:
+    """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
+
+    Raises
+    ------
+    DivergedError
+        If the very first command fails.
+    """
+    robot = law.robot
+    trace = close_loop(
+        law,
+        plant.start(robot, start, law.dt, len(samples), seed),
         samples,
         stop,
-        disturbance=disturbance and disturbance.start(robot, period, len(samples), seed),
+        disturbance=disturbance and disturbance.start(robot, law.dt, len(samples), seed),
         interpreted=interpreted,
         progress=progress,
     )

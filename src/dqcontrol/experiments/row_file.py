@@ -1,0 +1,83 @@
+"""Rows of numbers and texts in Parquet files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
+
+Row = dict[str, float | int | str | None]
+
+
+def import_pyarrow() -> ModuleType:
+    """Return pyarrow, or say how to install it.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise MissingExtraError(
+            "pyarrow: is not installed, and tables of trials need it; install it with: pip install 'dqcontrol[data]'"
+        ) from None
+    return pyarrow
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str, str]) -> None:
+    """Write rows to a Parquet file, which appears whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file.
+    rows
+        One mapping a row; what one lacks is missing there.
+    notes
+        Texts for the file's metadata. The units of the metrics are in those of their columns.
+    """
+    arrow = import_pyarrow()
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    arrays = [arrow.array([row.get(name) for row in rows]) for name in names]
+    arrays = [array.cast(arrow.float64()) if array.type == arrow.null() else array for array in arrays]
+    schema = arrow.schema(
+        [
+            arrow.field(name, array.type, metadata=_unit(name))
+            for name, array in zip(names, arrays, strict=True)
+        ],
+        metadata=dict(notes),
+    )
+    draft = path.with_name(f".{path.name}.tmp")
+    with open(draft, "wb") as stream:
+        arrow.parquet.write_table(arrow.table(arrays, schema=schema), stream)
+        stream.flush()
+        os.fsync(stream.fileno())
+    draft.replace(path)
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Return the rows of a Parquet file.
+
+    Raises
+    ------
+    FileFormatError
+        If it cannot be read.
+    """
+    arrow = import_pyarrow()
+    try:
+        return arrow.parquet.read_table(path).to_pylist()
+    except (OSError, arrow.ArrowException) as error:
+        raise FileFormatError(f"{path}: cannot be read: {' '.join(str(error).split())[:200]}") from None
+
+
+def _unit(name: str) -> dict[str, str] | None:
+    column = METRIC_COLUMNS.get(name)
+    return {"unit": column.unit} if column and column.unit else None

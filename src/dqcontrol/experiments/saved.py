@@ -1,0 +1,83 @@
+"""Runs and studies read back from their folders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.evaluation import saved_evaluation
+from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.row_file import read_rows
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.study import ROWS, Study
+from dqcontrol.loop import load_record
+from dqcontrol.robots import load_robot
+from dqcontrol.yaml_file import read_text
+
+
+def load_run(folder: str | Path) -> Run:
+    """Return a saved run.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds no run.
+    """
+    path = Path(folder)
+    if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
+        raise FileFormatError(
+            f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
+        )
+    text = read_text(path / MARK)
+    if "evaluation:" in text.splitlines():
+        return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
+    spec, _ = read_spec(path / MARK)
+    if not spec.is_single:
+        raise FileFormatError(f"{path / MARK}: describes several runs")
+    (robot,), (law,), (plant,) = spec.robot_by_label.values(), spec.law_by_label, spec.plant_by_label
+    return Run(
+        text,
+        load_robot(robot.source, robot.base_link, robot.tip_link),
+        load_record(path / "record.mcap"),
+        spec.settle,
+        f"{law} · {plant}",
+    )
+
+
+def load_runs(folders: list[Path]) -> dict[str, Run]:
+    """Return saved runs by label; a folder of a study stands for all its runs.
+
+    Raises
+    ------
+    FileFormatError
+        If a folder holds no run.
+    """
+    runs: dict[str, Run] = {}
+    seen: set[Path] = set()
+    for folder in folders:
+        inner = sorted(path.parent for path in folder.glob("*/record.mcap"))
+        for path in inner if inner and not (folder / "record.mcap").exists() else [folder]:
+            if path.resolve() in seen:
+                raise Error(f"{path}: given twice")
+            seen.add(path.resolve())
+            label = path.name if path.name not in runs else str(path)
+            runs[label] = load_run(path)
+    return runs
+
+
+def load_study(folder: str | Path) -> Study:
+    """Return a saved study with the rows of its trials, without their records.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds no study with ``runs.parquet``.
+    MissingExtraError
+        If pyarrow is not installed.
+    """
+    path = Path(folder)
+    for name in (MARK, ROWS):
+        if not (path / name).is_file():
+            raise FileFormatError(f"{path}: is no folder of a study with metrics ({name} is missing)")
+    return Study(read_spec(path / MARK)[0].name, read_text(path / MARK), {}, read_rows(path / ROWS))

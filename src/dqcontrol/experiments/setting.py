@@ -1,0 +1,210 @@
+"""A spec made ready: everything it names loaded, checked and prepared before anything moves."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from dqcontrol.compile import source_hash
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.experiments.output import folder_names
+from dqcontrol.experiments.parameter_sets import Variant
+from dqcontrol.experiments.reach import check_reach
+from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
+from dqcontrol.laws import PreparedLaw
+from dqcontrol.loop.closed_loop import check_disturbed
+from dqcontrol.loop.simulate import step_count
+from dqcontrol.references import Reference
+from dqcontrol.robots import SerialArm, load_robot
+
+Array = NDArray[np.float64]
+
+_KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
+_MOST_TRIALS = 10_000_000
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A robot where it starts, and the motion that it is to follow, sampled."""
+
+    robot: SerialArm
+    start: Array
+    reference: Reference
+    samples: Array
+
+
+class Names(NamedTuple):
+    """Labels of one combination of robot, law, parameter set and plant; empty where there is but one."""
+
+    robot: str
+    law: str
+    set: str
+    plant: str
+
+    @property
+    def label(self) -> str:
+        """Those that are not empty, in one text."""
+        return " · ".join(name for name in self if name)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One combination of robot, law, parameter set and plant."""
+
+    names: Names
+    scene: Scene
+    variant: Variant[AnyLaw]
+    plant: AnyPlant
+    prepared: PreparedLaw | None
+
+    def prepare_law(self, spec: Spec) -> PreparedLaw:
+        """Return the law ready to run, prepared when the spec was checked or now."""
+        if self.prepared is not None:
+            return self.prepared
+        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, spec.limits)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A spec, the folder of its relative file names, and all that it combines, in the order that it runs in."""
+
+    spec: Spec
+    folder: Path
+    scenes: dict[str, Scene]
+    cases: tuple[Case, ...]
+
+    @property
+    def scene(self) -> Scene:
+        """The first robot's."""
+        return next(iter(self.scenes.values()))
+
+    @property
+    def text(self) -> str:
+        """The spec as YAML with all defaults."""
+        return spec_text(self.spec, self.folder)
+
+    def single_text(self, case: Case, repeat: int) -> str:
+        """Return the spec of one trial as YAML."""
+        chosen = self.spec.robot_by_label[case.names.robot]
+        robot = self.spec.robot if self.spec.robots is UNSET else chosen.without_start()
+        one = msgspec.structs.replace(
+            self.spec,
+            robot=robot,
+            start=chosen.start,
+            robots=UNSET,
+            law=case.variant.law,
+            laws=UNSET,
+            sets=None,
+            grids=None,
+            plant=case.plant,
+            plants=UNSET,
+            repeats=1,
+            seed=self.spec.seed + repeat,
+            record=None,
+        )
+        return spec_text(one, self.folder)
+
+    def fingerprint(self) -> str:
+        """Return a hash of what trials depend on beside the spec's text: the files that it names, and this program."""
+        digest = hashlib.sha256(f"{source_hash()} {np.__version__}".encode())
+        for scene in self.scenes.values():
+            robot = scene.robot
+            limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
+            masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
+            for array in (robot.chain, *limits, *masses, scene.samples):
+                digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+
+def prepare(source: str | Path | dict[str, Any]) -> Setting:
+    """Load everything that a spec names and check that it fits together, before anything moves.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something is missing, malformed, does not fit or is out of reach.
+    """
+    spec, folder = read_spec(source)
+    with nullcontext() if isinstance(source, dict) else naming(str(source)):
+        return _prepare(spec, folder)
+
+
+def _prepare(spec: Spec, folder: Path) -> Setting:
+    variants, plants = spec.variants, spec.plant_by_label
+    robots = spec.robot_by_label
+    trials = len(robots) * len(variants) * len(plants) * spec.repeats
+    if trials > _MOST_TRIALS:
+        raise ShapeError(f"spec: describes {trials:,} trials; at most {_MOST_TRIALS:,}")
+    names = [
+        Names(robot, variant.label, variant.set, plant)
+        for robot in robots
+        for plant in plants
+        for variant in variants
+    ]
+    folder_names(each.label for each in names)
+    scenes, cases = {}, []
+    for label, robot in robots.items():
+        with naming(f"robots.{label}") if label else nullcontext():
+            scenes[label] = _scene(spec, robot, folder)
+            laws = dict(enumerate(_prepared_laws(spec, variants, scenes[label])))
+            _check_plants(spec, plants, scenes[label])
+        cases += [
+            Case(
+                Names(label, variant.label, variant.set, plant),
+                scenes[label],
+                variant,
+                plants[plant],
+                laws[i],
+            )
+            for plant in plants
+            for i, variant in enumerate(variants)
+        ]
+    return Setting(spec, folder, scenes, tuple(cases))
+
+
+def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path) -> Scene:
+    near = folder / chosen.source
+    robot = load_robot(near if near.is_file() else chosen.source, chosen.base_link, chosen.tip_link)
+    start = as_array("start", chosen.start, (robot.configuration_size,))
+    outside = (start < robot.limits.lower) | (start > robot.limits.upper)
+    if outside.any():
+        i = int(outside.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
+            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
+        )
+    reference = spec.reference.build(robot.fkm(start), folder)
+    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
+    if spec.settle > samples[-1, -1]:
+        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
+    check_reach(robot, start, samples)
+    return Scene(robot, start, reference, samples)
+
+
+def _prepared_laws(spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene) -> Iterator[PreparedLaw | None]:
+    """Prepare every law; give those that fit into memory."""
+    room = _KEPT_BYTES
+    for variant in variants:
+        with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
+            prepared = variant.law.prepare(scene.robot, scene.reference, spec.period, spec.limits)
+        room -= prepared.parameters.nbytes
+        yield prepared if room > 0 else None
+
+
+def _check_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> None:
+    for label, plant in plants.items():
+        with naming(f"plant {label}"):
+            live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
+            if spec.disturbance is not None:
+                check_disturbed(live)
+    if spec.disturbance is not None:
+        spec.disturbance.start(scene.robot, spec.period, 1, spec.seed)

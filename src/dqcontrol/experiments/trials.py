@@ -1,0 +1,201 @@
+"""Trials: the single runs of a study, one after the other or in parallel processes."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import signal
+import tempfile
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple, cast
+
+from dqcontrol.errors import DivergedError, Error
+from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
+from dqcontrol.experiments.output import folder_names
+from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.run import Run, as_run, execute, measure
+from dqcontrol.experiments.setting import Case, Names, Setting
+from dqcontrol.loop import Record
+from dqcontrol.plants import MujocoPlant
+
+Steps = Callable[[int, int], None]
+
+_COMPILED, _INTERPRETED, _STORED = 2e-6, 2e-4, 1e-4  # s a step, roughly: to run, and to write its record
+_CHUNK = 1.0  # s of work that a process is given at once
+_WORTH_PROCESSES = 4.0  # s of work; starting processes for less takes longer than it saves
+
+
+class Trial(NamedTuple):
+    """What names one trial of a study."""
+
+    names: Names
+    repeat: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a trial: a row of the study's table, and the run where records are kept in memory."""
+
+    trial: Trial
+    row: Row
+    run: Run | None
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Repeats of one case, which share the prepared law.
+
+    Attributes
+    ----------
+    setting, case
+        The spec, and which of its combinations.
+    repeats
+        Their numbers.
+    folder
+        Where their recordings go; None keeps them in memory. See `trial_folder`.
+    """
+
+    setting: Setting
+    case: Case
+    repeats: Sequence[int]
+    folder: Path | None
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes, roughly."""
+        step = _INTERPRETED if isinstance(self.case.plant, MujocoPlant) else _COMPILED
+        stored = _STORED if self.folder and self.setting.spec.keeps_records else 0.0
+        return len(self.repeats) * len(self.case.scene.samples) * (step + stored)
+
+    def split(self) -> Iterator[Batch]:
+        """Return it in parts of about a second."""
+        parts = min(math.ceil(self.seconds / _CHUNK), len(self.repeats))
+        size = math.ceil(len(self.repeats) / parts)
+        for first in range(0, len(self.repeats), size):
+            yield replace(self, repeats=self.repeats[first : first + size])
+
+    def outcomes(self, progress: Steps | None = None) -> Iterator[Outcome]:
+        """Run one trial after the other; ``progress`` is told each one's steps done and its steps in all."""
+        case = replace(self.case, prepared=self.case.prepare_law(self.setting.spec))
+        for repeat in self.repeats:
+            yield self._outcome(case, repeat, progress)
+
+    def _outcome(self, case: Case, repeat: int, progress: Steps | None) -> Outcome:
+        trial, spec = Trial(case.names, repeat), self.setting.spec
+        try:
+            record = execute(self.setting, case, repeat, progress=progress)
+        except DivergedError as error:
+            return Outcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
+        metrics = measure(record, case.scene.robot, spec.settle).flat()
+        run = self._kept(case, repeat, record) if spec.keeps_records else None
+        return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
+
+    def _row(self, repeat: int, stopped: str, metrics: Mapping[str, float | int | str | None]) -> Row:
+        parameters = {f"parameter.{key}": value for key, value in self.case.variant.changed.items()}
+        trial: Row = {"repeat": repeat, "seed": self.setting.spec.seed + repeat, "stopped": stopped}
+        return {**self.case.names._asdict(), **trial, **parameters, **metrics}
+
+    def _kept(self, case: Case, repeat: int, record: Record) -> Run | None:
+        run = as_run(self.setting, case, repeat, record)
+        if self.folder is None:
+            return run
+        target = trial_folder(self.folder, Trial(case.names, repeat))
+        target.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=".", dir=target.parent))
+        run.write_data(draft)
+        draft.chmod(0o755)
+        shutil.rmtree(
+            target, ignore_errors=True
+        )  # of an interrupted study that did not get to note the trial
+        draft.rename(target)
+        return None
+
+
+def trial_folder(folder: Path, trial: Trial) -> Path:
+    """Return where a trial's recording goes: ``folder/LABEL/REPEAT``."""
+    return folder / folder_names([trial.names.label])[trial.names.label] / str(trial.repeat)
+
+
+def sensible_jobs(batches: Sequence[Batch]) -> int:
+    """Return the number of available processors, or 1 if there is too little to do for them."""
+    import joblib
+
+    return joblib.cpu_count() if sum(batch.seconds for batch in batches) > _WORTH_PROCESSES else 1
+
+
+def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[Outcome]:
+    """Run batches, and give each outcome as soon as it is there; in processes, in any order.
+
+    Raises
+    ------
+    Error
+        If a process dies.
+    """
+    parts = [part for batch in batches for part in batch.split()]
+    if jobs == 1 or len(parts) == 1:
+        for batch in batches:
+            yield from batch.outcomes(progress)
+        return
+    from joblib import Parallel, delayed
+
+    _rehearse(batches)
+    pool = Parallel(
+        n_jobs=min(jobs, len(parts)),
+        return_as="generator_unordered",
+        max_nbytes=None,  # arrays travel with the tasks, not through files
+        initializer=_depend_on,
+        initargs=(os.getpid(),),
+    )
+    try:
+        results = pool(delayed(_in_process)(_alone(part)) for part in parts)
+        for some in cast(Iterator[list[Outcome]], results):
+            yield from some
+    except BrokenProcessPool:
+        raise Error(
+            "a process of the study was killed, perhaps for want of memory; try fewer jobs (--jobs)"
+        ) from None
+
+
+def _depend_on(parent: int) -> None:
+    """Leave Ctrl-C to the main process, and end with it even if it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _in_process(batch: Batch) -> list[Outcome]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the main process has said it, or says it once for all trials
+        return list(batch.outcomes())
+
+
+def _alone(batch: Batch) -> Batch:
+    """Return a batch with nothing of its study that it does not need, to send it to a process."""
+    case = replace(batch.case, prepared=None)
+    setting = replace(batch.setting, scenes={case.names.robot: case.scene}, cases=(case,))
+    return replace(batch, setting=setting, case=case)
+
+
+def _rehearse(batches: Sequence[Batch]) -> None:
+    """Run two samples of every kind of trial, so that what has to be compiled is compiled once, not in each process."""
+    kinds = {
+        (type(b.case.variant.law), b.case.variant.law.null_space, type(b.case.plant)): b for b in batches
+    }
+    for batch in kinds.values():
+        scene = replace(batch.case.scene, samples=batch.case.scene.samples[:2])
+        with suppress(DivergedError):
+            record = execute(batch.setting, replace(batch.case, scene=scene))
+            measure(record, scene.robot, 0.0)
