@@ -42,15 +42,14 @@ class Variant(Generic[L]):
         Label of the parameter set; empty if there is only one.
     law
         With the set's parameters.
-    changed
-        Every parameter that any set or grid of the study changes, as this law has it: numbers, or texts in JSON; None
-        where it has no such parameter.
+    point
+        Where a grid of this law has its keys: numbers, or texts in JSON. None for those of other laws' grids.
     """
 
     label: str
     set: str
     law: L
-    changed: dict[str, float | str | None] = field(default_factory=dict)
+    point: dict[str, float | str | None] = field(default_factory=dict)
 
 
 def variants(
@@ -95,8 +94,7 @@ def variants(
             found.append(Variant(law, name, _changed(f"sets.{name}.{law}", laws[law], changes)))
     for law, grid in grids.items():
         found += _grid(law, laws[law], grid)
-    keys = dict.fromkeys(key for chosen in sets.values() for changes in chosen.values() for key in changes)
-    return _with_columns(found, [*(keys | dict.fromkeys(key for grid in grids.values() for key in grid))])
+    return _with_points(found, grids)
 
 
 def _check_law(where: str, law: str, laws: Mapping[str, Any]) -> None:
@@ -137,16 +135,19 @@ def _short(value: Any, index: int) -> str:
     return value if isinstance(value, str) else f"#{index + 1}"
 
 
-def _with_columns(found: list[Variant[L]], keys: list[str]) -> list[Variant[L]]:
-    columns = {}
-    for key in keys:
-        values = [msgspec.to_builtins(getattr(each.law, key, None)) for each in found]
-        numeric = all(value is None or isinstance(value, int | float) for value in values)
-        columns[key] = [
-            None if value is None else float(value) if numeric else json.dumps(value, ensure_ascii=False)
-            for value in values
+def _with_points(
+    found: list[Variant[L]], grids: Mapping[str, Mapping[str, Sequence[Any]]]
+) -> list[Variant[L]]:
+    """Return the variants with their places in the grids; a key has either numbers or texts in all of them."""
+    points: list[dict[str, float | str | None]] = [{} for _ in found]
+    for key in dict.fromkeys(key for grid in grids.values() for key in grid):
+        values = [
+            msgspec.to_builtins(getattr(each.law, key)) if key in grids.get(each.label, ()) else None
+            for each in found
         ]
-    return [
-        Variant(each.label, each.set, each.law, {key: columns[key][i] for key in keys})
-        for i, each in enumerate(found)
-    ]
+        numeric = all(value is None or isinstance(value, int | float) for value in values)
+        for point, value in zip(points, values, strict=True):
+            if value is not None and not numeric:
+                value = json.dumps(value, ensure_ascii=False)
+            point[key] = float(value) if numeric and value is not None else value
+    return [Variant(each.label, each.set, each.law, point) for each, point in zip(found, points, strict=True)]

@@ -13,6 +13,7 @@ from typing import Any
 from dqcontrol.errors import DivergedError, LimitWarning, ValueRangeError
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.output import MARK, check_new, folder_names, new_folder
+from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, beyond_limits, execute
 from dqcontrol.experiments.setting import Names, Setting, prepare
@@ -33,6 +34,14 @@ COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec e
     "limit_margin": Column("limit margin", "rad", ".3g"),
 }
 
+MEANS = (
+    "position.settled_rms",
+    "position.settled_peak",
+    "orientation.settled_rms",
+    "error.integral",
+    "control.integral",
+    "effort",
+)
 ROWS = "runs.parquet"
 _MOST_CURVES = 12
 
@@ -54,8 +63,8 @@ class Study:
         repeat.
     rows
         One a trial: ``robot``, ``law``, ``set`` and ``plant`` (labels, empty where there is one without a label),
-        ``repeat``, ``seed``, ``stopped``, ``parameter.X`` for every parameter X that a set or grid changes, and all
-        numbers of `Metrics.flat`; None where one does not exist.
+        ``repeat``, ``seed``, ``stopped``, ``parameter.X`` for every key X of a grid, and all numbers of `Metrics.flat`;
+        None where one does not exist.
     recordings
         Folder in which each trial has its own, ``LABEL/REPEAT``, if they were written while the study ran.
     taken_over
@@ -85,8 +94,10 @@ class Study:
         return lines
 
     def table(self) -> Table:
-        """Return one row a trial."""
-        return _summary(((_label(row, self.is_repeated), row) for row in self.rows), self.name)
+        """Return means and standard deviations of repeats; one row a run where there are none."""
+        if self.is_repeated:
+            return means_table(self.rows, MEANS, self.name)
+        return _summary(((_trial(row).names.label, row) for row in self.rows), self.name)
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``spec.yaml``, tables and comparison plots, and what was kept of each trial.
@@ -127,7 +138,9 @@ class Study:
                     inner = trial_folder(new / "runs", _trial(row))
                     inner.mkdir(parents=True)
                     run.write_data(inner)
-        _write_tables(self.table(), new)
+        for name, table in self._tables().items():
+            table.write(new / f"{name}.md")
+            table.write(new / f"{name}.csv")
         setting = _prepared_again(self.spec)
         examples = {}
         for case in setting.cases[:_MOST_CURVES]:
@@ -139,6 +152,14 @@ class Study:
             from dqcontrol.view import save_comparison
 
             save_comparison(examples, new)
+
+    def _tables(self) -> dict[str, Table]:
+        tables = {"table": self.table()}
+        if self.is_repeated:
+            tables["repeatability"] = repeatability_table(self.rows)
+            if len({row["law"] for row in self.rows}) > 1:
+                tables["differences"] = differences_table(self.rows)
+        return tables
 
 
 def run_study(
@@ -325,10 +346,7 @@ def write_comparison(runs: Mapping[str, Run], folder: Path, title: str) -> None:
     """Write table and comparison plots of several runs into an existing folder."""
     from dqcontrol.view import save_comparison
 
-    _write_tables(summary(runs, title), folder)
+    table = summary(runs, title)
+    table.write(folder / "table.md")
+    table.write(folder / "table.csv")
     save_comparison({label: run.record for label, run in runs.items()}, folder)
-
-
-def _write_tables(table: Table, folder: Path) -> None:
-    (folder / "table.md").write_text(table.markdown(), encoding="utf-8")
-    (folder / "table.csv").write_text(table.csv(), encoding="utf-8")

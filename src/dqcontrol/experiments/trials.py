@@ -99,7 +99,7 @@ class Batch:
         return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
 
     def _row(self, repeat: int, stopped: str, metrics: Mapping[str, float | int | str | None]) -> Row:
-        parameters = {f"parameter.{key}": value for key, value in self.case.variant.changed.items()}
+        parameters = {f"parameter.{key}": value for key, value in self.case.variant.point.items()}
         trial: Row = {"repeat": repeat, "seed": self.setting.spec.seed + repeat, "stopped": stopped}
         return {**self.case.names._asdict(), **trial, **parameters, **metrics}
 
