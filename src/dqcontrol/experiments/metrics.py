@@ -2,7 +2,8 @@
 
 All integrals belong to one piecewise model of the run, so that those of its parts add up: errors are joined
 linearly, commands are held from one sample to the next, and differences of samples (joint step, speed,
-acceleration) are held over the interval they were taken from.
+acceleration) are held over the interval they were taken from. They are sums without BLAS, whose last bits depend on the
+number of its threads.
 """
 
 from __future__ import annotations
@@ -193,7 +194,7 @@ def evaluate(
         velocity = np.diff(record.position, axis=0) / intervals[:, None]
         acceleration = np.diff(velocity, axis=0) / between[:, None]
         control = np.linalg.norm(record.command[:-1], axis=1)
-        effort = math.sqrt(control**2 @ intervals)
+        effort = math.sqrt(np.sum(control**2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = _margin(record, limits)
         return Metrics(
@@ -227,7 +228,7 @@ def _continuous(time: Array, value: Array) -> Signal:
     integral = float(np.trapezoid(value, time))
     a, b = value[:-1], value[1:]
     square = float(
-        np.diff(time) @ (a * a + a * b + b * b) / 3
+        np.sum(np.diff(time) * (a * a + a * b + b * b)) / 3
     )  # exact for the straight lines between samples
     return Signal(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
 
@@ -237,8 +238,8 @@ def _held(value: Array, intervals: Array) -> Signal:
     if not len(value):
         return Signal(0.0, math.nan, math.nan, math.nan)
     duration = float(intervals.sum())
-    integral = float(value @ intervals)
-    rms = math.sqrt(value**2 @ intervals / duration)
+    integral = float(np.sum(value * intervals))
+    rms = math.sqrt(np.sum(value**2 * intervals) / duration)
     return Signal(integral, integral / duration, rms, float(value.max()))
 
 
