@@ -176,7 +176,7 @@ class PreparedLaw:
                 f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}"
             )
         data = sample.data
-        row = 0 if self._last == 0 else max(round(data[TIME] / self.dt), 0)
+        row = 0 if self._last == 0 else max(round(data.item(TIME) / self.dt), 0)
         try:
             self.step(q, data, row, state, out)
         except TypeError:  # a list, integers

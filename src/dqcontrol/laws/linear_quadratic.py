@@ -81,7 +81,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         check_steps("horizon_time", end / dt)
         times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
         solution, offset = self._solve(weights, controls, final, times, end, reference)
-        inverse_controls = np.linalg.inv(riccati.at_times(controls, times))
+        inverse_controls = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
         return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
 
     def _packed(self, gains: Array, offsets: Array) -> Array:
@@ -181,9 +181,10 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     def _solve(self, weights, controls, final, times, end, reference):  # type: ignore[no-untyped-def]
         dt = times[1] - times[0]
-        q, r = riccati.at_times(weights, times), riccati.at_times(controls, times)
-        constant = len(weights[1]) == len(controls[1]) == 1
-        substeps = riccati.substeps_for(q[:1] if constant else q, r[:1] if constant else r, final, dt)
+        starts = np.union1d(weights[0], controls[0])
+        starts = starts[starts <= times[-1]]
+        pieces = riccati.at_times(weights, starts), riccati.at_times(controls, starts)
+        substeps = riccati.substeps_for(*pieces, final, dt)
         if substeps * len(times) > _MOST_SUBSTEPS:
             raise ValueRangeError(
                 f"error_weight, control_weight: so fast a decay needs {substeps:,} steps in each period; "
@@ -201,14 +202,14 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         riccati.sweep(
             np.ascontiguousarray(algebra.hamilton_minus(velocity)),
             np.ascontiguousarray(-velocity),
-            np.ascontiguousarray(q),
-            np.ascontiguousarray(np.linalg.inv(r)),
+            riccati.at_times(weights, times),
+            riccati.at_times((controls[0], np.linalg.inv(controls[1])), times),
             final,
             dt,
             substeps,
             solution,
             offset,
-            np.empty(riccati.WORK_SIZE),
+            np.zeros(riccati.WORK_SIZE),  # finite: the first stage takes 0 × a slope
         )
         return solution, offset
 

@@ -159,26 +159,35 @@ def _power(matrix: Array, exponent: float) -> Array:
     return (vectors * np.clip(values, 0.0, None) ** exponent) @ vectors.T
 
 
+SIZE = 8  # of the tracking problem; fixed, so that the compiler unrolls its sweep
+WORK_SIZE = 7 * SIZE * SIZE + 6 * SIZE
+
+
 @inlined
 def _slope(p, xi, a, c, q, r_inverse, scratch, dp, dxi):
-    """Write −Ṗ and −ξ̇ of the tracking problem ė = A e + u + c: backwards in time both decay."""
-    m = p.shape[0]
-    for i in range(m):
-        for j in range(m):
+    """Write −Ṗ and −ξ̇ of the tracking problem ė = A e + u + c: backwards in time both decay.
+
+    P is symmetric, so −Ṗ = B + Bᵀ + Q with B = P (A − ½R⁻¹P), and −ξ̇ = (A − R⁻¹P)ᵀ ξ + P c.
+    """
+    for i in range(SIZE):
+        for j in range(SIZE):
             value = 0.0
-            for k in range(m):
-                value += p[i, k] * r_inverse[k, j]
-            scratch[i, j] = value
-    for i in range(m):
-        for j in range(m):
-            value = q[i, j]
-            for k in range(m):
-                value += p[i, k] * a[k, j] + a[k, i] * p[k, j] - scratch[i, k] * p[k, j]
+            for k in range(SIZE):
+                value += r_inverse[i, k] * p[k, j]
+            scratch[i, j] = a[i, j] - 0.5 * value
+    for i in range(SIZE):
+        rate = 0.0
+        for j in range(SIZE):
+            value = 0.0
+            for k in range(SIZE):
+                value += p[i, k] * scratch[k, j]
             dp[i, j] = value
-        value = 0.0
-        for k in range(m):
-            value += a[k, i] * xi[k] - scratch[i, k] * xi[k] + p[i, k] * c[k]
-        dxi[i] = value
+            rate += (2.0 * scratch[j, i] - a[j, i]) * xi[j] + p[i, j] * c[j]
+        dxi[i] = rate
+    for i in range(SIZE):
+        for j in range(i + 1):
+            dp[i, j] += dp[j, i] + q[i, j]
+            dp[j, i] = dp[i, j]
 
 
 MATRICES = types.Array(types.float64, 3, "C", readonly=True)
@@ -194,18 +203,17 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
     Drifts A and offsets c are given at 2 · substeps points a period, so that every stage meets its own; weights at
     every period.
     """
-    m = final.shape[0]
-    size = m * m
-    p, trial = work[0:size].reshape(m, m), work[size : 2 * size].reshape(m, m)
-    scratch = work[2 * size : 3 * size].reshape(m, m)
-    slopes = work[3 * size : 7 * size].reshape(4, m, m)
-    rest = work[7 * size :]
-    xi, trial_xi, slopes_xi = rest[0:m], rest[m : 2 * m], rest[2 * m : 6 * m].reshape(4, m)
+    square = SIZE * SIZE
+    p, trial = work[0:square].reshape(SIZE, SIZE), work[square : 2 * square].reshape(SIZE, SIZE)
+    scratch = work[2 * square : 3 * square].reshape(SIZE, SIZE)
+    slopes = work[3 * square : 7 * square].reshape(4, SIZE, SIZE)
+    rest = work[7 * square :]
+    xi, trial_xi, slopes_xi = rest[0:SIZE], rest[SIZE : 2 * SIZE], rest[2 * SIZE : 6 * SIZE].reshape(4, SIZE)
     count = out_p.shape[0]
     h = period / substeps
-    for i in range(m):
+    for i in range(SIZE):
         xi[i] = 0.0
-        for j in range(m):
+        for j in range(SIZE):
             p[i, j] = final[i, j]
             out_p[count - 1, i, j] = final[i, j]
         out_xi[count - 1, i] = 0.0
@@ -216,14 +224,11 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
             for stage in range(4):
                 point = late if stage == 0 else (late - 2 if stage == 3 else late - 1)
                 part = 0.0 if stage == 0 else (h if stage == 3 else 0.5 * h)
-                for i in range(m):
-                    trial_xi[i] = xi[i]
-                    for j in range(m):
-                        trial[i, j] = p[i, j]
-                    if stage > 0:
-                        trial_xi[i] += part * slopes_xi[stage - 1, i]
-                        for j in range(m):
-                            trial[i, j] += part * slopes[stage - 1, i, j]
+                before = max(stage - 1, 0)
+                for i in range(SIZE):
+                    trial_xi[i] = xi[i] + part * slopes_xi[before, i]
+                    for j in range(SIZE):
+                        trial[i, j] = p[i, j] + part * slopes[before, i, j]
                 _slope(
                     trial,
                     trial_xi,
@@ -235,21 +240,21 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
                     slopes[stage],
                     slopes_xi[stage],
                 )
-            for i in range(m):
+            for i in range(SIZE):
                 xi[i] += (
                     h
                     / 6.0
                     * (slopes_xi[0, i] + 2.0 * slopes_xi[1, i] + 2.0 * slopes_xi[2, i] + slopes_xi[3, i])
                 )
-                for j in range(m):
+                for j in range(SIZE):
                     p[i, j] += (
                         h
                         / 6.0
                         * (slopes[0, i, j] + 2.0 * slopes[1, i, j] + 2.0 * slopes[2, i, j] + slopes[3, i, j])
                     )
-        for i in range(m):
+        for i in range(SIZE):
             out_xi[sample, i] = xi[i]
-            for j in range(m):
+            for j in range(SIZE):
                 out_p[sample, i, j] = p[i, j]
     return OK
 
@@ -261,6 +266,3 @@ def substeps_for(weights: Array, controls: Array, final: Array, period: float) -
         fastest = max(fastest, float(np.abs(np.linalg.eigvals(np.linalg.solve(r, q))).max()) ** 0.5)
         fastest = max(fastest, float(np.abs(np.linalg.eigvals(np.linalg.solve(r, final))).max()))
     return max(1, math.ceil(fastest * period / _LARGEST_PHASE))
-
-
-WORK_SIZE = 7 * 64 + 6 * 8
