@@ -1,5 +1,7 @@
 """Experiments: specs, runs, studies, metrics and tables."""
 
+from dqcontrol.experiments.attenuation import Attenuation, Gammas, attenuation, attenuation_table
+from dqcontrol.experiments.attenuation_cases import verify_attenuation
 from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
@@ -12,7 +14,9 @@ from dqcontrol.experiments.study import Study, run_study, run_study_to, summary
 from dqcontrol.experiments.tables import Column, PlusMinus, Table
 
 __all__ = [
+    "Attenuation",
     "Column",
+    "Gammas",
     "JointLog",
     "Metrics",
     "PlusMinus",
@@ -20,6 +24,8 @@ __all__ = [
     "Spec",
     "Study",
     "Table",
+    "attenuation",
+    "attenuation_table",
     "comparison_table",
     "differences_table",
     "evaluate",
@@ -36,4 +42,5 @@ __all__ = [
     "run_study_to",
     "summary",
     "summary_table",
+    "verify_attenuation",
 ]
