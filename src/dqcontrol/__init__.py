@@ -10,7 +10,7 @@ from dqcontrol.errors import Error
 from dqcontrol.robots import Inertia, Kinematics, Limits, SerialArm, Solution, load_robot, robot_names
 
 if TYPE_CHECKING:
-    from dqcontrol import experiments, laws, loop, plants, references
+    from dqcontrol import experiments, laws, limits, loop, plants, references
     from dqcontrol.experiments import Run, Study, run, run_study
     from dqcontrol.loop import simulate
     from dqcontrol.references import Sample
@@ -31,6 +31,7 @@ __all__ = [
     "algebra",
     "experiments",
     "laws",
+    "limits",
     "load_robot",
     "loop",
     "plants",
@@ -41,7 +42,7 @@ __all__ = [
     "simulate",
 ]
 
-_ROOMS = ("experiments", "laws", "loop", "plants", "references", "view")
+_ROOMS = ("experiments", "laws", "limits", "loop", "plants", "references", "view")
 _LATER = {
     "Run": "experiments",
     "Sample": "references",

@@ -256,10 +256,21 @@ def test_torque_stays_within_the_effort_limit():
 
 def test_position_limits_stop_the_joint():
     robot = iiwa()
-    live = MujocoPlant().start(robot, np.zeros(7), 0.01, 0, 0)
+    live = MujocoPlant(position_limit=False).start(robot, np.zeros(7), 0.01, 0, 0)
     run(live, np.array([0, 1.0, 0, 0, 0, 0, 0]), 300)
     assert live.target[1] == pytest.approx(3.0, abs=0.1)
     assert live.q[1] < robot.limits.upper[1] + 0.002
+
+
+@pytest.mark.parametrize("mode", ["integrated", "measured"])
+def test_targets_do_not_leave_the_position_limits(mode):
+    robot = iiwa()
+    live = MujocoPlant(command_mode=mode).start(robot, np.zeros(7), 0.01, 0, 0)
+    for u in (4.0, -4.0):
+        for _ in range(600):
+            live.step(np.array([0, u, 0, 0, 0, 0, 0]))
+            assert robot.limits.lower[1] <= live.target[1] <= robot.limits.upper[1]
+        assert live.target[1] == pytest.approx(np.sign(u) * robot.limits.upper[1], abs=1e-2)
 
 
 def test_same_seed_gives_the_same_bits():

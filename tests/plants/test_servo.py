@@ -129,6 +129,29 @@ def test_targets_move_no_faster_than_the_joints_may(make_arm):
     assert np.abs(free - q).max() > 0.1
 
 
+@pytest.mark.parametrize("mode", ["integrated", "measured"])
+def test_targets_do_not_leave_the_position_limits(make_arm, mode):
+    """Without them the target runs on, and the way back begins late."""
+    inf = np.full(N, np.inf)
+    lower, upper = np.array([-0.5, -np.inf, -1.0]), np.array([0.5, 1.0, np.inf])
+    arm = make_arm(N, limits=Limits(lower, upper, inf, inf))
+    commands = np.repeat([[20.0, 20.0, -20.0], [-9.0, -9.0, 9.0]], 150, axis=0)
+    live = Servo(command_mode=mode).start(arm, np.zeros(N), T, 300, 0)
+    targets = []
+    for u in commands:
+        live.step(u)
+        targets.append(live.state[:N].copy())
+        assert (live.q >= lower).all()
+        assert (live.q <= upper).all()
+    assert (np.array(targets) >= lower).all()
+    assert (np.array(targets) <= upper).all()
+    if mode == "integrated":
+        assert np.array_equal(targets[149], [0.5, 1.0, -1.0])
+        assert targets[150] == pytest.approx(targets[149] + T * commands[150], abs=1e-15)
+    free, _ = drive(Servo(command_mode=mode, position_limit=False), arm, np.zeros(N), commands)
+    assert free[149, 0] > 2.0
+
+
 @pytest.mark.parametrize("delay", [0, 3])
 @pytest.mark.parametrize("stiffness", [500.0, [300.0, 500.0, 800.0, 200.0, 400.0, 600.0]])
 def test_at_rest_under_gravity_until_commanded(make_arm, delay, stiffness):

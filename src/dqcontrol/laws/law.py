@@ -9,23 +9,14 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import (
-    INPUT,
-    NOT_FINITE,
-    RAISED,
-    READ,
-    SINGULAR,
-    STATUS,
-    WRITE,
-    WRITE2,
-    InterpretedKernel,
-    Kernel,
-)
+from dqcontrol.compile import NOT_FINITE, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
+from dqcontrol.limits.position_limit import LAW as LAW
+from dqcontrol.limits.position_limit import law_alone
 from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
 
@@ -36,10 +27,6 @@ Array = NDArray[np.float64]
 
 SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
 _MOST_STEPS = 10_000_000
-
-# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
-# preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz)
-LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
 
 class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
@@ -125,10 +112,14 @@ class PreparedLaw:
         self.robot = robot
         self.parameters = parameters
         self.dt = dt
-        self.state_size = law.state_size
         self.preference = law.null_space.kernel if law.null_space else no_preference
         self.preference_parameters = law.null_space.parameters(robot) if law.null_space else np.zeros(0)
         self.limit, self.limit_parameters = limits.prepare(robot)
+        position = limits.position
+        self.position_limit = position.kernel if position else law_alone
+        self.position_limit_parameters = position.parameters(robot, dt) if position else np.zeros(0)
+        self.state_size = law.state_size + (position.memory(robot) if position else 0)
+        self.position_limit_work: Array = np.zeros(robot.input_size + self.state_size)
         self._last = len(parameters) - 1
         self.work: Array = np.zeros(law.work_size(robot))
         self.preferred = self.work[: robot.input_size]
@@ -191,7 +182,7 @@ class PreparedLaw:
             self.preference(
                 q, kinematics.twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
             )
-        status = self.kernel(
+        asked = (
             q,
             kinematics.pose,
             kinematics.pose_jacobian,
@@ -200,8 +191,15 @@ class PreparedLaw:
             self.parameters[min(k, self._last)],
             state,
             self.work,
-            out,
         )
+        if self.position_limit is law_alone:
+            status = self.kernel(*asked, out)
+        else:
+            own = self.position_limit_parameters, self.position_limit_work
+            if isinstance(self.kernel, Kernel):
+                status = self.position_limit(self.kernel.pointer, *asked, *own, out)
+            else:
+                status = self.position_limit.function(self.kernel, *asked, *own, out)
         if status:
             raise DivergedError(status_text(status))
         if self.limit is not unlimited:

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve
+from dqcontrol.limits.gradient import repulsion
+from dqcontrol.limits.position_limit import position_limits
 from dqcontrol.robots.serial_arm import SerialArm
 
 # q, twist jacobian, parameters, work, preferred motion z
@@ -35,9 +37,10 @@ def no_preference(q, twist_jacobian, parameters, work, out):
 
 @kernel(PREFERENCE)
 def towards_posture(q, twist_jacobian, parameters, work, out):
-    """Write z = −α (q − q_rest)."""
-    for i in range(out.shape[0]):
-        out[i] = parameters[0] * (parameters[1 + i] - q[i])
+    """Write z = −α (q − q_rest), α a number for each joint."""
+    n = out.shape[0]
+    for i in range(n):
+        out[i] = parameters[i] * (parameters[n + i] - q[i])
     return OK
 
 
@@ -57,13 +60,80 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
     rest: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
     def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
-        """Return gain and rest configuration."""
+        """Return gains and rest configuration."""
+        n = robot.configuration_size
+        rates = np.full(n, as_positive("null_space.gain", self.gain))
         if self.rest is None:
-            bounded = np.isfinite(robot.limits.lower) & np.isfinite(robot.limits.upper)
-            middle = np.where(bounded, robot.limits.lower + robot.limits.upper, 0.0) / 2
-        else:
-            middle = as_array("null_space.rest", self.rest, (robot.configuration_size,))
-        return np.array([as_positive("null_space.gain", self.gain), *middle])
+            return np.concatenate([rates, middle_of_range(robot)])
+        return np.concatenate([rates, as_array("null_space.rest", self.rest, (n,))])
+
+
+def middle_of_range(robot: SerialArm) -> NDArray[np.float64]:
+    """Return the middle of each joint's range, 0 where it has none."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    return (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)) / 2
+
+
+class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
+    """Drift towards the middle of the joints' ranges: z = −α ∇H, H = 1/n Σ ((qᵢ − q̄ᵢ)/(q̄ᵢ − qmaxᵢ))². [Liégeois 1977]
+
+    q̄ᵢ is the middle of joint i's own range (the print has no index). It avoids limits where the task leaves freedom and
+    guarantees nothing: H stays finite at a limit. Joints without both limits are passed over.
+
+    Parameters
+    ----------
+    gain
+        α, rad²/s; the rate of joint i is 2α/(n hᵢ²), hᵢ half its range.
+    """
+
+    kernel = towards_posture
+    gain: Annotated[float, Meta(gt=0, description="rad²/s")]
+
+    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+        """Return rates and middles."""
+        lower, upper = position_limits("null_space", robot)
+        half = (upper - lower) / 2
+        rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
+        return np.concatenate([rates, middle_of_range(robot)])
+
+
+@kernel(PREFERENCE)
+def away_from_limits(q, twist_jacobian, parameters, work, out):
+    """Write z = −α ∇H, no joint faster than allowed."""
+    n = out.shape[0]
+    lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
+    for i in range(n):
+        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[i], lower[i], upper[i])
+        out[i] = min(max(-parameters[0] * gradient, -parameters[1]), parameters[1])
+    return OK
+
+
+class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"):
+    """Drift away from joint limits: z = −α ∇H, H = Σ Rᵢ/((qmaxᵢ − qᵢ)(qᵢ − qminᵢ)), Rᵢ = qmaxᵢ − qminᵢ. [Zghal 1990]
+
+    H is as S17 2.4 prints it, in 1/rad; usual is R²/4 in place of R, which makes it 1 for a joint in the middle of its
+    range. Its gradient grows without bound towards a limit, so the preferred speed of each joint is cut off at
+    ``fastest``, also at and beyond its limits. It avoids limits where the task leaves freedom and guarantees nothing:
+    the task comes first. Joints without both limits are passed over.
+
+    Parameters
+    ----------
+    gain
+        α, rad³/s.
+    fastest
+        Largest preferred speed of a joint, rad/s or m/s.
+    """
+
+    kernel = away_from_limits
+    gain: Annotated[float, Meta(gt=0, description="rad³/s")]
+    fastest: Annotated[float, Meta(gt=0, description="rad/s or m/s")] = 0.5
+
+    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+        """Return gain, largest speed and limits."""
+        gain = as_positive("null_space.gain", self.gain)
+        fastest = as_positive("null_space.fastest", self.fastest)
+        return np.concatenate([[gain, fastest], *position_limits("null_space", robot)])
 
 
 @inlined
@@ -145,4 +215,4 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
 WORK_SIZE = 42  # what a preference needs
 
-AnyNullSpace = Posture | ManipulabilityAscent
+AnyNullSpace = Posture | ManipulabilityAscent | JointCentring | LimitAvoidance

@@ -1,4 +1,4 @@
-"""Limits on what a law may command."""
+"""Limits on what a law may command: joint velocities and positions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, kernel
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
+from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.serial_arm import SerialArm
+
+AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
 
 # q, parameters, command
 LIMIT = STATUS(READ, READ, WRITE)
@@ -42,12 +46,15 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     velocity
         True: where an input exceeds the robot's velocity limit, the whole command is scaled down, so that the hand
         keeps its direction and only slows.
+    position
+        How joints are kept within their position limits, before that; not at all if omitted.
     """
 
     velocity: Annotated[bool, Meta(description="scale commands to the velocity limits")] = False
+    position: AnyPositionLimit | None = None
 
     def prepare(self, robot: SerialArm) -> tuple[Kernel, NDArray[np.float64]]:
-        """Return the kernel and its parameters.
+        """Return the kernel that keeps the velocity limits, and its parameters.
 
         Raises
         ------

@@ -9,6 +9,7 @@ from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel, ty
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
+from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kernels import CHAIN
@@ -20,6 +21,7 @@ ROLLOUT = STATUS(
     types.FunctionType(CHAIN),
     types.FunctionType(PREFERENCE),
     types.FunctionType(LAW),
+    types.FunctionType(POSITION_LIMIT),
     types.FunctionType(LIMIT),
     types.FunctionType(DISTURBANCE),
     types.FunctionType(PLANT),
@@ -31,6 +33,8 @@ ROLLOUT = STATUS(
     WRITE,  # law state
     WRITE,  # law work
     WRITE,  # kinematics buffer
+    READ,  # position limit parameters
+    WRITE,  # position limit work
     READ,  # limit parameters
     READ2,  # disturbance
     READ,  # disturbance parameters
@@ -68,6 +72,7 @@ def rollout(
     kinematics,
     preference,
     law,
+    position_limit,
     limit,
     disturb,
     plant,
@@ -79,6 +84,8 @@ def rollout(
     law_state,
     work,
     buffer,
+    position_limit_parameters,
+    position_limit_work,
     limit_parameters,
     disturbance,
     disturbance_parameters,
@@ -106,6 +113,7 @@ def rollout(
     last = law_parameters.shape[0] - 1
     # A call by pointer with its arrays costs 50 ns: stages that do nothing have no parameters and are passed over.
     preferring, limiting = preference_parameters.shape[0] > 0, limit_parameters.shape[0] > 0
+    limiting_positions = position_limit_parameters.shape[0] > 0
     last_disturbance = disturbance.shape[0] - 1
     for k in range(samples.shape[0]):
         for i in range(n):
@@ -116,17 +124,33 @@ def rollout(
             return status
         if preferring:
             preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
-        status = law(
-            measured,
-            pose,
-            pose_jacobian,
-            twist_jacobian,
-            samples[k],
-            law_parameters[min(k, last)],
-            law_state,
-            work,
-            command_record[k],
-        )
+        if limiting_positions:
+            status = position_limit(
+                law,
+                measured,
+                pose,
+                pose_jacobian,
+                twist_jacobian,
+                samples[k],
+                law_parameters[min(k, last)],
+                law_state,
+                work,
+                position_limit_parameters,
+                position_limit_work,
+                command_record[k],
+            )
+        else:
+            status = law(
+                measured,
+                pose,
+                pose_jacobian,
+                twist_jacobian,
+                samples[k],
+                law_parameters[min(k, last)],
+                law_state,
+                work,
+                command_record[k],
+            )
         if status != OK:
             return LAW_FAILED + status
         if limiting:

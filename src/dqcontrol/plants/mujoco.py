@@ -40,7 +40,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
 
     The arm starts at rest and in balance: the first target is q0 + τ_g / k_p, with τ_g the part of the
     gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
-    Position limits are mechanical stops.
+    Position limits are mechanical stops, where a joint has both.
 
     Parameters
     ----------
@@ -66,6 +66,8 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         Rotor inertia seen at the joint, kg m² (kg for sliding joints): one number, or one a joint.
     viscous_friction, dry_friction
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
+    position_limit
+        True: targets do not leave the position limits either.
     encoder_resolution
         Step of the measured position, rad or m: one number, or one a joint; 0 for none.
     encoder_noise
@@ -97,6 +99,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
     armature: Annotated[float | list[float], Meta(description="kg m² or kg")] = 0.1
     viscous_friction: Annotated[float | list[float], Meta(description="N·m·s/rad or N·s/m")] = 0.0
     dry_friction: Annotated[float | list[float], Meta(description="N·m or N")] = 0.0
+    position_limit: bool = True
     encoder_resolution: Annotated[float | list[float], Meta(description="rad or m")] = 0.0
     encoder_noise: Annotated[float | list[float], Meta(description="rad or m")] = 0.0
 
@@ -198,6 +201,8 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
                 gaintype=mujoco.mjtGain.mjGAIN_FIXED,
                 biastype=mujoco.mjtBias.mjBIAS_AFFINE,
             )
+            if self.position_limit and joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE:
+                servo.actrange, servo.actlimited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
             if np.isfinite(effort):  # of the servo, and of its sum with the gravity compensation
                 servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
                 joint.actfrcrange, joint.actfrclimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE

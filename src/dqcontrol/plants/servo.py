@@ -1,4 +1,4 @@
-"""Position servos: lag, gravity sag, delay, encoders, rate limits."""
+"""Position servos: lag, gravity sag, delay, encoders, rate and position limits."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive,
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.gravity import body_table, gravity_torque
+from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.serial_arm import SerialArm
 
 COMMAND_MODES = ("integrated", "measured")
 
-# parameters: head, then rate limit (n), compliance α/K (n), bodies (4n), chain (8 (n + 1))
+# parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
+# chain (8 (n + 1))
 _DT, _DECAY, _MEASURED_MODE, _DELAY, _RESOLUTION, _NOISE, _SAG, _GRAVITY = 0, 1, 2, 3, 4, 5, 6, 7
 _HEAD = 10
 
@@ -30,9 +32,10 @@ def servo(command, parameters, noise, state, q, measured):
         return WRONG_SIZE
     delay = int(parameters[_DELAY])
     rate = parameters[_HEAD : _HEAD + n]
-    compliance = parameters[_HEAD + n : _HEAD + 2 * n]
-    bodies = parameters[_HEAD + 2 * n : _HEAD + 6 * n].reshape(n, 4)
-    chain = parameters[_HEAD + 6 * n : _HEAD + 6 * n + 8 * (n + 1)].reshape(n + 1, 8)
+    least, most = parameters[_HEAD + n : _HEAD + 2 * n], parameters[_HEAD + 2 * n : _HEAD + 3 * n]
+    compliance = parameters[_HEAD + 3 * n : _HEAD + 4 * n]
+    bodies = parameters[_HEAD + 4 * n : _HEAD + 8 * n].reshape(n, 4)
+    chain = parameters[_HEAD + 8 * n : _HEAD + 8 * n + 8 * (n + 1)].reshape(n + 1, 8)
     target = state[0:n]
     sag = state[n : 2 * n]
     queue = state[2 * n : 2 * n + n * (delay + 1)]  # newest target first
@@ -42,7 +45,8 @@ def servo(command, parameters, noise, state, q, measured):
             queue[n * k + i] = queue[n * (k - 1) + i]
     for i in range(n):
         move = parameters[_DT] * min(max(command[i], -rate[i]), rate[i])
-        target[i] = move + (measured[i] if parameters[_MEASURED_MODE] != 0.0 else target[i])
+        wanted = move + (measured[i] if parameters[_MEASURED_MODE] != 0.0 else target[i])
+        target[i] = min(max(wanted, least[i]), most[i])
         queue[i] = target[i]
     if parameters[_SAG] != 0.0:
         gravity_torque(chain, bodies, q, parameters[_GRAVITY : _GRAVITY + 3], sag)
@@ -82,6 +86,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         Standard deviation of the measured position, rad or m, white.
     rate_limit
         True: targets move no faster than the robot's velocity limits.
+    position_limit
+        True: targets do not leave the robot's position limits.
     gravity
         m/s² in the base frame.
     """
@@ -94,6 +100,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     encoder_resolution: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
     encoder_noise: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
     rate_limit: bool = True
+    position_limit: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
     def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
@@ -119,6 +126,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
         rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
+        ends = robot.limits if self.position_limit else Limits.none(n)
         head = np.zeros(_HEAD)
         head[_DT] = dt
         head[_DECAY] = math.exp(-dt / as_positive("plant.time_constant", self.time_constant))
@@ -131,7 +139,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         head[_SAG] = sag
         head[_GRAVITY : _GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
-        parameters = np.concatenate([head, rate, compliance, bodies.ravel(), robot.chain.ravel()])
+        parameters = np.concatenate(
+            [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]
+        )
         state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1)])
         noise = (
             np.random.default_rng(seed).standard_normal((steps, n))

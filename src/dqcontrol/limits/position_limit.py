@@ -1,0 +1,83 @@
+"""What keeps joints within their position limits: a stage around the law, which it asks with Jacobians of its own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel, kernel, types
+from dqcontrol.errors import ValueRangeError
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.serial_arm import SerialArm
+
+# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
+# preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz)
+LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
+
+# law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
+# the limit's memory; Jacobians and preferred motion may be overwritten
+POSITION_LIMIT = STATUS(
+    types.FunctionType(LAW),
+    INPUT,
+    WRITE,
+    WRITE2,
+    WRITE2,
+    READ,
+    READ,
+    WRITE,
+    WRITE,
+    READ,
+    WRITE,
+    WRITE,
+)
+
+
+@kernel(POSITION_LIMIT)
+def law_alone(
+    law,
+    q,
+    pose,
+    pose_jacobian,
+    twist_jacobian,
+    sample,
+    law_parameters,
+    state,
+    law_work,
+    parameters,
+    work,
+    out,
+):
+    """Write what the law says."""
+    return law(q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out)
+
+
+class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+    """How position limits are kept; subclasses name a kernel of signature `POSITION_LIMIT`."""
+
+    kernel: ClassVar[Kernel]
+
+    def parameters(self, robot: SerialArm, dt: float) -> NDArray[np.float64]:
+        """Return the kernel's parameters.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If one is not allowed, or the robot has no limits to keep.
+        """
+        raise NotImplementedError
+
+    def memory(self, robot: SerialArm) -> int:
+        """Return how many numbers are kept from sample to sample."""
+        return 0
+
+
+def position_limits(field: str, robot: SerialArm) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the robot's lower and upper limits, or say that no joint has any."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    if not (np.isfinite(lower) | np.isfinite(upper)).any():
+        raise ValueRangeError(f"{field}: {robot.name} has no joint limits to keep")
+    return lower, upper
