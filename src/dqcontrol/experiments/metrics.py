@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.robots.limits import Limits
 
 Array = NDArray[np.float64]
@@ -174,7 +174,7 @@ def evaluate(
     --------
     >>> import numpy as np
     >>> from dqcontrol.experiments.metrics import evaluate
-    >>> from dqcontrol.loop.record import Record
+    >>> from dqcontrol.loop.record import Record, row_norms
     >>> time, q = np.linspace(0, 2, 5), np.zeros((5, 1))
     >>> pose = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (5, 1))
     >>> record = Record(time, q, q, q + 3, pose, np.hstack([pose, np.zeros((5, 13))]), ("a",))
@@ -190,10 +190,10 @@ def evaluate(
     time, intervals = record.time, np.diff(record.time)
     between = (intervals[1:] + intervals[:-1]) / 2
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effect = np.linalg.norm(np.diff(record.q, axis=0), axis=1)
+        effect = row_norms(np.diff(record.q, axis=0))
         velocity = np.diff(record.position, axis=0) / intervals[:, None]
         acceleration = np.diff(velocity, axis=0) / between[:, None]
-        control = np.linalg.norm(record.command[:-1], axis=1)
+        control = row_norms(record.command[:-1])
         effort = math.sqrt(np.sum(control**2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = _margin(record, limits)
@@ -205,8 +205,8 @@ def evaluate(
             final_error=float(record.error[-1]),
             control=_held(control, intervals),
             joint_step=_held(effect, intervals),
-            hand_speed=_held(np.linalg.norm(velocity, axis=1), intervals),
-            hand_acceleration=_held(np.linalg.norm(acceleration, axis=1), between),
+            hand_speed=_held(row_norms(velocity), intervals),
+            hand_acceleration=_held(row_norms(acceleration), between),
             position=_deviation(time, 1e3 * record.position_error, start),
             orientation=_deviation(time, np.degrees(record.orientation_error), start),
             joint_path_length=float(effect.sum()),
@@ -276,7 +276,8 @@ def _margin(record: Record, limits: Limits | None) -> tuple[float, str]:
         raise ShapeError(
             f"limits: expected {record.q.shape[1]} as in the record's q, got {len(limits.lower)}"
         )
-    margins = np.minimum(record.q - limits.lower, limits.upper - record.q).min(axis=0)
+    q = np.ascontiguousarray(record.q.T)  # NumPy is slow along a long axis of short rows
+    margins = np.minimum(q.min(axis=1) - limits.lower, limits.upper - q.max(axis=1))
     if np.isnan(margins).any() or np.isinf(margins).all():
         return math.nan, ""
     nearest = int(margins.argmin())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,10 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.algebra.kernels import conjugate_multiply
+from dqcontrol.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 Array = NDArray[np.float64]
+
+
+@kernel(types.void(READ2, READ2, WRITE2))
+def pose_errors(poses, desired, out):
+    """Write x_e = x* x_d of each row, the sign with a real part ≥ 0; NaN where a pose is not finite. [P16 2.23]"""
+    for i in range(out.shape[0]):
+        conjugate_multiply(poses[i], desired[i], out[i])
+        sign = -1.0 if out[i, 0] < 0.0 else 1.0
+        for k in range(8):
+            if not (math.isfinite(poses[i, k]) and math.isfinite(desired[i, k])):
+                sign = math.nan
+        for k in range(8):
+            out[i, k] *= sign
+
+
+def row_norms(vectors: Array) -> Array:
+    """Return the Euclidean norm of each row, (N, n) → (N,); on short rows several times faster than NumPy's `norm`."""
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,38 +155,38 @@ class Record:
     def error(self) -> Array:
         """|vec8(1 − x* x_d)| with the shorter sign of x_d, shape (N,), no unit [P16 5.1]."""
         one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
-        return _locked(np.linalg.norm(one - self._pose_error, axis=1))
+        return _locked(row_norms(one - self._pose_error))
 
     @property
     def position_error(self) -> Array:
         """Distance |p_d − p|, shape (N,), m."""
-        return np.linalg.norm(self.desired_position - self.position, axis=1)
+        return row_norms(self.desired_position - self.position)
 
     @property
     def orientation_error(self) -> Array:
         """Angle of the rotation from the hand to its desired orientation, 0 … π, shape (N,), rad."""
-        return np.linalg.norm(self.rotation_error, axis=1)
+        return row_norms(self.rotation_error)
 
     @cached_property
     def rotation_error(self) -> Array:
         """Rotation vector from the hand to its desired orientation, hand frame, shape (N, 3), rad."""
         w, v = self._pose_error[:, :1], self._pose_error[:, 1:4]
-        sine = np.linalg.norm(v, axis=1, keepdims=True)  # atan2, because acos loses half the digits near 0
+        sine = row_norms(v)[:, None]  # atan2, because acos loses half the digits near 0
         scale = np.divide(2 * np.arctan2(sine, w), sine, out=np.full_like(sine, 2.0), where=sine != 0)
         return _locked(scale * v)
 
     @cached_property
     def _pose_error(self) -> Array:
-        """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite [P16 2.23]."""
-        finite = np.isfinite(self.pose).all(axis=1) & np.isfinite(self.desired_pose).all(axis=1)
-        error = np.full((len(self), 8), np.nan)
-        product = algebra.multiply(algebra.conjugate(self.pose[finite]), self.desired_pose[finite])
-        error[finite] = algebra.short(product)
+        """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite."""
+        error = np.empty((len(self), 8))
+        pose_errors(self.pose, np.ascontiguousarray(self.desired_pose), error)
         return _locked(error)
 
 
 def _position(poses: Array) -> Array:
     """Return the positions of poses, NaN where one is not finite."""
+    if np.isfinite(poses).all():
+        return _locked(algebra.translation(poses))
     finite = np.isfinite(poses).all(axis=1)
     position = np.full((len(poses), 3), np.nan)
     position[finite] = algebra.translation(poses[finite])
