@@ -9,6 +9,7 @@ import pytest
 from dqcontrol.errors import ShapeError, UnknownNameError
 from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
 from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
+from dqcontrol.experiments.tables import PlusMinus
 
 ERRORS = {"K": [3.0, 3.2, 3.4, 3.6], "HIR": [1.5, 1.6, 1.9, 1.8]}
 BLANK = dict.fromkeys(METRIC_COLUMNS)
@@ -83,7 +84,7 @@ def test_diverged_runs_are_counted_and_left_out():
     assert means_table(everything, ["error.integral"]).rows[0] == ["K", 0, 3, None]
     differences = differences_table([*everything, *rows()[4:]])
     assert differences.title.endswith("3 diverged runs left out")
-    assert differences.texts()[0][1:] == ["0", "–", "–", "–", "–", "–", "–"]
+    assert differences.texts()[0][1:] == ["0", "–", "–", "–", "–"]
     assert repeatability_table([*everything, *rows()[4:]], ["error.integral"]).texts()[0][2:] == ["0"] + 5 * [
         "–"
     ]
@@ -106,13 +107,16 @@ def test_differences_are_paired_by_seed():
     shuffled = [rows()[i] for i in (3, 1, 7, 0, 5, 4, 2, 6)]
     table = differences_table(shuffled, "error.integral", "K")
     assert table.title == "Error integral: paired differences from K"
-    assert headings(table)[:4] == ["Law", "Pairs", "Law − K [s]", "95 % low [s]"]
+    assert headings(table)[:4] == ["Law", "Pairs", "Law − K (± 95 %) [s]", "Relative [%]"]
     truth = stats.ttest_rel(ERRORS["HIR"], ERRORS["K"])
-    law, pairs, *numbers, verdict = table.rows[0]
+    law, pairs, difference, *numbers, verdict = table.rows[0]
     assert (law, pairs, verdict) == ("HIR", 4, "yes")
-    assert numbers == pytest.approx([-1.6, *truth.confidence_interval(), -160 / 3.3, truth.pvalue])
+    assert numbers == pytest.approx([-160 / 3.3, truth.pvalue])
+    low, high = truth.confidence_interval()
+    assert isinstance(difference, PlusMinus)
+    assert (difference.value, difference.spread) == pytest.approx((-1.6, (high - low) / 2))
     assert len(table.rows) == 1
-    assert differences_table(rows(), level=0.99).columns[3].title == "99 % low"
+    assert differences_table(rows(), level=0.99).columns[2].title == "Law − K (± 99 %)"
 
 
 def test_noise_that_hits_both_laws_cancels_in_pairs():
@@ -121,7 +125,7 @@ def test_noise_that_hits_both_laws_cancels_in_pairs():
     data += [row("HIR", i, 2.9 + n + 0.01 * (-1) ** i) for i, n in enumerate(noise)]
     table = differences_table(data)
     assert table.rows[0][-1] == "yes"
-    assert abs(table.rows[0][2] + 0.1) < 0.01
+    assert abs(table.rows[0][2].value + 0.1) < 0.01
 
 
 def test_only_equal_robots_sets_and_plants_are_compared():

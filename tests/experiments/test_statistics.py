@@ -27,7 +27,7 @@ def test_student_s_sleeping_drugs():
     found = paired_difference(dict(enumerate(DEXTRO)), dict(enumerate(LAEVO)))
     assert found.pairs == 10
     assert found.mean == pytest.approx(-1.58)
-    assert (found.low, found.high) == (pytest.approx(-2.4598858), pytest.approx(-0.7001142))
+    assert found.half_width == pytest.approx((2.4598858 - 0.7001142) / 2)
     assert found.p_value == pytest.approx(0.00283289, rel=1e-6)
     assert found.excludes_zero
     wider = paired_difference(dict(enumerate(DEXTRO)), dict(enumerate(LAEVO)), level=0.999)
@@ -38,10 +38,10 @@ def test_only_seeds_that_both_groups_have_are_paired():
     first, second = {1: 2.0, 2: 4.0, 9: 1000.0}, {2: 3.0, 1: 1.5, 7: -1000.0}
     found = paired_difference(first, second)
     assert (found.pairs, found.mean) == (2, 0.75)
-    assert found.high - found.mean == pytest.approx(12.7062 * 0.25, rel=1e-5)  # t(1) and s/√2
+    assert found.half_width == pytest.approx(12.7062 * 0.25, rel=1e-5)  # t(1) and s/√2
     lonely = paired_difference({1: 2.0}, {1: 1.0})
     assert (lonely.pairs, lonely.mean) == (1, 1.0)
-    assert math.isnan(lonely.low)
+    assert math.isnan(lonely.half_width)
     assert math.isnan(lonely.p_value)
     assert not lonely.excludes_zero
     none = paired_difference({1: 2.0}, {2: 1.0})
@@ -53,9 +53,14 @@ def test_runs_without_noise_have_no_spread_at_all():
     found = mean_of([0.1] * 7)
     assert (found.mean, found.deviation, found.half_width()) == (0.1, 0.0, 0.0)
     same = paired_difference({1: 0.1, 2: 0.1}, {1: 0.1, 2: 0.1})
-    assert (same.low, same.high, same.p_value, same.excludes_zero) == (0.0, 0.0, 1.0, False)
+    assert (same.mean, same.half_width, same.p_value, same.excludes_zero) == (0.0, 0.0, 1.0, False)
     shifted = paired_difference({1: 0.75, 2: 0.75}, {1: 0.5, 2: 0.5})
-    assert (shifted.low, shifted.high, shifted.p_value, shifted.excludes_zero) == (0.25, 0.25, 0.0, True)
+    assert (shifted.mean, shifted.half_width, shifted.p_value, shifted.excludes_zero) == (
+        0.25,
+        0.0,
+        0.0,
+        True,
+    )
     assert math.isnan(spread_ratio(mean_of([1.0, 2.0]), found).ratio)
     assert spread_ratio(found, mean_of([1.0, 2.0])).ratio == 0
 
@@ -79,7 +84,8 @@ def test_intervals_against_scipy():
         truth = stats.ttest_rel(first, second)
         found = paired_difference(dict(enumerate(first)), dict(enumerate(second)), level)
         assert found.p_value == pytest.approx(truth.pvalue, rel=1e-8)
-        assert (found.low, found.high) == pytest.approx(tuple(truth.confidence_interval(level)), rel=1e-9)
+        low, high = truth.confidence_interval(level)
+        assert (found.mean, found.half_width) == pytest.approx(((low + high) / 2, (high - low) / 2), rel=1e-9)
         interval = stats.ttest_1samp(first, 0.0).confidence_interval(level)
         assert mean_of(first).half_width(level) == pytest.approx((interval.high - interval.low) / 2)
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 MISSING = "–"
-_DIGITS = 6  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
+_DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class PlusMinus:
         first = _exponent(value, "e") if value else place
         if not spread or first - place >= _DIGITS:
             return format(value, form), format(spread, ".2g")
-        if place > -_DIGITS and first < _DIGITS:
+        if -5 < max(first, place) < 6:  # as without a spread, no exponent
             form = f".{max(-place, 0)}f"
             return format(round(value, -place), form), format(round(spread, -place), form)
         return format(value, f".{max(first - place, 0)}e"), format(spread, ".1e")

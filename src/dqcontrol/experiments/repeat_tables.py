@@ -73,7 +73,7 @@ def differences_table(
     title
         Caption.
     level
-        Confidence of each interval.
+        Confidence of each interval, which ± gives half of.
 
     Raises
     ------
@@ -99,15 +99,13 @@ def differences_table(
         found = paired_difference(study.by_seed(group, key), study.by_seed(other, key), level)
         base = study.mean(other, key)
         relative = 100 * found.mean / abs(base.mean) if base and base.mean else math.nan
-        verdict = "–" if math.isnan(found.low) else "yes" if found.excludes_zero else "no"
-        interval = found.mean, found.low, found.high
-        body.append([*study.labels(group), found.pairs, *interval, relative, found.p_value, verdict])
+        verdict = "–" if math.isnan(found.half_width) else "yes" if found.excludes_zero else "no"
+        interval = PlusMinus(found.mean, found.half_width)
+        body.append([*study.labels(group), found.pairs, interval, relative, found.p_value, verdict])
     columns = [
         *study.columns,
         Column("Pairs"),
-        Column(f"Law − {baseline}", column.unit, ".3g"),
-        Column(f"{100 * level:g} % low", column.unit, ".3g"),
-        Column("high", column.unit, ".3g"),
+        Column(f"Law − {baseline} (± {100 * level:g} %)", column.unit),
         Column("Relative", "%", ".3g"),
         Column("p", "", ".2g"),
         Column("Excludes 0"),

@@ -72,22 +72,21 @@ class Difference:
         Number of seeds that both have.
     mean
         Mean of first − second; NaN without a pair.
-    low, high
-        Ends of its confidence interval; NaN with fewer than two pairs.
+    half_width
+        Its confidence interval is mean ± half_width; NaN with fewer than two pairs.
     p_value
         Of the two-sided paired t test that the true mean difference is 0; 1 if all differences are 0.
     """
 
     pairs: int
     mean: float
-    low: float
-    high: float
+    half_width: float
     p_value: float
 
     @property
     def excludes_zero(self) -> bool:
         """Whether 0 lies outside the interval."""
-        return self.low > 0 or self.high < 0
+        return abs(self.mean) > self.half_width
 
 
 @dataclass(frozen=True)
@@ -163,9 +162,8 @@ def paired_difference(
     _check_level(level)
     differences = [value - second[seed] for seed, value in first.items() if seed in second]
     if not differences:
-        return Difference(0, math.nan, math.nan, math.nan, math.nan)
+        return Difference(0, math.nan, math.nan, math.nan)
     found = mean_of(differences)
-    width = found.half_width(level)
     if found.count < 2:
         p_value = math.nan
     elif found.deviation == 0:
@@ -173,7 +171,7 @@ def paired_difference(
     else:
         t = abs(found.mean) / (found.deviation / math.sqrt(found.count))
         p_value = 2 * float(_special().stdtr(found.count - 1, -t))
-    return Difference(found.count, found.mean, found.mean - width, found.mean + width, p_value)
+    return Difference(found.count, found.mean, found.half_width(level), p_value)
 
 
 def spread_ratio(first: Mean, second: Mean, level: float = LEVEL) -> SpreadRatio:
