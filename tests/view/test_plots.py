@@ -16,8 +16,8 @@ from dqcontrol.view.plots import (
     errors,
     joint_angles,
     pose_coefficients,
-    save_plots,
 )
+from dqcontrol.view.save import save_plots
 
 
 def shifted(points):

@@ -6,7 +6,7 @@ A row is one run: a mapping of the labels ``robot``, ``law``, ``set`` and ``plan
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from typing import Any
 
 from dqcontrol.errors import ShapeError, unknown_name
@@ -39,8 +39,10 @@ class Repeats:
     def __init__(self, rows: Sequence[Row]) -> None:
         if not rows:
             raise ShapeError("rows: expected at least one run, got none")
-        parameters = dict.fromkeys(name for row in rows for name in row if name.startswith(_PARAMETER))
-        self.names = (*LABELS, *parameters)
+        self.parameters = list(
+            dict.fromkeys(name for row in rows for name in row if name.startswith(_PARAMETER))
+        )
+        self.names = (*LABELS, *self.parameters)
         self.groups: dict[Group, list[Row]] = {}
         for row in rows:
             self.groups.setdefault(tuple(row.get(name, "") for name in self.names), []).append(row)
@@ -50,15 +52,27 @@ class Repeats:
     @property
     def columns(self) -> list[Column]:
         """Headings of the labels that differ."""
-        names = [self.names[i] for i in self._shown]
         return [
-            Column(name.removeprefix(_PARAMETER) if _PARAMETER in name else name.capitalize())
-            for name in names
+            Column(self.names[i].removeprefix(_PARAMETER) if i >= len(LABELS) else self.names[i].capitalize())
+            for i in self._shown
         ]
+
+    def label(self, group: Group, name: str) -> str | float:
+        """Return one label of a group."""
+        return group[self.names.index(name)]
 
     def labels(self, group: Group) -> list[str | float]:
         """Return the labels of a group that differ."""
         return [group[i] for i in self._shown]
+
+    def describe(self, group: Group, names: Container[str]) -> str:
+        """Return those of the named labels that differ, as ``"K · gain 5"``."""
+        texts = (
+            f"{self.names[i].removeprefix(_PARAMETER)} {group[i]:g}" if i >= len(LABELS) else str(group[i])
+            for i in self._shown
+            if self.names[i] in names and group[i] != ""
+        )
+        return " · ".join(texts)
 
     def caption(self, title: str) -> str:
         """Return the title, with a note if runs are left out."""

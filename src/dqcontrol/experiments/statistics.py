@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from types import ModuleType
+
+from numpy.typing import ArrayLike
 
 from dqcontrol.errors import MissingExtraError, ShapeError, ValueRangeError, as_array
 
@@ -114,7 +116,7 @@ class SpreadRatio:
         return self.low > 1 or self.high < 1
 
 
-def mean_of(values: Sequence[float]) -> Mean:
+def mean_of(values: ArrayLike) -> Mean:
     """Return mean and sample standard deviation; equal values have exactly no spread.
 
     Raises

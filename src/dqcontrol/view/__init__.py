@@ -1,6 +1,8 @@
 """Figures and reports of runs. matplotlib is imported when the first figure is made."""
 
+from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
+from dqcontrol.view.histograms import histogram
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import (
     compare_errors,
@@ -8,21 +10,27 @@ from dqcontrol.view.plots import (
     errors,
     joint_angles,
     pose_coefficients,
-    save_comparison,
-    save_plots,
 )
+from dqcontrol.view.repeats import gain_figure, repeats_figure
 from dqcontrol.view.report import write_report
+from dqcontrol.view.save import save_comparison, save_plots
+from dqcontrol.view.surfaces import surface
 
 __all__ = [
+    "compare_criteria",
     "compare_errors",
     "compare_paths",
     "control_signals",
     "disturbance",
     "errors",
+    "gain_figure",
+    "histogram",
     "joint_angles",
     "path_3d",
     "pose_coefficients",
+    "repeats_figure",
     "save_comparison",
     "save_plots",
+    "surface",
     "write_report",
 ]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record
-from dqcontrol.view.style import DESIRED, NEUTRAL, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,7 +79,7 @@ def _paths(records: Mapping[str, Record]) -> Figure:
             axis.set_major_locator(MaxNLocator(6))
         figure.get_layout_engine().set(wspace=0.12)  # type: ignore[union-attr]
     marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
-    legend_below(figure, space, marks, columns=6)
+    legend_below(figure, space, marks)
     return figure
 
 
@@ -124,7 +124,7 @@ def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] 
         getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=2)
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(4 if extent > 0.8 * size.max() else 3))
-        axis.set_pane_color((0.97, 0.97, 0.97, 1.0))
+        axis.set_pane_color(PANE)
     axes.set_box_aspect(size, zoom=0.88 if plane else 0.95)
     axes.tick_params(pad=0)
     elevation, azimuth = 24.0, -58.0

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ExistsError, ShapeError, unknown_name
+from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
-from dqcontrol.view.disturbances import disturbance
-from dqcontrol.view.paths import path_3d
-from dqcontrol.view.style import COLOURS, DESIRED, LIMIT, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import (
+    COLOURS,
+    DESIRED,
+    FLOOR,
+    LIMIT,
+    at_least,
+    legend_below,
+    line_style,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,10 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-FORMATS = ("pdf", "png", "svg")
 UNITS = ("m", "rad")
 _WIDTH = 7.0  # in; a full text width
-_FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
 
 
 @styled
@@ -53,7 +58,7 @@ def pose_coefficients(record: Record) -> Figure:
             axes.plot(record.time, pose[:, 4 * part + i], color=COLOURS[0], label="hand")
             axes.plot(record.time, desired[:, 4 * part + i], color=DESIRED, ls="--", lw=1.1, label="desired")
             axes.set_ylabel(name + unit)
-            _at_least(axes, 1e-3)
+            at_least(axes, 1e-3)
     grid[0, 0].set_title("primary part")
     grid[0, 1].set_title("dual part")
     for axes in grid[-1]:
@@ -116,7 +121,7 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
         axes = panels[i]
         scale, sign = (180 / np.pi, "°") if unit == "rad" else (1.0, "m")
         axes.plot(record.time, scale * record.q[:, i], color=COLOURS[0])
-        _at_least(axes, scale * 0.01)
+        at_least(axes, scale * 0.01)
         title = name
         if limits is not None:
             lower, upper = scale * limits.lower[i], scale * limits.upper[i]
@@ -169,106 +174,6 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     return figure
 
 
-def save_plots(
-    record: Record,
-    folder: str | Path,
-    limits: Limits | None = None,
-    *,
-    joint_units: Sequence[str] | None = None,
-    input_units: Sequence[str] | None = None,
-    formats: Sequence[str] = ("png",),
-) -> list[Path]:
-    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``; ``inputs``, ``disturbance`` if any.
-
-    Parameters
-    ----------
-    record
-        The run.
-    folder
-        Made if missing; must not hold files of these names.
-    limits, joint_units
-        As for `joint_angles`.
-    input_units
-        As for `control_signals`.
-    formats
-        Any of ``"png"``, ``"svg"``, ``"pdf"``.
-
-    Returns
-    -------
-    The files, in the order above.
-
-    Raises
-    ------
-    ExistsError
-        If a file exists; then none is written.
-    UnknownNameError, ShapeError
-        If a format or unit does not exist, or something does not fit the record.
-
-    Examples
-    --------
-    >>> save_plots(run.record, "out", robot.limits, formats=["png", "svg"])  # doctest: +SKIP
-    """
-    import matplotlib
-
-    folder = Path(folder)
-    names = ["path", "errors", "pose", "joints"]
-    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
-        names.append("inputs")
-    if record.disturbance is not None:
-        names.append("disturbance")
-    for kind in formats:
-        if kind not in FORMATS:
-            raise unknown_name("formats", kind, FORMATS)
-    for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
-        if path.exists():
-            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    draw = {
-        "path": lambda: path_3d(record),
-        "errors": lambda: errors(record),
-        "pose": lambda: pose_coefficients(record),
-        "joints": lambda: joint_angles(record, limits, joint_units),
-        "inputs": lambda: control_signals(record, input_units),
-        "disturbance": lambda: disturbance(record),
-    }
-    figures = [draw[name]() for name in names]
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    with matplotlib.rc_context({"svg.hashsalt": "dqcontrol"}):  # the same run gives the same bytes
-        for name, figure in zip(names, figures, strict=True):
-            for kind in formats:
-                written.append(folder / f"{name}.{kind}")
-                date = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
-                figure.savefig(written[-1], metadata={date: None} if date else None)
-    return written
-
-
-def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[Path]:
-    """Write the figures that show several runs together, ``paths.png`` and ``errors.png``, and return the files.
-
-    Parameters
-    ----------
-    records
-        Runs by label.
-    folder
-        Made if missing; must not hold files of these names.
-
-    Raises
-    ------
-    ExistsError
-        If a file exists; then none is written.
-    """
-    from dqcontrol.view.paths import compare_paths
-
-    files = [Path(folder) / "paths.png", Path(folder) / "errors.png"]
-    for path in files:
-        if path.exists():
-            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    for path, figure in zip(files, (compare_paths(records), compare_errors(records)), strict=True):
-        figure.savefig(path)
-    return files
-
-
 def _errors(records: Mapping[str, Record]) -> Figure:
     if not records:
         raise ShapeError("records: expected at least one run, got none")
@@ -276,7 +181,7 @@ def _errors(records: Mapping[str, Record]) -> Figure:
     panels = figure.subplots(3, 1, sharex=True)
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i) | {"label": label}
-        panels[0].plot(record.time, np.maximum(record.error, _FLOOR), **style)
+        panels[0].plot(record.time, np.maximum(record.error, FLOOR), **style)
         panels[1].plot(record.time, 1e3 * record.position_error, **style)
         panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
     panels[0].set_yscale("log")
@@ -308,14 +213,6 @@ def _units(field: str, units: Sequence[str] | None, names: Sequence[str]) -> Seq
         if unit not in UNITS:
             raise unknown_name(field, unit, UNITS)
     return units
-
-
-def _at_least(axes: Axes, span: float) -> None:
-    """Widen an axis that shows little more than round-off."""
-    low, high = axes.get_ylim()
-    if high - low < span:
-        middle = (low + high) / 2
-        axes.set_ylim(middle - span / 2, middle + span / 2)
 
 
 def _near_limits(axes: Axes, lower: float, upper: float) -> None:

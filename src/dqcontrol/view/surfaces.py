@@ -1,0 +1,109 @@
+"""Metrics over a grid of two parameters, as surfaces in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.view.style import PANE, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@styled
+def surface(
+    x: ArrayLike, y: ArrayLike, heights: Mapping[str, ArrayLike], labels: tuple[str, str] = ("$q$", "$r$")
+) -> Figure:
+    """Plot numbers over a grid of two parameters, as one surface each, side by side [P16 Figures 7–8].
+
+    An axis is logarithmic where its grid is geometric rather than even.
+
+    Parameters
+    ----------
+    x, y
+        Grid, shapes (m,) and (n,), increasing.
+    heights
+        By title with unit, each of shape (m, n): ``heights[title][i, k]`` belongs to ``x[i]`` and ``y[k]``; NaN leaves
+        a hole.
+    labels
+        Of x and y.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If there are no heights, they do not fit the grid, or the grid is not increasing.
+
+    Examples
+    --------
+    >>> surface([1, 10, 70], [0.05, 1, 100], {"error integral [s]": errors})  # doctest: +SKIP
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    grid = [_increasing(name, values) for name, values in (("x", x), ("y", y))]
+    shape = tuple(map(len, grid))
+    if not heights:
+        raise ShapeError("heights: expected at least one surface, got none")
+    logarithmic = [_is_geometric(values) for values in grid]
+    places = [np.log10(v) if log else v for v, log in zip(grid, logarithmic, strict=True)]
+    figure = new_figure(3.4 * len(heights), 3.0)
+    for i, (title, values) in enumerate(heights.items()):
+        height = np.asarray(values, dtype=float)
+        if height.shape != shape:
+            raise ShapeError(f"heights of {title}: expected shape {shape} as the grid, got {height.shape}")
+        axes: Any = figure.add_subplot(1, len(heights), i + 1, projection="3d")
+        axes.plot_surface(
+            *np.meshgrid(*places, indexing="ij"),
+            height,
+            cmap="cividis",
+            edgecolor="#333333",
+            lw=0.3,
+            rstride=1,
+            cstride=1,
+        )
+        for name, label, at, log in zip("xy", labels, places, logarithmic, strict=True):
+            _mark_axis(axes, name, label, at, log)
+        axes.zaxis.set_major_locator(MaxNLocator(5))
+        axes.zaxis.set_pane_color(PANE)
+        axes.set_title(title, y=0.94)
+        axes.view_init(elev=24, azim=-130)
+        axes.set_box_aspect((1, 1, 0.8), zoom=0.95)
+        axes.tick_params(pad=-1)
+        axes.tick_params(axis="z", pad=4)
+    return figure
+
+
+def _mark_axis(axes: Any, name: str, label: str, places: Array, logarithmic: bool) -> None:
+    """Label an axis; a logarithmic one, which matplotlib cannot draw in space, by its decades."""
+    from matplotlib.ticker import MaxNLocator
+
+    getattr(axes, f"set_{name}label")(label, labelpad=0)
+    getattr(axes, f"{name}axis").set_pane_color(PANE)
+    if not logarithmic:
+        getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(5))
+        return
+    decades = [d for d in range(-30, 31) if places[0] - 1e-9 <= d <= places[-1] + 1e-9]
+    getattr(axes, f"set_{name}ticks")(decades, [f"$10^{{{d}}}$" for d in decades])
+
+
+def _is_geometric(values: Array) -> bool:
+    """Tell whether the steps between values are more even as ratios than as differences."""
+    if len(values) < 3 or values[0] <= 0:
+        return False
+    steps, ratios = np.diff(values), np.diff(np.log(values))
+    return float(ratios.std() / ratios.mean()) < float(steps.std() / steps.mean())
+
+
+def _increasing(field: str, values: ArrayLike) -> Array:
+    array = as_array(field, values, (None,))
+    if len(array) < 2 or not (np.diff(array) > 0).all():
+        raise ValueRangeError(
+            f"{field}: expected at least two increasing numbers, got {np.array2string(array, threshold=8)}"
+        )
+    return array
