@@ -62,6 +62,17 @@ def test_runs_of_other_parameters_are_no_repeats():
     assert [line[:3] for line in table.rows][:3] == [["K", 5.0, 4], ["HIR", 5.0, 4], ["K", 7.5, 4]]
 
 
+def test_the_set_of_a_grid_is_not_told_twice():
+    grid = [rows(set=f"gain={gain:g}", **{"parameter.gain": gain})[4:] for gain in (5.0, 7.5)]
+    alone = means_table([*grid[0], *grid[1]], ["error.integral"])
+    assert headings(alone)[:2] == ["gain", "Runs"]
+    beside = means_table([*rows(**{"parameter.gain": None})[:4], *grid[0], *grid[1]], ["error.integral"])
+    assert headings(beside)[:3] == ["Law", "gain", "Runs"]
+    assert [line[:2] for line in beside.rows] == [["K", ""], ["HIR", 5.0], ["HIR", 7.5]]
+    texts = [rows(**{"parameter.weights": text})[:4] for text in ("[1, 2]", "[3, 4]")]
+    assert [line[0] for line in means_table([*texts[0], *texts[1]]).rows] == ["[1, 2]", "[3, 4]"]
+
+
 def test_csv_of_means_has_all_digits():
     cells = list(csv.reader(io.StringIO(means_table(rows(), ["error.integral"]).csv())))
     assert cells[0] == ["Law", "Runs", "Diverged", "Error integral [s]", "± Error integral [s]"]
@@ -124,8 +135,10 @@ def test_noise_that_hits_both_laws_cancels_in_pairs():
     data = [row("K", i, 3 + n) for i, n in enumerate(noise)]
     data += [row("HIR", i, 2.9 + n + 0.01 * (-1) ** i) for i, n in enumerate(noise)]
     table = differences_table(data)
-    assert table.rows[0][-1] == "yes"
-    assert abs(table.rows[0][2].value + 0.1) < 0.01
+    law, pairs, difference, *_, verdict = table.rows[0]
+    assert (law, pairs, verdict) == ("HIR", 9, "yes")
+    assert isinstance(difference, PlusMinus)
+    assert difference.value == pytest.approx(-0.1 + 0.01 / 9)
 
 
 def test_only_equal_robots_sets_and_plants_are_compared():

@@ -78,6 +78,19 @@ def test_an_error_inverse_to_the_gain_has_slope_minus_one():
     assert {place: text.get_text() for place, text in ticks} == {2: "2", 4: "4", 8: "8"}
 
 
+def test_laws_with_and_without_a_grid():
+    grid = [
+        row | {"set": f"gain={gain:g}", "parameter.gain": gain} for gain in (5.0, 7.5) for row in rows()[3:]
+    ]
+    alone = [row | {"parameter.gain": None} for row in rows()[:3]]
+    figure = gain_figure([*alone, *grid], "parameter.gain")
+    assert drawn(figure)[0].containers[0].lines[0].get_xdata().tolist() == [5, 7.5]
+    assert legend(figure) == ["HIR"]
+    assert legend(repeats_figure([*alone, *grid]))[:2] == ["gain 5", "gain 7.5"]
+    by_set = gain_figure(grid)
+    assert [text.get_text() for text in drawn(by_set)[0].get_xticklabels()] == ["gain=5", "gain=7.5"]
+
+
 def test_sets_stand_in_the_order_of_the_rows():
     figure = gain_figure([*rows(set="weak"), *rows(set="strong")])
     (axes,) = drawn(figure)

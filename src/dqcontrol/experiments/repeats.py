@@ -18,7 +18,7 @@ Row = Mapping[str, Any]
 Group = tuple[str | float, ...]  # the labels of runs that are repeats of each other
 
 LABELS = ("robot", "law", "set", "plant")
-_LAW = LABELS.index("law")
+_LAW, _SET = LABELS.index("law"), LABELS.index("set")
 _PARAMETER = "parameter."
 
 
@@ -45,9 +45,12 @@ class Repeats:
         self.names = (*LABELS, *self.parameters)
         self.groups: dict[Group, list[Row]] = {}
         for row in rows:
-            self.groups.setdefault(tuple(row.get(name, "") for name in self.names), []).append(row)
-        varied = [len({group[i] for group in self.groups}) > 1 for i in range(len(self.names))]
-        self._shown = [i for i, differs in enumerate(varied) if differs or (i == _LAW and not any(varied))]
+            self.groups.setdefault(tuple(_known(row.get(name)) for name in self.names), []).append(row)
+        self._shown = [i for i in range(len(self.names)) if len({group[i] for group in self.groups}) > 1]
+        without_set = {(*group[:_SET], *group[_SET + 1 :]) for group in self.groups}
+        if _SET in self._shown and len(without_set) == len(self.groups) and self.parameters:
+            self._shown.remove(_SET)  # its label repeats the parameters of a grid
+        self._shown = self._shown or [_LAW]
 
     @property
     def columns(self) -> list[Column]:
@@ -67,11 +70,13 @@ class Repeats:
 
     def describe(self, group: Group, names: Container[str]) -> str:
         """Return those of the named labels that differ, as ``"K · gain 5"``."""
-        texts = (
-            f"{self.names[i].removeprefix(_PARAMETER)} {group[i]:g}" if i >= len(LABELS) else str(group[i])
-            for i in self._shown
-            if self.names[i] in names and group[i] != ""
-        )
+        texts = []
+        for i in self._shown:
+            if self.names[i] in names and group[i] != "":
+                value = group[i] if isinstance(group[i], str) else f"{group[i]:g}"
+                texts.append(
+                    f"{self.names[i].removeprefix(_PARAMETER)} {value}" if i >= len(LABELS) else value
+                )
         return " · ".join(texts)
 
     def caption(self, title: str) -> str:
@@ -119,6 +124,12 @@ class Repeats:
     def beside(self, group: Group, law: str) -> Group:
         """Return the group of another law with otherwise the same labels."""
         return (*group[:_LAW], law, *group[_LAW + 1 :])
+
+
+def _known(label: str | float | None) -> str | float:
+    """Return a label, empty for a parameter that a run does not have."""
+    label = known(label)
+    return "" if label is None else label
 
 
 def _diverged(row: Row) -> bool:

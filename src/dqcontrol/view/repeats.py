@@ -9,7 +9,7 @@ import numpy as np
 
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.experiments.metric_tables import number_column
-from dqcontrol.experiments.repeats import Repeats, Row
+from dqcontrol.experiments.repeats import LABELS, Repeats, Row
 from dqcontrol.experiments.statistics import LEVEL, Mean
 from dqcontrol.view.style import (
     DESIRED,
@@ -63,7 +63,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     study, heading = Repeats(rows), number_column(key).heading
     law = {group: str(study.label(group, "law")) for group in study.groups}
     kind = {group: study.describe(group, ["set", *study.parameters]) for group in study.groups}
-    scene = {group: study.describe(group, ["robot", "plant"]) for group in study.groups}
+    scene = {group: study.describe(group, {*LABELS} - {"law", "set"}) for group in study.groups}
     laws, kinds, scenes = (list(dict.fromkeys(of.values())) for of in (law, kind, scene))
     figure = new_figure(7.0, 0.7 + 2.6 * len(scenes))
     panels = dict(zip(scenes, figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0], strict=True))
@@ -101,7 +101,8 @@ def gain_figure(
     rows
         Of a study; see `dqcontrol.experiments.repeats`.
     over
-        Name of a label: ``"set"`` in the order of the rows, or a number as ``"parameter.gain"``.
+        Name of a label: ``"set"`` in the order of the rows, or a parameter as ``"parameter.gain"``. Runs without it are
+        left out.
     key, level
         As for `repeats_figure`.
 
@@ -121,17 +122,19 @@ def gain_figure(
     study, heading = Repeats(rows), number_column(key).heading
     if over not in study.names:
         raise unknown_name("over", over, study.names)
-    places = list(dict.fromkeys(study.label(group, over) for group in study.groups))
+    others = {*study.names} - {over} - ({*study.parameters} if over == "set" else set())
+    groups = [group for group in study.groups if study.label(group, over) != ""]
+    places = list(dict.fromkeys(study.label(group, over) for group in groups))
     numeric = not any(isinstance(place, str) for place in places)
     curves: dict[str, list[tuple[float, float, float]]] = {}
-    for group in study.groups:
+    for group in groups:
         mean, place = study.mean(group, key), study.label(group, over)
         if mean is not None:
             x = float(place) if numeric else places.index(place)
-            curve = curves.setdefault(study.describe(group, {*study.names} - {over}), [])
+            curve = curves.setdefault(study.describe(group, others), [])
             curve.append((x, mean.mean, _half_width(mean, level)))
     if not curves:
-        raise ShapeError(f"rows: no run that did not diverge has the number '{key}'")
+        raise ShapeError(f"rows: no run that did not diverge has '{key}' and '{over}'")
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     widths = line_widths(len(curves))
