@@ -172,3 +172,21 @@ def test_installed_command_reports_its_version():
     command = Path(sys.executable).parent / "dqcontrol"
     out = subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout
     assert re.fullmatch(r"\d+\.\d+\.\d+\n", out)
+
+
+def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys):
+    code, out, err = call("check", "spec.yaml", capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "monotone" in out
+    assert [path.name for path in here.iterdir()] == ["spec.yaml"]
+    fast = SPEC | {"law": {"kind": "proportional", "gain": 250}}
+    (here / "spec.yaml").write_text(yaml.safe_dump(fast))
+    code, out, err = call("check", "spec.yaml", capsys=capsys)
+    assert (code, err) == (1, "")
+    assert "proportional · integrator: position unstable: k T = 2.5, limit 2; choose k ≤ 100 1/s" in out
+    code, _, err = call("run", "spec.yaml", capsys=capsys)
+    assert code == 0
+    assert "dqcontrol: warning: proportional · integrator: position unstable" in err
+    (here / "spec.yaml").write_text("robot: 3")
+    code, _, err = call("check", "spec.yaml", capsys=capsys)
+    assert (code, err.count("\n")) == (2, 1)

@@ -15,7 +15,7 @@ from rich.console import Console
 import dqcontrol
 from dqcontrol.errors import Error
 
-USER_ERROR = 2
+UNSTABLE, USER_ERROR = 1, 2
 
 app = App(
     name="dqcontrol",
@@ -60,6 +60,27 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | Non
     for line in study.divergences():
         print(line)
     print(f"results: {folder}")
+
+
+@app.command
+def check(spec: Path, /) -> None:
+    """Check an experiment without running it, and say how near its loops are to instability.
+
+    Ends with 1 if a loop is expected to be unstable.
+
+    Parameters
+    ----------
+    spec
+        YAML file; its keys are described in docs/experiments.md.
+    """
+    from dqcontrol.experiments import check as checked
+
+    checks = checked(spec)
+    _wide_console().print(checks.table().rich())
+    for remark in checks.remarks():
+        print(remark)
+    if checks.unstable:
+        sys.exit(UNSTABLE)
 
 
 @app.command

@@ -61,6 +61,10 @@ class SafetyWarning(UserWarning):
     """A simulated robot's safety has switched its motors off."""
 
 
+class StabilityWarning(UserWarning):
+    """A loop is expected to be unstable."""
+
+
 class InterpretedWarning(UserWarning):
     """A user's own function does not compile and is interpreted."""
 

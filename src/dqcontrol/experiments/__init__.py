@@ -2,6 +2,7 @@
 
 from dqcontrol.experiments.attenuation import Attenuation, Gammas, attenuation, attenuation_table
 from dqcontrol.experiments.attenuation_cases import verify_attenuation
+from dqcontrol.experiments.check import Checks, LoopCheck, check
 from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
@@ -15,9 +16,11 @@ from dqcontrol.experiments.tables import Column, PlusMinus, Table
 
 __all__ = [
     "Attenuation",
+    "Checks",
     "Column",
     "Gammas",
     "JointLog",
+    "LoopCheck",
     "Metrics",
     "PlusMinus",
     "Run",
@@ -26,6 +29,7 @@ __all__ = [
     "Table",
     "attenuation",
     "attenuation_table",
+    "check",
     "comparison_table",
     "differences_table",
     "evaluate",

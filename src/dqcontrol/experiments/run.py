@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ShapeError
+from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
@@ -220,6 +221,7 @@ def run(
     setting = prepare(source)
     if not setting.spec.is_single:
         raise ShapeError("spec: describes several runs; use dqcontrol.run_study for it")
+    warn_unstable(setting, stacklevel=2)
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = as_run(setting, case, 0, record)

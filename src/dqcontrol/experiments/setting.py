@@ -20,6 +20,7 @@ from dqcontrol.experiments.output import folder_names
 from dqcontrol.experiments.parameter_sets import Variant
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
+from dqcontrol.experiments.stability import LoopGain, loop_gains
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
@@ -65,6 +66,7 @@ class Case:
     variant: Variant[AnyLaw]
     plant: AnyPlant
     prepared: PreparedLaw | None
+    gains: tuple[LoopGain, ...] | None
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
@@ -155,7 +157,7 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
     for label, robot in robots.items():
         with naming(f"robots.{label}") if label else nullcontext():
             scenes[label] = _scene(spec, robot, folder)
-            laws = dict(enumerate(_prepared_laws(spec, variants, scenes[label])))
+            laws = list(_prepared_laws(spec, variants, scenes[label]))
             _check_plants(spec, plants, scenes[label])
         cases += [
             Case(
@@ -163,7 +165,7 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
                 scenes[label],
                 variant,
                 plants[plant],
-                laws[i],
+                *laws[i],
             )
             for plant in plants
             for i, variant in enumerate(variants)
@@ -190,14 +192,16 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path) -> Scene:
     return Scene(robot, start, reference, samples)
 
 
-def _prepared_laws(spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene) -> Iterator[PreparedLaw | None]:
-    """Prepare every law; give those that fit into memory."""
+def _prepared_laws(
+    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene
+) -> Iterator[tuple[PreparedLaw | None, tuple[LoopGain, ...] | None]]:
+    """Prepare every law; give those that fit into memory, and the loop gains of all."""
     room = _KEPT_BYTES
     for variant in variants:
         with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
             prepared = variant.law.prepare(scene.robot, scene.reference, spec.period, spec.limits)
         room -= prepared.parameters.nbytes
-        yield prepared if room > 0 else None
+        yield prepared if room > 0 else None, loop_gains(variant.law, prepared)
 
 
 def _check_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> None:

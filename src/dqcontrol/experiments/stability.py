@@ -1,4 +1,4 @@
-"""Which loop gains a plant allows: the sampling limits of one law on one plant."""
+"""The loop gains that a law has, and those that a plant allows."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.plants.linear_model import LinearModel
 
 Verdict = Literal["monotone", "oscillatory", "unstable", "drifts", "cannot be decided"]
@@ -20,6 +21,41 @@ _DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
 _ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class LoopGain:
+    """The gain of one of a law's loops where its modulus is largest.
+
+    Attributes
+    ----------
+    loop
+        ``"position"``, ``"orientation"`` or ``"null space"``.
+    value
+        1/s; complex where errors oscillate even with ideal joints and a short period.
+    time
+        When that is, s; None if it is constant.
+    """
+
+    loop: str
+    value: complex
+    time: float | None
+
+
+def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
+    """Return the gains of a law's loops, each at its largest; None if they are unknown."""
+    rates = law.loop_rates(prepared.parameters)
+    if rates is None:
+        return None
+    gains = []
+    for loop, values in (("position", rates.position), ("orientation", rates.orientation)):
+        if values is not None:
+            k = int(np.abs(values).argmax())
+            gains.append(LoopGain(loop, complex(values[k]), k * prepared.dt if np.ptp(values) else None))
+    rate = law.null_space.loop_rate() if law.null_space else None
+    if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):
+        gains.append(LoopGain("null space", rate, None))
+    return tuple(gains)
 
 
 @dataclass(frozen=True)

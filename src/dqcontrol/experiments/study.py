@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import DivergedError, LimitWarning, ValueRangeError
+from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.output import MARK, check_new, folder_names, new_folder
 from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
@@ -266,6 +267,7 @@ def _checked_jobs(jobs: int | None) -> int | None:
 def _run(
     setting: Setting, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
 ) -> Study:
+    warn_unstable(setting, stacklevel=3)
     spec = setting.spec
     rows = journal.finished() if journal else {}
     taken_over = len(rows)

@@ -28,6 +28,10 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
         """Return the kernel's parameters."""
         raise NotImplementedError
 
+    def loop_rate(self) -> float | None:
+        """Return how fast the free motion settles, 1/s; None if that depends on the configuration."""
+        return None
+
 
 @kernel(PREFERENCE)
 def no_preference(q, twist_jacobian, parameters, work, out):
@@ -134,6 +138,10 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
         gain = as_positive("null_space.gain", self.gain)
         fastest = as_positive("null_space.fastest", self.fastest)
         return np.concatenate([[gain, fastest], *position_limits("null_space", robot)])
+
+    def loop_rate(self) -> float:
+        """Return α."""
+        return self.gain
 
 
 @inlined
