@@ -163,6 +163,10 @@ def test_posture_is_a_loop_of_its_own():
     partial = {"kind": "partial-proportional", "part": "position", "gain": 5}
     partial["null_space"] = law["null_space"]
     assert only(law=partial, plant={"kind": "integrator"}, **six).verdict == "unstable"
+    law["null_space"] = {"kind": "joint-centring", "gain": 300}
+    row = only(law=law, plant={"kind": "integrator"})
+    half = dqc.load_robot("iiwa7").limits.upper.min()
+    assert row.worst.gain.value == pytest.approx(2 * 300 / (7 * half**2))
     law["null_space"] = {"kind": "manipulability", "gain": 1000}
     assert only(law=law, plant={"kind": "integrator"}).verdict == "monotone", "not judged"
 

@@ -52,7 +52,7 @@ def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
         if values is not None:
             k = int(np.abs(values).argmax())
             gains.append(LoopGain(loop, complex(values[k]), k * prepared.dt if np.ptp(values) else None))
-    rate = law.null_space.loop_rate() if law.null_space else None
+    rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
     if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):
         gains.append(LoopGain("null space", rate, None))
     return tuple(gains)

@@ -28,8 +28,8 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
         """Return the kernel's parameters."""
         raise NotImplementedError
 
-    def loop_rate(self) -> float | None:
-        """Return how fast the free motion settles, 1/s; None if that depends on the configuration."""
+    def loop_rate(self, robot: SerialArm) -> float | None:
+        """Return how fast the free motion settles at most, 1/s; None if that depends on the configuration."""
         return None
 
 
@@ -71,6 +71,10 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
             return np.concatenate([rates, middle_of_range(robot)])
         return np.concatenate([rates, as_array("null_space.rest", self.rest, (n,))])
 
+    def loop_rate(self, robot: SerialArm) -> float:
+        """Return α."""
+        return self.gain
+
 
 def middle_of_range(robot: SerialArm) -> NDArray[np.float64]:
     """Return the middle of each joint's range, 0 where it has none."""
@@ -100,6 +104,10 @@ class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
         half = (upper - lower) / 2
         rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
         return np.concatenate([rates, middle_of_range(robot)])
+
+    def loop_rate(self, robot: SerialArm) -> float:
+        """Return the rate of the fastest joint."""
+        return float(self.parameters(robot)[: robot.configuration_size].max())
 
 
 @kernel(PREFERENCE)
@@ -138,10 +146,6 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
         gain = as_positive("null_space.gain", self.gain)
         fastest = as_positive("null_space.fastest", self.fastest)
         return np.concatenate([[gain, fastest], *position_limits("null_space", robot)])
-
-    def loop_rate(self) -> float:
-        """Return α."""
-        return self.gain
 
 
 @inlined
