@@ -5,11 +5,13 @@ from dqcontrol.loop.closed_loop import Stop, Trace, close_loop
 from dqcontrol.loop.export import export_record
 from dqcontrol.loop.mcap import load_metadata, load_record, save_record
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate
 
 __all__ = [
     "Clock",
     "Record",
+    "Signal",
     "Stop",
     "Timing",
     "Trace",

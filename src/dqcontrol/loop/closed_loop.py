@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -16,6 +16,7 @@ from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, 
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
+from dqcontrol.loop.signals import Readings, Signal
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
@@ -43,6 +44,7 @@ class Trace:
     command: Array
     stopped: str
     disturbance: Array | None = None  # inertial twist, shape (done, 6)
+    readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
 
 
 def close_loop(
@@ -223,10 +225,12 @@ def _interpret(
     realised = np.zeros((len(samples), 6)) if disturbance else None
     state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
     done, failure = 0, None
+    readings = Readings(plant, len(samples))
     for k, row in enumerate(samples):
         if clock:
             clock.await_step()
         q[k], measured[k] = plant.q, plant.measured
+        readings.take(k)
         try:
             law.step(plant.measured, row, k, state, command[k])
             done = k + 1
@@ -247,7 +251,8 @@ def _interpret(
             break
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))
-    return _ended(done, samples, records, realised, failure)
+    trace = _ended(done, samples, records, realised, failure)
+    return replace(trace, readings=readings.signals(len(trace.q)))
 
 
 def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:

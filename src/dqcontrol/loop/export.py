@@ -17,6 +17,7 @@ column                                holds
 ``error``                             |1 − x* x_d|
 ``position_error``                    m
 ``orientation_error``                 rad
+``NAME.PART``                         what else the plant senses, if it does: ``wrist_force.x``, …
 ====================================  ===============================================================
 
 A MATLAB file holds the same as matrices, one row a sample, of the names before the dot (``q`` for the
@@ -34,45 +35,19 @@ import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError, MissingExtraError, ShapeError, unknown_name
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 
 DUAL_QUATERNION = ("pw", "px", "py", "pz", "dw", "dx", "dy", "dz")
 _POSE_UNITS = ("",) * 4 + ("m",) * 4
 _TWIST = ("wx", "wy", "wz", "vx", "vy", "vz")
-
-
-class Signal(NamedTuple):
-    """One quantity over time.
-
-    Attributes
-    ----------
-    name
-        Of the quantity.
-    parts
-        Names of its columns; empty for a single number.
-    units
-        One for each column; empty where there is none.
-    values
-        Shape (N, number of columns).
-    """
-
-    name: str
-    parts: tuple[str, ...]
-    units: tuple[str, ...]
-    values: NDArray[np.float64]
-
-    def headings(self) -> list[str]:
-        """Return the columns' names with their units."""
-        prefix = "" if self.name == "q" else f"{self.name}."
-        names = [prefix + part for part in self.parts] or [self.name]
-        return [f"{name} [{unit}]" if unit else name for name, unit in zip(names, self.units, strict=True)]
 
 
 def signals(
@@ -116,6 +91,7 @@ def signals(
         Signal("error", (), ("",), record.error[:, None]),
         Signal("position_error", (), ("m",), record.position_error[:, None]),
         Signal("orientation_error", (), ("rad",), record.orientation_error[:, None]),
+        *record.readings.values(),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from dqcontrol import algebra
 from dqcontrol.algebra.kernels import conjugate_multiply
 from dqcontrol.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 Array = NDArray[np.float64]
@@ -67,6 +69,8 @@ class Record:
     disturbance
         Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
         m/s, inertial frame; None if there was none.
+    readings
+        What else the plant sensed, by name, shape (N, columns) each.
 
     Raises
     ------
@@ -97,13 +101,14 @@ class Record:
     input_names: tuple[str, ...] = ()
     stopped: str = field(default="duration", kw_only=True)
     disturbance: Array | None = field(default=None, kw_only=True)
+    readings: Mapping[str, Signal] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
         time = _frozen("time", self.time, (None,))
         count = len(time)
         q = _frozen("q", self.q, (count, None))
         command = _frozen("command", self.command, (count, None))
-        arrays = {
+        arrays: dict[str, object] = {
             "time": time,
             "q": q,
             "measured": _frozen("measured", self.measured, q.shape),
@@ -113,6 +118,12 @@ class Record:
         }
         if self.disturbance is not None:
             arrays["disturbance"] = _frozen("disturbance", self.disturbance, (count, 6))
+        arrays["readings"] = {
+            name: signal._replace(
+                values=_frozen(f"readings.{name}", signal.values, (count, len(signal.units)))
+            )
+            for name, signal in self.readings.items()
+        }
         if not count:
             raise ShapeError("time: a record needs at least one sample, got none")
         if not np.isfinite(time).all() or not (np.diff(time) > 0).all():

@@ -153,6 +153,7 @@ def follow(
         joint_names=robot.joint_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
+        readings=trace.readings,
     )
 
 

@@ -8,14 +8,12 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_count, as_positive, unknown_name
-from dqcontrol.plants.controller_file import SOFTEST, STIFFEST, Stiffness, load_controllers
-from dqcontrol.plants.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
-from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, static_state
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
+from dqcontrol.plants.compliant_arm import assemble
+from dqcontrol.plants.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.joint_table import MODES
 from dqcontrol.plants.loads import EncoderLoss, Payload, Push
-from dqcontrol.plants.mujoco_model import import_mujoco
-from dqcontrol.plants.plant import Plant, start_configuration
+from dqcontrol.plants.plant import Plant
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant_live import LiveCompliant
@@ -152,48 +150,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """
         from dqcontrol.plants.compliant_live import LiveCompliant
 
-        mujoco = import_mujoco()
-        file = load_controllers(robot, self.controllers)
-        start = start_configuration(robot, q0)
-        for i, name in enumerate(robot.joint_names):
-            lower, upper = robot.limits.lower[i], robot.limits.upper[i]
-            if not lower <= start[i] <= upper:
-                raise ValueRangeError(
-                    f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
-                )
-        ticks = _ticks(dt)
-        actuation = file.actuation(self.springs)
-        hand = file.hand_body() if self.hand else None
-        model = elastic_model(robot, actuation, hand=hand, gravity=self.gravity, accurate=self.accurate)
-        data: Any = mujoco.MjData(model)
-        n = robot.configuration_size
-        rotors = np.arange(n, dtype=np.float64)
-        rotors[actuation.elastic] = n + np.arange(int(actuation.elastic.sum()))
-        data.qpos[:n] = start
-        mujoco.mj_forward(model, data)
-        load = data.qfrc_bias[:n].copy()
-        data.qpos[n:] = (start + load / actuation.stiffness)[actuation.elastic]
-        inertia = joint_inertia(model, data)
-        substeps = steps_per_tick(inertia, robot, actuation, self.accurate)
-        model.opt.timestep = TICK / substeps
-        moving = np.diag(inertia)[:n] + np.where(actuation.elastic, actuation.rotor_inertia, 0.0)
-        constants = constants_table(self, file, actuation, moving)
-        bodies = gravity_bodies(robot, hand)
-        state = static_state(robot, constants, MODES[self.mode], start, load, self.gravity_factor)
-        return LiveCompliant(
-            self, robot, file, model, data, constants, state, bodies, rotors, (ticks, substeps), seed
-        )
-
-
-def _ticks(dt: float) -> int:
-    period = as_positive("dt", dt)
-    ticks = round(period / TICK)
-    if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
-        raise ValueRangeError(
-            f"period: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
-            f"({max(1, ticks) * TICK:g} would do)"
-        )
-    return as_count("ticks", ticks)
+        return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
 
 
 def _within(field: str, value: Any, lower: float, upper: float) -> None:

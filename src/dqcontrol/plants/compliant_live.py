@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,18 +19,26 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.plants import joint_table as of
+from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.elastic_model import TICK
-from dqcontrol.plants.filters import MEMORY, butterworth
 from dqcontrol.plants.loads import loss_table, payload_table, push_table
-from dqcontrol.plants.mujoco_model import import_mujoco
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.plants.wrist import LiveWrist
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant import CompliantPlant
-    from dqcontrol.plants.controller_file import ControllerFile
+    from dqcontrol.plants.compliant_arm import Arm
 
 Array = NDArray[np.float64]
+
+_JOINT_CHANNELS = {
+    "motor_angle": "rad",
+    "reference": "rad",
+    "desired_torque": "N·m",
+    "spring_torque": "N·m",
+    "motor_current": "A",
+}
+_JOINT_COLUMNS = [of.REFERENCE, of.DESIRED_TORQUE, of.SENSED, of.CURRENT]  # of all but the motors' angles
 
 
 class LiveCompliant:
@@ -42,84 +50,64 @@ class LiveCompliant:
         MuJoCo's own model and state, for whoever needs more.
     q, measured
         True link angles and those that the encoders give behind their filters, shape (n,), rad, updated in place.
+    channels, readings
+        What is sensed beside them, as `dqcontrol.plants.channels.SensingPlant` says.
     """
 
-    def __init__(
-        self,
-        plant: CompliantPlant,
-        robot: SerialArm,
-        file: ControllerFile,
-        model: Any,
-        data: Any,
-        constants: Array,
-        state: Array,
-        bodies: Array,
-        rotors: Array,
-        counts: tuple[int, int],
-        seed: int,
-    ) -> None:
-        n = robot.configuration_size
+    def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
+        robot, model, data, n = arm.robot, arm.model, arm.data, arm.robot.configuration_size
         self.model, self.data = model, data
         self.q: Array = data.qpos[:n]
         self.measured: Array = np.empty(n)
-        self._names = robot.joint_names
-        self._state, self._ticks = state, counts[0]
+        self._arm, self._state = arm, arm.state
         self._shared = np.zeros(of.SHARED)
         self._shared[[of.MODE, of.ASKED_MODE]] = of.MODES[plant.mode]
-        self._shared[of.RAMP], self._shared[of.RAMP_STEP] = 1.0, TICK / file.ramp_time
-        self._shared[of.MOST_AGE] = round(file.safety.command_timeout / TICK)
-        self._shared[of.MOST_LOST] = round(file.safety.sensor_timeout / TICK)
+        self._shared[of.RAMP], self._shared[of.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
+        self._shared[of.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
+        self._shared[of.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
         self._rng = np.random.default_rng(seed)
-        self._noise = np.zeros((self._ticks, n))
-        self._noise_scale = plant.encoder_noise
-        self._moves = np.zeros(n)
-        self._from_measured = plant.command_mode == "measured"
-        self._period = self._ticks * TICK
+        self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
+        self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
         self._told = False
-        sensor = file.wrist_sensor
-        self._wrench_noise = np.repeat([sensor.force_noise, sensor.torque_noise], 3)
-        self._wrench_bias = np.array([*sensor.force_bias, *sensor.torque_bias])
-        self._filtered_wrench, self._wrench = np.zeros(6), np.zeros(6)
-        names = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
-        carriers = [
-            model.body(name).id for name in ("payload", "hand", *(f"link_{i + 1}" for i in range(n)), "world")
-        ]
-        wrench = data.sensordata
-        wrench_filter, memory = butterworth(sensor.cutoff, TICK), np.zeros((6, MEMORY))
-        mujoco = import_mujoco()
-        mujoco.mj_forward(model, data)
+        self._wrist = wrist = LiveWrist(arm.file.wrist_sensor)
         self._draw()
         settle(
-            constants, state, data.qpos, data.qvel, rotors, self._noise[0], wrench, wrench_filter, memory,
-            self._filtered_wrench,
+            arm.constants, arm.state, data.qpos, data.qvel, arm.rotors, self._noise[0],
+            data.sensordata, wrist.coefficients, wrist.memory, wrist.filtered,
         )  # fmt: skip
         self._physics = (physics_step(), model._address, data._address)
+        links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
+        hand, payload = model.body("hand").id, model.body("payload").id
         self._tables = (
-            constants,
-            state,
+            arm.constants,
+            arm.state,
             self._shared,
             robot.chain,
-            bodies,
+            arm.bodies,
             np.array([*plant.gravity, plant.gravity_factor]),
             np.zeros((4, n)),
             self._noise,
             loss_table(plant.encoder_losses, n),
-            push_table(plant.pushes, {"hand": carriers[0], **names}),
+            push_table(plant.pushes, {"hand": payload, **links}),
             payload_table(plant.payload),
-            np.array(carriers, dtype=np.float64),
+            np.array([payload, hand, *links.values(), 0], dtype=np.float64),  # 0: the world
             model.body_mass,
             model.body_subtreemass,
             data.xfrc_applied,
             data.ctrl,
             data.qpos,
             data.qvel,
-            rotors,
-            wrench,
-            wrench_filter,
-            memory,
-            self._filtered_wrench,
+            arm.rotors,
+            data.sensordata,
+            wrist.coefficients,
+            wrist.memory,
+            wrist.filtered,
         )
-        self._steps = counts[1]
+        self.channels = _channels(robot.joint_names)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
+        self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
+        self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
+        self._rotors = arm.rotors.astype(np.intp)
         self._measure()
 
     @property
@@ -150,7 +138,7 @@ class LiveCompliant:
     @property
     def servo_stiffness(self) -> Array:
         """The gains of the modes THETA and THETA_MJ, shape (n,), N·m/rad."""
-        return self._tables[0][:, of.SERVO_P].copy()
+        return self._arm.constants[:, of.SERVO_P].copy()
 
     @property
     def fault(self) -> str:
@@ -158,7 +146,7 @@ class LiveCompliant:
         if self._shared[of.FAULT] == 0:
             return ""
         what, joint = of.FAULTS[int(self._shared[of.FAULT])], int(self._shared[of.FAULTY_JOINT])
-        return what if joint < 0 else f"{self._names[joint]}: {what}"
+        return what if joint < 0 else f"{self._arm.robot.joint_names[joint]}: {what}"
 
     def switch(self, mode: str) -> None:
         """Ask for another mode, which takes over within the ramp time, and clear a fault.
@@ -195,9 +183,9 @@ class LiveCompliant:
                 raise ShapeError(f"command: expected shape {moves.shape}, got {command.shape}")
         if not math.isfinite(command.dot(command)):
             raise ValueRangeError(f"command: must be finite, got {command}")
-        np.multiply(command, self._period, out=moves)
+        np.multiply(command, self._arm.ticks * TICK, out=moves)
         self._shared[of.AGE] = 0.0
-        self._advance(self._ticks, self._from_measured)
+        self._advance(self._arm.ticks, self._from_measured)
 
     def wait(self, duration: float) -> None:
         """Let time pass without a new command.
@@ -210,12 +198,12 @@ class LiveCompliant:
         self._moves[:] = 0.0
         ticks = round(as_positive("duration", duration, zero_allowed=True) / TICK)
         while ticks > 0:
-            self._advance(min(ticks, self._ticks), False)
-            ticks -= self._ticks
+            self._advance(min(ticks, self._arm.ticks), False)
+            ticks -= self._arm.ticks
 
     def _advance(self, ticks: int, from_measured: bool) -> None:
         self._draw()
-        if advance(*self._physics, ticks, self._steps, self._moves, from_measured, *self._tables):
+        if advance(*self._physics, ticks, self._arm.steps, self._moves, from_measured, *self._tables):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
         if self._shared[of.FAULT] and not self._told:
@@ -230,8 +218,23 @@ class LiveCompliant:
             self._noise *= self._noise_scale
 
     def _measure(self) -> None:
-        self.measured[:] = self._state[:, of.ANGLE]
-        self._rng.standard_normal(out=self._wrench)
-        self._wrench *= self._wrench_noise
-        self._wrench += self._filtered_wrench
-        self._wrench += self._wrench_bias
+        state, shared, other = self._state, self._shared, self._other_readings
+        self.measured[:] = state[:, of.ANGLE]
+        self._joint_readings[0] = self.data.qpos[self._rotors]
+        self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
+        self._wrist.read(self._rng, other[0:6])
+        other[6:9] = self.data.xfrc_applied[:, :3].sum(axis=0)
+        other[9], other[10] = shared[of.PAYLOAD], shared[of.MODE]
+
+
+def _channels(joints: tuple[str, ...]) -> tuple[Channel, ...]:
+    """Return what is read, in the order of `LiveCompliant.readings`."""
+    axes = ("x", "y", "z")
+    return (
+        *(Channel(name, joints, unit) for name, unit in _JOINT_CHANNELS.items()),
+        Channel("wrist_force", axes, "N"),
+        Channel("wrist_torque", axes, "N·m"),
+        Channel("push", axes, "N"),
+        Channel("payload", (), "kg"),
+        Channel("mode", (), ""),
+    )

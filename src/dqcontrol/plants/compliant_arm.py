@@ -1,0 +1,112 @@
+"""A compliant arm put together: its model in MuJoCo and its controllers' numbers, at rest and in balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.plants.controller_file import ControllerFile, load_controllers
+from dqcontrol.plants.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
+from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, static_state
+from dqcontrol.plants.joint_table import MODES
+from dqcontrol.plants.mujoco_model import import_mujoco
+from dqcontrol.plants.plant import start_configuration
+from dqcontrol.robots.serial_arm import SerialArm
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.compliant import CompliantPlant
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm ready to move.
+
+    Attributes
+    ----------
+    robot, file
+        What it is made of.
+    model, data
+        MuJoCo's, at the start configuration.
+    constants, state
+        Of the joint controllers, columns of `joint_table`, one row a joint.
+    bodies
+        Table of the controllers' model of gravity, shape (n, 4).
+    rotors
+        Which coordinate of the model is each joint's motor, shape (n,).
+    ticks, steps
+        Ticks of the joint controllers in a period, and steps of the physics in a tick.
+    """
+
+    robot: SerialArm
+    file: ControllerFile
+    model: Any
+    data: Any
+    constants: Array
+    state: Array
+    bodies: Array
+    rotors: Array
+    ticks: int
+    steps: int
+
+
+def assemble(plant: CompliantPlant, robot: SerialArm, q0: ArrayLike, dt: float) -> Arm:
+    """Put the arm of a plant together, at rest at q0 (n,), rad, for control periods dt, s.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something does not fit the robot, or its motors cannot hold it at q0.
+    """
+    mujoco = import_mujoco()
+    file = load_controllers(robot, plant.controllers)
+    start, ticks, n = _start(robot, q0), _ticks(dt), robot.configuration_size
+    actuation = file.actuation(plant.springs)
+    elastic = actuation.elastic
+    hand = file.hand_body() if plant.hand else None
+    model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
+    data: Any = mujoco.MjData(model)
+    data.qpos[:n] = start
+    mujoco.mj_forward(model, data)
+    load = data.qfrc_bias[:n].copy()
+    data.qpos[n:] = (start + load / actuation.stiffness)[elastic]
+    inertia = joint_inertia(model, data)
+    steps = steps_per_tick(inertia, robot, actuation, plant.accurate)
+    model.opt.timestep = TICK / steps
+    mujoco.mj_forward(model, data)
+    moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)
+    constants = constants_table(plant, file, actuation, moved)
+    state = static_state(robot, constants, MODES[plant.mode], start, load, plant.gravity_factor)
+    rotors = np.arange(n, dtype=np.float64)
+    rotors[elastic] = n + np.arange(np.count_nonzero(elastic))
+    bodies = gravity_bodies(robot, hand)
+    return Arm(robot, file, model, data, constants, state, bodies, rotors, ticks, steps)
+
+
+def _start(robot: SerialArm, q0: ArrayLike) -> Array:
+    """Return the start configuration, or say why the arm cannot be there."""
+    start = start_configuration(robot, q0)
+    for i, name in enumerate(robot.joint_names):
+        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
+        if not lower <= start[i] <= upper:
+            raise ValueRangeError(
+                f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
+            )
+    return start
+
+
+def _ticks(dt: float) -> int:
+    """Return how many ticks of the joint controllers a control period has."""
+    period = as_positive("period", dt)
+    ticks = round(period / TICK)
+    if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
+        raise ValueRangeError(
+            f"period: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
+            f"({max(1, ticks) * TICK:g} would do)"
+        )
+    return ticks
