@@ -164,11 +164,11 @@ def test_a_switch_starts_at_what_is_measured_and_takes_a_second():
     shared = np.zeros(of.SHARED)
     shared[of.MODE], shared[of.ASKED_MODE] = of.MODES["THETA"], of.MODES["TORQUE"]
     shared[of.RAMP], shared[of.RAMP_STEP], shared[of.MOST_AGE], shared[of.MOST_LOST] = 1.0, 1e-3, 1e9, 1e9
-    rest = np.zeros(n)
+    rest, scratch, bodies = np.zeros(n), np.zeros((2, n)), np.zeros((n, 4))
     for k in range(1, 1500):
         control(
-            constants, state, shared, MEKA.chain, np.zeros((n, 4)), np.zeros(3), 1.0, rest.copy(), rest.copy(), rest, rest
-        )  # fmt: skip
+            constants, state, shared, MEKA.chain, bodies, np.zeros(3), 1.0, scratch[0], scratch[1], rest, rest
+        )
         s = min(1.0, k * 1e-3)
         np.testing.assert_allclose(state[:, of.DESIRED_TORQUE], s * 2 + (1 - s) * 0.5, atol=1e-12)
     assert (state[:, of.REFERENCE] == 0.2).all()

@@ -68,7 +68,7 @@ class LiveCompliant:
         self._rng = np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
-        self._told = False
+        self._told, self._pushed = False, bool(plant.pushes)
         self._wrist = wrist = LiveWrist(arm.file.wrist_sensor)
         self._draw()
         settle(
@@ -223,7 +223,8 @@ class LiveCompliant:
         self._joint_readings[0] = self.data.qpos[self._rotors]
         self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
         self._wrist.read(self._rng, other[0:6])
-        other[6:9] = self.data.xfrc_applied[:, :3].sum(axis=0)
+        if self._pushed:
+            self.data.xfrc_applied[:, :3].sum(axis=0, out=other[6:9])
         other[9], other[10] = shared[of.PAYLOAD], shared[of.MODE]
 
 

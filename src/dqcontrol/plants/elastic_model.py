@@ -18,10 +18,8 @@ Array = NDArray[np.float64]
 _ROTOR_MASS = 1e-14  # kg; a rotor is nothing but a moment of inertia, and its mass is in the links' data
 TICK = 1e-3  # s, of the joint controllers
 INTEGRATORS = {False: "IMPLICITFAST", True: "RK4"}  # by `accurate`
-_MOST_PHASE = {
-    False: 1.0,
-    True: 0.7,
-}  # rad a step of the fastest spring; beyond, the integrator is blunt or unstable
+# Radians a step of the fastest spring; beyond, the integrator is blunt or unstable.
+_MOST_PHASE = {False: 1.0, True: 1.2}
 _MOST_STEPS = 16  # a tick
 
 

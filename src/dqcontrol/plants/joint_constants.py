@@ -126,7 +126,7 @@ def static_state(
     """
     state = np.zeros((len(q), of.STATE))
     state[:, of.TARGET] = state[:, of.REFERENCE] = state[:, of.GOAL] = q
-    state[:, of.ENCODER], state[:, of.SENSED] = q, load
+    state[:, of.ENCODER], state[:, of.SENSED], state[:, of.MOTOR_TORQUE] = q, load, load
     if mode in _SERVO_MODES:
         spring = np.where(constants[:, of.SPRING] > 0, constants[:, of.SPRING], np.inf)
         state[:, of.TARGET] += load / spring + load / constants[:, of.SERVO_P]
