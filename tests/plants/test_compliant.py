@@ -147,11 +147,20 @@ def test_encoders_have_their_steps():
 
 
 def test_stops_hold_the_links():
+    live = CompliantPlant(mode="TORQUE", torque=[0, 0, 0, 0, 0, 4.0, -4.0]).start(MEKA, Q0, T, 0, 0)
+    rest(live, 3.0)
+    ends = [MEKA.limits.upper[5], MEKA.limits.lower[6]]
+    np.testing.assert_allclose(live.q[5:], ends, atol=0.01)
+
+
+def test_targets_stay_in_the_joints_range():
+    file = load_controllers(MEKA)
     live = CompliantPlant(mode="THETA").start(MEKA, Q0, T, 0, 0)
-    for _ in range(250):
-        live.step(np.array([0, 0, 0, 0, 0, 0.8, 0]))
-    assert live.q[5] < MEKA.limits.upper[5] + 0.01
-    assert live.target[5] > MEKA.limits.upper[5] + 0.3
+    rest(live, 2.0, np.full(7, 0.8))
+    upper = np.minimum(file.column("range", "upper"), MEKA.limits.upper)
+    assert live.target[5] == upper[5]
+    live.step(np.full(7, -0.8))
+    assert live.target[5] == pytest.approx(upper[5] - 0.8 * T)
 
 
 def test_a_spec_drives_the_arm(tmp_path):
@@ -160,7 +169,7 @@ def test_a_spec_drives_the_arm(tmp_path):
         "robot": "meka-a2",
         "start": Q0.tolist(),
         "period": T,
-        "reference": {"kind": "circle", "radius": 0.02, "duration": 3, "plane": "xz"},
+        "reference": {"kind": "circle", "radius": 0.02, "duration": 3, "plane": "xy"},
         "law": {"kind": "proportional", "gain": 3},
         "plant": {"kind": "compliant", "mode": "THETA_GC", "hand": True, "springs": "default"},
     }
@@ -183,6 +192,18 @@ def test_controllers_come_from_a_file(tmp_path):
     path = with_file(tmp_path, lambda data: data["joints"][0]["motor"].update(friction=2.5))
     live = CompliantPlant(controllers=path).start(MEKA, Q0, T, 0, 0)
     assert live.model.dof_damping[7] == 2.5
+
+
+def test_a_controller_file_lies_beside_its_spec(tmp_path):
+    with_file(tmp_path, lambda data: None)
+    path = tmp_path / "spec.yaml"
+    path.write_text(
+        f"{{name: x, robot: meka-a2, start: {Q0.tolist()}, period: 0.008, duration: 0.1,"
+        " reference: {kind: set-point}, law: {kind: proportional, gain: 3},"
+        " plant: {kind: compliant, controllers: mine.yaml}}"
+    )
+    run = dqc.run(path)
+    assert str(tmp_path / "mine.yaml") in run.spec
 
 
 @pytest.mark.parametrize(

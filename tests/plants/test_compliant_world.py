@@ -197,7 +197,7 @@ def test_unknown_modes_are_named():
 
 
 def record(tmp_path=None, **plant):
-    circle = dqc.references.Circle(MEKA.fkm(Q0), radius=0.02, duration=0.4, plane="xz")
+    circle = dqc.references.Circle(MEKA.fkm(Q0), radius=0.02, duration=0.4, plane="xy")
     return dqc.simulate(MEKA, circle, dqc.laws.Proportional(gain=3.0), CompliantPlant(**plant), Q0, period=T)
 
 

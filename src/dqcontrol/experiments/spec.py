@@ -217,6 +217,7 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         raise FileFormatError(
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
         )
+    _locate_controllers(data, folder)
     spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
@@ -224,6 +225,15 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
     return spec, folder
+
+
+def _locate_controllers(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of controller files absolute."""
+    several = data.get("plants")
+    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
+    for plant in plants:
+        if isinstance(plant, dict) and isinstance(plant.get("controllers"), str):
+            plant["controllers"] = str((folder / plant["controllers"]).resolve())
 
 
 def _plain(value: Any) -> Any:

@@ -12,7 +12,7 @@ from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.plants.controller_file import ControllerFile, load_controllers
 from dqcontrol.plants.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.joint_table import MODES
+from dqcontrol.plants.joint_table import LOWER, MODES, UPPER
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import start_configuration
 from dqcontrol.robots.serial_arm import SerialArm
@@ -81,6 +81,8 @@ def assemble(plant: CompliantPlant, robot: SerialArm, q0: ArrayLike, dt: float) 
     mujoco.mj_forward(model, data)
     moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)
     constants = constants_table(plant, file, actuation, moved)
+    constants[:, LOWER] = np.maximum(constants[:, LOWER], robot.limits.lower)
+    constants[:, UPPER] = np.minimum(constants[:, UPPER], robot.limits.upper)
     state = static_state(robot, constants, MODES[plant.mode], start, load, plant.gravity_factor)
     rotors = np.arange(n, dtype=np.float64)
     rotors[elastic] = n + np.arange(np.count_nonzero(elastic))

@@ -150,7 +150,8 @@ def advance(
     """Move the targets, then let controllers and physics run for a number of ticks."""
     n = state.shape[0]
     for i in range(n):
-        state[i, of.TARGET] = moves[i] + (state[i, of.ANGLE] if from_measured else state[i, of.TARGET])
+        target = moves[i] + (state[i, of.ANGLE] if from_measured else state[i, of.TARGET])
+        state[i, of.TARGET] = min(max(target, constants[i, of.LOWER]), constants[i, of.UPPER])
     for tick in range(ticks):
         time = (
             shared[of.TICKS] + 0.5

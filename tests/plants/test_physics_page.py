@@ -1,0 +1,40 @@
+import re
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.yaml_file import convert, parse_yaml
+
+pytest.importorskip("mujoco")
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/physics.md").read_text()
+
+
+def test_python_on_the_page_prints_what_it_says(capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    exec(compile(code, "page", "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out.strip() == re.search(r"print\(.*\) +# (.*)", code)[1]
+
+
+def test_plant_on_the_page_is_a_plant():
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+    plant = convert("page", parse_yaml("page", text)["plant"], CompliantPlant)
+    q = [0, 0.63, 0, 1.57, 0, 0.63, 0]
+    plant.start(dqc.load_robot("meka-a2"), q, 0.008, 0, 0)
+
+
+def test_keys_of_the_plant_are_listed_with_the_others():
+    rows = (ROOT / "docs/experiments.md").read_text().splitlines()
+    (row,) = (row for row in rows if row.startswith("| `compliant`"))
+    for field in msgspec.structs.fields(CompliantPlant):
+        assert f"`{field.name}`" in row
+
+
+def test_the_example_follows_its_circle():
+    run = dqc.run(ROOT / "examples/compliant.yaml")
+    assert run.record.stopped == "duration"
+    assert run.metrics.position.peak < 16  # mm
