@@ -17,7 +17,8 @@ PAGE = (ROOT / "docs/physics.md").read_text()
 def test_python_on_the_page_prints_what_it_says(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     exec(compile(code, "page", "exec"), {"__name__": "__main__"})
-    assert capsys.readouterr().out.strip() == re.search(r"print\(.*\) +# (.*)", code)[1]
+    (promised,) = re.findall(r"print\(.*\) +# (.*)", code)
+    assert capsys.readouterr().out.strip() == promised
 
 
 def test_plant_on_the_page_is_a_plant():
