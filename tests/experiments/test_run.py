@@ -167,3 +167,30 @@ def test_a_failure_while_saving_leaves_nothing_behind(tmp_path, monkeypatch):
 def test_a_spec_is_data():
     spec = prepare(BASE).spec
     assert msgspec.convert(msgspec.to_builtins(spec), type(spec)) == spec
+
+
+def test_metrics_may_judge_what_the_encoders_gave(tmp_path):
+    noisy = {**BASE, "plant": {"kind": "servo", "encoder_resolution": 1e-3}}
+    true, measured = run(noisy), run({**noisy, "judged": "measured"})
+    assert same(true, measured)
+    assert measured.metrics.joint_path_length == pytest.approx(
+        np.linalg.norm(np.diff(measured.record.measured, axis=0), axis=1).sum()
+    )
+    assert measured.metrics.hand_acceleration.integral > 3 * true.metrics.hand_acceleration.integral
+    loaded = dqc.experiments.load_run(measured.save(tmp_path / "run"))
+    assert loaded.metrics.joint_path_length == measured.metrics.joint_path_length
+    with pytest.raises(Error, match="judged"):
+        run({**noisy, "judged": "seen"})
+
+
+def test_a_null_space_of_the_spec_is_that_of_every_law_without_one():
+    posture = {"kind": "posture", "gain": 2.0, "rest": BASE["start"]}
+    other = {"kind": "manipulability", "gain": 1.0}
+    laws = {"plain": FEEDFORWARD, "own": {**FEEDFORWARD, "null_space": other}}
+    data = {key: value for key, value in BASE.items() if key != "law"}
+    setting = prepare({**data, "laws": laws, "null_space": posture})
+    plain, own = (msgspec.to_builtins(case.variant.law.null_space) for case in setting.cases)
+    assert plain == posture
+    assert own == other
+    alone = run({**BASE, "law": {**FEEDFORWARD, "null_space": posture}})
+    assert same(run({**BASE, "null_space": posture}), alone)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.experiments.spec import Judged
 from dqcontrol.loop import Record, save_record
 from dqcontrol.loop.simulate import follow
 from dqcontrol.robots import SerialArm
@@ -42,6 +43,8 @@ class Run:
         Length of the start that the settled errors leave out, s.
     label
         Law and plant.
+    judged
+        Whether the metrics judge the true joint angles or those that the encoders gave.
     """
 
     spec: str
@@ -49,6 +52,7 @@ class Run:
     record: Record
     settle: float
     label: str
+    judged: Judged = "true"
 
     @property
     def time(self) -> Array:
@@ -83,7 +87,7 @@ class Run:
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return measure(self.record, self.robot, self.settle)
+        return measure(self.record, self.robot, self.settle, self.judged)
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
@@ -148,8 +152,10 @@ def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def measure(record: Record, robot: SerialArm, settle: float) -> Metrics:
+def measure(record: Record, robot: SerialArm, settle: float, judged: Judged = "true") -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
+    if judged == "measured":
+        record = replace(record, q=record.measured, pose=robot.fkm(record.measured))
     return evaluate(record, robot.limits, settle=min(settle, record.duration))
 
 
@@ -185,7 +191,7 @@ def execute(
 def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:
     """Return the record of a trial with the spec that repeats it."""
     text = setting.single_text(case, repeat)
-    return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label)
+    return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label, setting.spec.judged)
 
 
 def run(

@@ -42,6 +42,7 @@ def load_run(folder: str | Path) -> Run:
         load_record(path / "record.mcap"),
         spec.settle,
         f"{law} · {plant}",
+        spec.judged,
     )
 
 

@@ -25,6 +25,7 @@ from dqcontrol.laws import (
     Proportional,
     ProportionalFeedforward,
 )
+from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
 from dqcontrol.plants import CompliantPlant, Disturbance, Integrator, MujocoPlant, Servo
@@ -42,6 +43,7 @@ AnyLaw = (
     | LinearQuadraticR8
     | LinearQuadraticDQ
 )
+Judged = Literal["true", "measured"]
 AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant
 
 
@@ -105,6 +107,10 @@ class Spec(Part, frozen=True, kw_only=True):
         When to end a run early.
     settle
         Length of the start that the settled errors leave out, s.
+    judged
+        Whether metrics judge the true joint angles or, as on a real robot, those that the encoders gave.
+    null_space
+        Of all laws that name none.
     """
 
     name: Annotated[
@@ -141,6 +147,8 @@ class Spec(Part, frozen=True, kw_only=True):
     record: Literal["all", "metrics"] | None = None
     stop: Stop | None = None
     settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    judged: Judged = "true"
+    null_space: AnyNullSpace | None = None
 
     @property
     def robot_by_label(self) -> dict[str, StartedRobotSpec]:
@@ -169,7 +177,13 @@ class Spec(Part, frozen=True, kw_only=True):
     @property
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
-        return variants(self.law_by_label, self.sets, self.grids)
+        laws = {label: self._with_null_space(law) for label, law in self.law_by_label.items()}
+        return variants(laws, self.sets, self.grids)
+
+    def _with_null_space(self, law: AnyLaw) -> AnyLaw:
+        if self.null_space is None or law.null_space is not None:
+            return law
+        return msgspec.structs.replace(law, null_space=self.null_space)
 
     @property
     def keeps_records(self) -> bool:

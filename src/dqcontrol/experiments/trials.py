@@ -94,7 +94,7 @@ class Batch:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
             return Outcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
-        metrics = measure(record, case.scene.robot, spec.settle).flat()
+        metrics = measure(record, case.scene.robot, spec.settle, spec.judged).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
         return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
 
@@ -192,7 +192,8 @@ def _alone(batch: Batch) -> Batch:
 def _rehearse(batches: Sequence[Batch]) -> None:
     """Run two samples of every kind of trial, so that what has to be compiled is compiled once, not in each process."""
     kinds = {
-        (type(b.case.variant.law), b.case.variant.law.null_space, type(b.case.plant)): b for b in batches
+        (type(b.case.variant.law), type(b.case.variant.law.null_space), type(b.case.plant)): b
+        for b in batches
     }
     for batch in kinds.values():
         scene = replace(batch.case.scene, samples=batch.case.scene.samples[:2])
