@@ -61,7 +61,7 @@ def _paths(records: Mapping[str, Record]) -> Figure:
     desired = _finite(next(iter(records.values())).desired_position)
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
-    plane = _plane(desired) if moving else None
+    plane = path_plane(desired) if moving else None
 
     figure = new_figure(7.0, 3.9) if plane else new_figure(5.2, 4.6)
     space: Any = figure.add_subplot(1, 2 if plane else 1, 1, projection="3d")
@@ -137,7 +137,7 @@ def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] 
     axes.view_init(elev=elevation, azim=azimuth)
 
 
-def _plane(points: Array) -> tuple[Array, tuple[str, str]] | None:
+def path_plane(points: Array) -> tuple[Array, tuple[str, str]] | None:
     """Return two axes that span the plane of the points and their labels, or None if they lie in no plane."""
     if len(points) < 3:
         return None
