@@ -213,6 +213,58 @@ def export(run: Path, path: Path, /, *, force: Force = False) -> None:
     print(f"results: {load_run(run).export(path, force=force)}")
 
 
+@app.command
+def reproduce(
+    name: str | None = None,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    samples: int | None = None,
+) -> None:
+    """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
+
+    Parameters
+    ----------
+    name
+        As pereira2016/spiral, or pereira2016 for all; without it the experiments are listed.
+    out
+        New folder for the results; default: results/NAME.
+    force
+        Replace earlier folders of results.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    samples
+        Of each real-time run of sampling-time; default: 500.
+    """
+    from dqcontrol.experiments import published
+    from dqcontrol.experiments.output import check_new
+
+    if name is None:
+        _wide_console().print(published.catalogue_table().rich())
+        return
+    names = published.names(name)
+    folders = {
+        each: (out or Path("results") / name) / each if len(names) > 1 else out or Path("results") / name
+        for each in names
+    }
+    for folder in folders.values():
+        check_new(folder, force=force)
+    for each, folder in folders.items():
+        with _progress() as progress:
+            done = published.reproduce(
+                each,
+                jobs=jobs,
+                samples=published.SAMPLES if samples is None else samples,
+                progress=lambda label, count, total, show=progress: show(count, total, label),
+            )
+        done.save(folder, force=force)
+        for table in done.tables:
+            _wide_console().print(table.rich())
+        print(f"results: {folder}")
+
+
 @robots.default
 def list_robots() -> None:
     """List the robots that come with dqcontrol."""
@@ -290,28 +342,30 @@ def _wide_console() -> Console:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[float, int], None]]:
-    """Give what shows a bar of trials on standard error, once there are any."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+def _progress() -> Iterator[Callable[..., None]]:
+    """Give what shows a bar for each label on standard error, once there is one."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn("trials"),
+        TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
     bar = Progress(*columns, console=Console(stderr=True))
+    tasks: dict[str, TaskID] = {}
 
-    def report(done: float, total: int) -> None:
-        if not bar.tasks:
+    def report(done: float, total: int, label: str = "trials") -> None:
+        if not tasks:
+            bar.start()  # only now: an error before the first trial prints nothing else
+        if label not in tasks:
             if done:
                 print(f"dqcontrol: goes on; {done:g} of {total} trials were finished before", file=sys.stderr)
-            bar.start()  # only now: an error before the first trial prints nothing else
-            bar.add_task("trials", total=total)
-        bar.update(bar.tasks[0].id, completed=done)
+            tasks[label] = bar.add_task(label, total=total)
+        bar.update(tasks[label], completed=done)
 
     try:
         yield report
     finally:
-        if bar.tasks:
+        if tasks:
             bar.stop()

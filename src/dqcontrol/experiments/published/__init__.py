@@ -1,5 +1,6 @@
 """What the source documents printed: their numbers and what they claim about them."""
 
+from dqcontrol.experiments.published.catalogue import SOURCE, catalogue_table, names, reproduction
 from dqcontrol.experiments.published.published_numbers import (
     REPRODUCTIONS,
     Claim,
@@ -11,15 +12,23 @@ from dqcontrol.experiments.published.published_numbers import (
     published_cells,
     published_runs,
 )
+from dqcontrol.experiments.published.reproduce import SAMPLES, Reproduced, reproduce
 
 __all__ = [
     "REPRODUCTIONS",
+    "SAMPLES",
+    "SOURCE",
     "Claim",
     "Disagreement",
     "PublishedCell",
     "PublishedRun",
+    "Reproduced",
+    "catalogue_table",
     "claims",
     "disagreements",
+    "names",
     "published_cells",
     "published_runs",
+    "reproduce",
+    "reproduction",
 ]

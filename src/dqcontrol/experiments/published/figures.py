@@ -1,0 +1,64 @@
+"""Figures of the published experiments beside those of their studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.experiments.published.verdicts.evidence import record_of
+from dqcontrol.experiments.published.verdicts.grid import grid_of
+from dqcontrol.experiments.sampling_time import SamplingTime
+from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.study import Study
+from dqcontrol.yaml_file import parse_yaml
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Draw = Callable[[], "Figure"]
+
+
+def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
+    """Return what shows a reproduction's studies, by file name: App. D's surfaces, 5.9's painting."""
+    if name == "light-painting":
+        return {name: lambda: _painting(studies[name])}
+    if name == "lqr-surface":
+        return {label: lambda study=study: _surfaces(study) for label, study in studies.items()}
+    return {}
+
+
+def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
+    """Return histograms of the measured periods by file name, as Figures 5.5 and 5.6."""
+    return {
+        f"periods-{1e3 * period:g}-ms": lambda period=period: _histogram(rows, period)
+        for period in sorted({row.timing.period for row in rows})
+    }
+
+
+def _painting(study: Study) -> Figure:
+    from dqcontrol.view.light_painting import light_painting
+
+    setting = prepare(parse_yaml("spec", study.spec))
+    return light_painting(record_of(setting, "LQR-DQ"))
+
+
+def _surfaces(study: Study) -> Figure:
+    from dqcontrol.view import surface
+
+    metrics = {
+        "Eff [rad s]": "joint_step.integral",
+        "L.Vel [m]": "hand_speed.integral",
+        "log₁₀ Err": "error.integral",
+    }
+    qs, rs, _ = grid_of(study.rows, "error.integral")
+    heights = {title: grid_of(study.rows, key)[2] for title, key in metrics.items()}
+    heights["log₁₀ Err"] = np.log10(heights["log₁₀ Err"])
+    return surface(qs, rs, heights)
+
+
+def _histogram(rows: Sequence[SamplingTime], period: float) -> Figure:
+    from dqcontrol.view import histogram
+
+    return histogram({row.label: 1e3 * row.timing.periods for row in rows if row.timing.period == period})

@@ -1,0 +1,28 @@
+"""Write the tables of all reproductions of [P16] into docs: `python tools/update_pereira2016.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.experiments.published import SOURCE, names, reproduce
+
+PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
+HEAD = """# Pereira 2016: published | ours | ratio
+
+Written by `python tools/update_pereira2016.py`, which runs `dqcontrol reproduce` for each heading. What the numbers
+mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviation over the repeats.
+"""
+
+
+def main() -> None:
+    """Run everything and write the page."""
+    parts = [HEAD]
+    for name in names(SOURCE):
+        parts.append(f"## {SOURCE}/{name}\n")
+        parts += [table.markdown() for table in reproduce(name).tables]
+        print(name)
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
