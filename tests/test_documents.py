@@ -11,7 +11,8 @@ from dqcontrol import experiments
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-RUN_HERE = ("README.md", "experiments.md", "laws.md")  # the others bring files, and tests of their own
+# The others bring files, and tests of their own.
+RUN_HERE = ("README.md", "experiments.md", "laws.md", "statistics.md")
 BLOCKS = [
     pytest.param(match[1], id=f"{path.name}-{i}")
     for path in DOCUMENTS

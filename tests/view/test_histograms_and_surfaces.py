@@ -7,7 +7,7 @@ from test_plots import drawn
 
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.view.histograms import histogram
-from dqcontrol.view.surfaces import surface
+from dqcontrol.view.surfaces import surface, surface_figure
 
 pytestmark = pytest.mark.filterwarnings("error")
 Q, R = [1, 10, 20, 30, 40, 50, 60, 70], [0.05, 0.1, 0.5, 1, 5, 10, 50, 100]  # [P16 Table 5 of Appendix D]
@@ -64,6 +64,29 @@ def test_surfaces_stand_side_by_side_and_may_have_holes():
     boxes = [axes.get_window_extent() for axes in panels]
     assert boxes[0].x1 <= boxes[1].x0 + 1
     assert boxes[1].x1 <= boxes[2].x0 + 1
+
+
+def grid_rows(**labels):
+    return [
+        {"law": "LQR", "stopped": "duration", "seed": k, "parameter.q": q, "parameter.r": r}
+        | {"error.integral": q / r + k, "settling_time": None}
+        | labels
+        for r in (10.0, 0.1, 1.0)
+        for q in (3, 1)
+        for k in range(3)
+    ]
+
+
+def test_the_grid_of_a_study_is_sorted_and_its_repeats_are_averaged(monkeypatch):
+    found = []
+    monkeypatch.setattr(Axes3D, "plot_surface", lambda self, *points, **style: found.append(points))
+    alone = [{"law": "K", "stopped": "duration", "parameter.q": None, "error.integral": 7.0}]
+    figure = surface_figure([*grid_rows(), *alone], "parameter.q", "parameter.r", ["error.integral"])
+    ((x, y, z),) = found
+    np.testing.assert_allclose(x, [[1, 1, 1], [3, 3, 3]])
+    np.testing.assert_allclose(10.0**y, [[0.1, 1, 10]] * 2)
+    np.testing.assert_allclose(z, x / 10.0**y + 1)
+    assert [axes.get_title() for axes in figure.axes] == ["Error integral [s]"]
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from dqcontrol.view.plots import (
 from dqcontrol.view.repeats import gain_figure, repeats_figure
 from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
-from dqcontrol.view.surfaces import surface
+from dqcontrol.view.surfaces import surface, surface_figure
 
 __all__ = [
     "compare_criteria",
@@ -32,5 +32,6 @@ __all__ = [
     "save_comparison",
     "save_plots",
     "surface",
+    "surface_figure",
     "write_report",
 ]

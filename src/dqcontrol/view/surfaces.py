@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
+from dqcontrol.experiments.metric_tables import number_column
+from dqcontrol.experiments.repeats import Repeats, Row
 from dqcontrol.view.style import PANE, new_figure, styled
 
 if TYPE_CHECKING:
@@ -77,6 +79,55 @@ def surface(
         axes.tick_params(pad=-1)
         axes.tick_params(axis="z", pad=4)
     return figure
+
+
+def surface_figure(
+    rows: Sequence[Row],
+    x: str,
+    y: str,
+    keys: Sequence[str] = ("joint_step.integral", "hand_speed.integral", "error.integral"),
+) -> Figure:
+    """Plot means over a grid of two parameters of one law, as `surface` does for arrays.
+
+    Parameters
+    ----------
+    rows
+        Of a study; see `dqcontrol.experiments.repeats`. Runs without both parameters are left out.
+    x, y
+        Names of parameters in the rows, as ``"parameter.error_weight"``.
+    keys
+        Names of numbers as in `Metrics.flat`.
+
+    Raises
+    ------
+    UnknownNameError
+        If a key or parameter does not exist.
+    ShapeError
+        If there are no rows, or several laws, robots or plants.
+
+    Examples
+    --------
+    >>> surface_figure(study.rows, "parameter.error_weight", "parameter.control_weight")  # doctest: +SKIP
+    """
+    columns = [number_column(key) for key in keys]
+    study = Repeats(rows)
+    for name in (x, y):
+        if name not in study.parameters:
+            raise unknown_name("parameter", name, study.parameters)
+    places = {group: (study.label(group, x), study.label(group, y)) for group in study.groups}
+    groups = {place: group for group, place in places.items() if "" not in place}
+    if len(groups) != sum("" not in place for place in places.values()):
+        raise ShapeError(
+            "rows: choose those of one law, robot and plant, with no other parameter that differs"
+        )
+    grid = [sorted({float(place[i]) for place in groups}) for i in range(2)]
+    heights = {column.heading: np.full((len(grid[0]), len(grid[1])), np.nan) for column in columns}
+    for place, group in groups.items():
+        at = tuple(values.index(float(value)) for values, value in zip(grid, place, strict=True))
+        for key, column in zip(keys, columns, strict=True):
+            mean = study.mean(group, key)
+            heights[column.heading][at] = mean.mean if mean else np.nan
+    return surface(grid[0], grid[1], heights, (x.removeprefix("parameter."), y.removeprefix("parameter.")))
 
 
 def _mark_axis(axes: Any, name: str, label: str, places: Array, logarithmic: bool) -> None:
