@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Any
 from dqcontrol import algebra
 from dqcontrol.algebra import DualQuaternion
 from dqcontrol.errors import Error
-from dqcontrol.robots import Inertia, Kinematics, Limits, SerialArm, Solution, load_robot, robot_names
+from dqcontrol.robots import (
+    DifferentialDrive,
+    HolonomicBase,
+    Inertia,
+    Kinematics,
+    Limits,
+    Robot,
+    SerialArm,
+    Solution,
+    WholeBody,
+    load_robot,
+    robot_names,
+)
 
 if TYPE_CHECKING:
     from dqcontrol import experiments, laws, limits, loop, plants, references
@@ -18,16 +30,20 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "DifferentialDrive",
     "DualQuaternion",
     "Error",
+    "HolonomicBase",
     "Inertia",
     "Kinematics",
     "Limits",
+    "Robot",
     "Run",
     "Sample",
     "SerialArm",
     "Solution",
     "Study",
+    "WholeBody",
     "algebra",
     "experiments",
     "laws",

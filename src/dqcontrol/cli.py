@@ -274,11 +274,12 @@ def list_robots() -> None:
     rows = []
     for name in robot_names():
         about = describe(load_robot(name))
-        rows.append([name, about.name, len(about.joints), about.reach, about.mass])
+        rows.append([name, about.name, about.bases or None, len(about.joints), about.reach, about.mass])
     columns = (
         Column("name"),
         Column("robot"),
-        Column("joints"),
+        Column("base"),
+        Column("coordinates"),
         Column("reach", "m"),
         Column("moving mass", "kg"),
     )
@@ -304,7 +305,7 @@ def show(
     from dqcontrol.robots import describe, load_robot
 
     about = describe(load_robot(source, base_link, tip_link))
-    rows = [[j.name, j.type, j.lower, j.upper, j.velocity, j.effort] for j in about.joints]
+    rows = [[j.name, j.type, j.lower, j.upper, j.velocity, j.effort, j.input or None] for j in about.joints]
     columns = (
         Column("joint"),
         Column("type"),
@@ -312,9 +313,13 @@ def show(
         Column("upper", "° or m"),
         Column("velocity", "°/s or m/s"),
         Column("effort", "N·m or N"),
+        Column("input"),
     )
+    if not about.bases:  # an arm's inputs are its joints
+        rows, columns = [row[:-1] for row in rows], columns[:-1]
+    base = f"{about.bases} base, " if about.bases else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
-    _wide_console().print(Table(columns, rows, f"{about.name}: reach {about.reach:.3g} m{mass}").rich())
+    _wide_console().print(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}").rich())
 
 
 def main() -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from dqcontrol.robots import SerialArm
+from dqcontrol.robots import SerialArm, load_robot, robot_names
 
+ARMS = tuple(name for name in robot_names() if isinstance(load_robot(name), SerialArm))
 Z_GRAVITY = np.array([0.0, 0.0, -9.81])
 
 

@@ -5,9 +5,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from pinocchio_oracle import UrdfOracle, model_of, pose_matrix, symmetric
+from pinocchio_oracle import ARMS, UrdfOracle, model_of, pose_matrix, symmetric
 
-from dqcontrol.robots import Inertia, SerialArm, load_robot, load_urdf, robot_names
+from dqcontrol.robots import Inertia, SerialArm, load_robot, load_urdf
 from dqcontrol.robots.load import example_urdfs
 
 URDFS = {  # file, base, tip
@@ -95,7 +95,7 @@ def test_urdf_limits(oracle):
             assert ours == (theirs or np.inf)
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", ARMS)
 def test_presets(name):
     arm = load_robot(name)
     for q in sample(arm, np.random.default_rng(3), 10):

@@ -13,7 +13,8 @@ PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 
 
 def test_presets():
-    assert robot_names() == ("ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5")
+    arms = {"ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"}
+    assert set(robot_names()) == arms | {"little-john", "little-john-wrist", "youbot"}
     for name in robot_names():
         assert load_robot(name).name == name
 

@@ -28,7 +28,7 @@ def test_python_examples_run(capsys):
 
 def test_both_robot_files_are_the_same_chain(tmp_path):
     arms = []
-    for i, text in enumerate(blocks("yaml")):
+    for i, text in enumerate(blocks("yaml")[:2]):
         path = tmp_path / f"{i}.yaml"
         path.write_text(text, encoding="utf-8")
         arms.append(load_robot_file(path))
@@ -37,6 +37,15 @@ def test_both_robot_files_are_the_same_chain(tmp_path):
         np.testing.assert_allclose(table.fkm(q), free.fkm(q), atol=1e-15)
     np.testing.assert_allclose(table.limits.upper, [np.deg2rad(170), 0.3])
     assert table.inertia is not None
+
+
+def test_the_whole_body_of_the_page(tmp_path, capsys):
+    names = {}
+    exec(compile("\n".join(blocks("python")), "robots.md", "exec"), names)
+    assert "(8, 9)\n[0.0174, 0.0099, 0.54]" in capsys.readouterr().out
+    path = tmp_path / "body.yaml"
+    path.write_text(blocks("yaml")[2], encoding="utf-8")
+    np.testing.assert_array_equal(load_robot(path).fkm(names["q"]), names["body"].fkm(names["q"]))
 
 
 def test_the_table_of_presets():
@@ -52,3 +61,6 @@ def test_methods_named_on_the_page_exist():
     section = PAGE.split("## Kinematics")[1].split("## Inverse")[0]
     for name in re.findall(r"`(\w+)\(", section):
         assert callable(getattr(arm, name)), name
+    section = PAGE.split("## Whole bodies")[1].split("## Kinematics")[0]
+    for name in re.findall(r"`(\w+)\((?:q|u\)|w\)|\")", section):
+        assert callable(getattr(load_robot("little-john"), name)), name

@@ -40,11 +40,11 @@ class Kinematics:
 
 
 class ChainRobot:
-    """Poses and Jacobians of a chain table; `SerialArm` is one.
+    """Poses and Jacobians of a chain table.
 
-    All methods take configurations q of shape (…, n), rad or m, and joint velocities of the same shape, rad/s or m/s;
-    leading axes are batches. They raise `ShapeError` for a wrong size and `ValueRangeError` for a number that is not
-    finite.
+    All methods take configurations q of shape (…, n), rad or m, and inputs u of shape (…, m), rad/s or m/s, which are
+    the joint velocities q̇ of an arm; leading axes are batches. They raise `ShapeError` for a wrong size and
+    `ValueRangeError` for a number that is not finite.
     """
 
     name: str
@@ -57,7 +57,10 @@ class ChainRobot:
         return self._map(kernels.forward, self._rows("q", q), 8)
 
     def frames(self, q: ArrayLike) -> Array:
-        """Return the poses of all joint frames after their screws, then the end pose: shape (…, n + 1, 8)."""
+        """Return the poses of all joint frames after their screws, then the end pose: shape (…, n + 1, 8).
+
+        The axis of each joint is the z axis of its frame; the frame of a base is that of its last coordinate, φ.
+        """
         n = self.configuration_size
         flat = self._map(kernels.forward, self._rows("q", q), 8 * (n + 1))
         return flat.reshape(*flat.shape[:-1], n + 1, 8)
@@ -92,35 +95,38 @@ class ChainRobot:
             values = as_array("q", q)
             status = WRONG_SIZE if values.ndim != 1 else kernels.kinematics(self.chain, values, out.data)
         if status:
+            if out.data.shape != (8 + 14 * self.input_size,):
+                size = (len(out.data) - 8) // 14
+                raise ShapeError(f"out: made for {size} inputs, but {self.name} has {self.input_size}")
             self._raise(status, q)
         return out
 
     def pose_jacobian(self, q: ArrayLike) -> Array:
-        """Return J, shape (…, 8, n), with vec8(ẋ) = J q̇. [P16 3.1; S17 4.3]."""
+        """Return J, shape (…, 8, m), with vec8(ẋ) = J u. [P16 3.1; S17 4.3]."""
         return self._jacobians(q)[1]
 
     def twist_jacobian(self, q: ArrayLike) -> Array:
-        """Return J_w, shape (…, 6, n), with vec6(ξ) = J_w q̇, ξ the inertial twist. [P16 3.14, 3.51]."""
+        """Return J_w, shape (…, 6, m), with vec6(ξ) = J_w u, ξ the inertial twist. [P16 3.14, 3.51]."""
         return self._jacobians(q)[2]
 
     def translation_jacobian(self, q: ArrayLike) -> Array:
-        """Return J_p, shape (…, 3, n), with ṗ = J_p q̇ in m/s, inertial frame."""
+        """Return J_p, shape (…, 3, m), with ṗ = J_p u in m/s, inertial frame."""
         pose, _, twist = self._jacobians(q)
         return twist[..., 3:6, :] - _cross_columns(_position(pose), twist[..., 0:3, :])
 
     def rotation_jacobian(self, q: ArrayLike) -> Array:
-        """Return J_r, shape (…, 4, n), with vec4(ṙ) = J_r q̇."""
+        """Return J_r, shape (…, 4, m), with vec4(ṙ) = J_r u."""
         return self._jacobians(q)[1][..., :4, :]
 
     def hand_jacobian(self, q: ArrayLike) -> Array:
-        """Return the Jacobian of [ω ; ṗ], shape (…, 6, n): rad/s and m/s of the end, inertial axes."""
+        """Return the Jacobian of [ω ; ṗ], shape (…, 6, m): rad/s and m/s of the end, inertial axes."""
         pose, _, twist = self._jacobians(q)
         hand = twist.copy()
         hand[..., 3:6, :] -= _cross_columns(_position(pose), twist[..., 0:3, :])
         return hand
 
-    def pose_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
-        """Return dJ/dt, shape (…, 8, n), so that vec8(ẍ) = J q̈ + (dJ/dt) q̇.
+    def pose_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """Return dJ/dt, shape (…, 8, m), so that vec8(ẍ) = J u̇ + (dJ/dt) u.
 
         Examples
         --------
@@ -129,24 +135,24 @@ class ChainRobot:
         >>> arm.pose_jacobian_derivative([0.1] * 7, [0.2] * 7).shape
         (8, 7)
         """
-        return self._rates(q, qdot)[2]
+        return self._rates(q, u)[2]
 
-    def twist_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
-        """Return dJ_w/dt, shape (…, 6, n): column i is ξᵢ × column i of J_w, ξᵢ the twist of the joints before it."""
-        return self._rates(q, qdot)[3]
+    def twist_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """Return dJ_w/dt, shape (…, 6, m): each column turns with the twist of what carries its axis."""
+        return self._rates(q, u)[3]
 
-    def translation_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
-        """Return dJ_p/dt, shape (…, 3, n), so that p̈ = J_p q̈ + (dJ_p/dt) q̇."""
-        pose, twist, _, rate = self._rates(q, qdot)
-        p, speed = _position(pose), as_array("qdot", qdot)
+    def translation_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """Return dJ_p/dt, shape (…, 3, m), so that p̈ = J_p u̇ + (dJ_p/dt) u."""
+        pose, twist, _, rate = self._rates(q, u)
+        p, speed = _position(pose), as_array("u", u)
         jacobian = twist[..., 3:6, :] - _cross_columns(p, twist[..., 0:3, :])
         velocity = (jacobian @ speed[..., None])[..., 0]
         turned = _cross_columns(velocity, twist[..., 0:3, :]) + _cross_columns(p, rate[..., 0:3, :])
         return rate[..., 3:6, :] - turned
 
-    def rotation_jacobian_derivative(self, q: ArrayLike, qdot: ArrayLike) -> Array:
-        """Return dJ_r/dt, shape (…, 4, n), so that vec4(r̈) = J_r q̈ + (dJ_r/dt) q̇."""
-        return self._rates(q, qdot)[2][..., :4, :]
+    def rotation_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """Return dJ_r/dt, shape (…, 4, m), so that vec4(r̈) = J_r u̇ + (dJ_r/dt) u."""
+        return self._rates(q, u)[2][..., :4, :]
 
     def _jacobians(self, q: ArrayLike) -> tuple[Array, Array, Array]:
         """Return pose, pose Jacobian and twist Jacobian."""
@@ -155,12 +161,12 @@ class ChainRobot:
         pose, jacobians = flat[..., :8], flat[..., 8:]
         return pose, _matrix(jacobians[..., : 8 * m], 8, m), _matrix(jacobians[..., 8 * m :], 6, m)
 
-    def _rates(self, q: ArrayLike, qdot: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    def _rates(self, q: ArrayLike, u: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return pose, twist Jacobian, and the rates of pose and twist Jacobian."""
         m = self.input_size
-        values, speeds = self._rows("q", q), self._rows("qdot", qdot)
-        if values.shape != speeds.shape:
-            raise ShapeError(f"qdot: expected shape {values.shape} as q has, got {speeds.shape}")
+        values, speeds = self._rows("q", q), self._inputs("u", u)
+        if values.shape[:-1] != speeds.shape[:-1]:
+            raise ShapeError(f"u: expected shape {(*values.shape[:-1], m)} as q has, got {speeds.shape}")
         flat = self._map(kernels.kinematics, values, 8 + 14 * m)
         rates = self._map(kernels.jacobian_rates, np.concatenate([flat, speeds], axis=-1), 14 * m)
         twist = _matrix(flat[..., 8 + 8 * m :], 6, m)
@@ -168,6 +174,9 @@ class ChainRobot:
 
     def _rows(self, field: str, value: ArrayLike) -> Array:
         return as_array(field, value, (self.configuration_size,))
+
+    def _inputs(self, field: str, value: ArrayLike) -> Array:
+        return as_array(field, value, (self.input_size,))
 
     def _map(self, function: Kernel, values: Array, size: int) -> Array:
         rows = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))

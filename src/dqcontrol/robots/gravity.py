@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.compile import NOT_FINITE, OK, READ, READ2, STATUS, WRITE2, WRONG_SIZE, inlined, kernel
-from dqcontrol.robots.kernels import PRISMATIC, _axis, _fixed, _screw
+from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw
 from dqcontrol.robots.limits import Inertia
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2)
@@ -40,7 +40,7 @@ def gravity_torque(chain, bodies, q, gravity, out):
             w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
             zx, zy, zz = _axis(w, x, y, z)
             if taking:
-                if chain[i, 7] == PRISMATIC:
+                if chain[i, 7] != REVOLUTE:
                     out[i] = -mass * (gx * zx + gy * zy + gz * zz)
                 else:
                     rx, ry, rz = sx - mass * px, sy - mass * py, sz - mass * pz

@@ -11,7 +11,7 @@ import math
 
 from dqcontrol.algebra.kernels import half_angle, quaternion_product, translation
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
-from dqcontrol.robots.kernels import PRISMATIC, _axis, _fixed, _screw
+from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start
 # report of a pose: position error (m), orientation error (rad), iterations, starts
@@ -43,7 +43,7 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     for i in range(n):
         zx, zy, zz = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
-        if chain[i, 7] == PRISMATIC:
+        if chain[i, 7] != REVOLUTE:
             jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = 0.0, 0.0, 0.0
             jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = moves * zx, moves * zy, moves * zz
         else:

@@ -1,7 +1,13 @@
 """Forward kinematics, Jacobians and their rates of a chain, compiled.
 
-A chain of n joints is a table of n + 1 rows ``[r (4), p (3), kind]``: a fixed pose (unit quaternion and position),
-then a screw about its z axis, revolute (kind 0) or prismatic (kind 1). The last row is the tool and has no screw.
+A chain of n coordinates is a table of n + 1 rows ``[r (4), p (3), kind]``: a fixed pose (unit quaternion and position),
+then a screw about its z axis, revolute (kind 0) or prismatic (the other kinds). The last row is the tool; in place of a
+kind it has the number of coordinates without an input of their own, n − m. Jacobians have a column for each of the m
+inputs.
+
+A differential drive has three rows, x, y and φ. Its inputs are v and ω: x has kind 2, a slide whose input v moves
+the base along its heading, (ẋ, ẏ) = v (cos φ, sin φ), and y has kind 3, a slide without input. The x axis of the frame
+of x is the z axis of the frame of y. [S17 4.21]
 """
 
 from __future__ import annotations
@@ -22,7 +28,7 @@ from dqcontrol.compile import (
     types,
 )
 
-PRISMATIC = 1.0
+REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 
 CHAIN = STATUS(READ2, INPUT, WRITE)
 BATCH = STATUS(types.FunctionType(CHAIN), READ2, READ2, WRITE2)
@@ -58,10 +64,21 @@ def _axis(w, x, y, z):
 @inlined
 def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle):
     """Move a frame along or about its z axis."""
-    if kind == PRISMATIC:
+    if kind != REVOLUTE:
         return w, x, y, z, px + zx * angle, py + zy * angle, pz + zz * angle
     c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
     return w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s, px, py, pz
+
+
+@inlined
+def _heading(w, x, y, z, zx, zy, zz, angle):
+    """Return the heading of a base in the frame of its x: z cos φ + x sin φ."""
+    c, s = math.cos(angle), math.sin(angle)
+    return (
+        c * zx + s * (1.0 - 2.0 * (y * y + z * z)),
+        c * zy + s * 2.0 * (x * y + w * z),
+        c * zz + s * 2.0 * (x * z - w * y),
+    )
 
 
 @inlined
@@ -99,33 +116,42 @@ def forward(chain, q, out):
 
 @kernel(CHAIN)
 def kinematics(chain, q, out):
-    """Write the end pose (8), the pose Jacobian (8 × n) and the twist Jacobian (6 × n), one after the other."""
+    """Write the end pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
     n = chain.shape[0] - 1
-    if q.shape[0] != n or out.shape[0] != 8 + 14 * n:
+    m = n - int(chain[n, 7])
+    if q.shape[0] != n or out.shape[0] != 8 + 14 * m:
         return WRONG_SIZE
-    pose_jacobian = out[8 : 8 + 8 * n].reshape(8, n)
-    twist_jacobian = out[8 + 8 * n :].reshape(6, n)
+    pose_jacobian = out[8 : 8 + 8 * m].reshape(8, m)
+    twist_jacobian = out[8 + 8 * m :].reshape(6, m)
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     check = 0.0
+    j = 0
     for i in range(n):
         angle = q[i]
         check += 0.0 * angle
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
         zx, zy, zz = _axis(w, x, y, z)
-        if chain[i, 7] == PRISMATIC:
-            twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i] = 0.0, 0.0, 0.0
-            twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i] = zx, zy, zz
+        kind = chain[i, 7]
+        if kind == REVOLUTE:
+            twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j] = zx, zy, zz
+            twist_jacobian[3, j] = py * zz - pz * zy
+            twist_jacobian[4, j] = pz * zx - px * zz
+            twist_jacobian[5, j] = px * zy - py * zx
         else:
-            twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i] = zx, zy, zz
-            twist_jacobian[3, i] = py * zz - pz * zy
-            twist_jacobian[4, i] = pz * zx - px * zz
-            twist_jacobian[5, i] = px * zy - py * zx
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle)
+            twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j] = 0.0, 0.0, 0.0
+            twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j] = zx, zy, zz
+            if kind == HEADING:
+                hx, hy, hz = _heading(w, x, y, z, zx, zy, zz, q[i + 2])
+                twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j] = hx, hy, hz
+            elif kind == SIDEWAYS:
+                j -= 1  # the column of φ takes its place
+        j += 1
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[0:8])
     w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
     dw, dx, dy, dz = 0.5 * out[4], 0.5 * out[5], 0.5 * out[6], 0.5 * out[7]
-    for i in range(n):
+    for i in range(m):
         a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
         d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
         pose_jacobian[0, i] = -a * x - b * y - c * z
@@ -156,46 +182,58 @@ def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
 
 @kernel(CHAIN)
 def jacobian_rates(chain, motion, out):
-    """Write d/dt of the pose Jacobian (8 × n) and of the twist Jacobian (6 × n).
+    """Write d/dt of the pose Jacobian (8 × m) and of the twist Jacobian (6 × m).
 
-    Motion is what `kinematics` writes, then q̇. Column i of dJ_w/dt is ξᵢ × column i, where ξᵢ is the twist of the
-    joints before it; of dJ/dt, with ẋ = ½ξx, it is ½(dJ_w/dt)ᵢ x + ½(J_w)ᵢ ẋ.
+    Motion is what `kinematics` writes, then the inputs u. Column j of dJ_w/dt is ξⱼ × column j, where ξⱼ is the twist
+    of what carries its axis: of the inputs before it, and for the v of a drive also of its ω, which turns the heading.
+    Of dJ/dt, with ẋ = ½ξx, it is ½(dJ_w/dt)ⱼ x + ½(J_w)ⱼ ẋ.
     """
     n = chain.shape[0] - 1
-    if motion.shape[0] != 8 + 15 * n or out.shape[0] != 14 * n:
+    m = n - int(chain[n, 7])
+    if motion.shape[0] != 8 + 15 * m or out.shape[0] != 14 * m:
         return WRONG_SIZE
-    column = motion[8 + 8 * n : 8 + 14 * n]  # of J_w: entry k of column i is [k n + i]
-    speed = motion[8 + 14 * n :]
-    pose_rate = out[: 8 * n].reshape(8, n)
-    twist_rate = out[8 * n :].reshape(6, n)
+    column = motion[8 + 8 * m : 8 + 14 * m]  # of J_w: entry k of column j is [k m + j]
+    speed = motion[8 + 14 * m :]
+    pose_rate = out[: 8 * m].reshape(8, m)
+    twist_rate = out[8 * m :].reshape(6, m)
     wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     check = 0.0
+    j = 0
     for i in range(n):
-        a, b, c = column[i], column[n + i], column[2 * n + i]
-        d, e, f = column[3 * n + i], column[4 * n + i], column[5 * n + i]
-        twist_rate[0, i] = wy * c - wz * b
-        twist_rate[1, i] = wz * a - wx * c
-        twist_rate[2, i] = wx * b - wy * a
-        twist_rate[3, i] = wy * f - wz * e + vy * c - vz * b
-        twist_rate[4, i] = wz * d - wx * f + vz * a - vx * c
-        twist_rate[5, i] = wx * e - wy * d + vx * b - vy * a
-        u = speed[i]
+        kind = chain[i, 7]
+        if kind == SIDEWAYS:
+            continue
+        a, b, c = column[j], column[m + j], column[2 * m + j]
+        d, e, f = column[3 * m + j], column[4 * m + j], column[5 * m + j]
+        if kind == HEADING:  # a slide: of the twist that carries it only the rotation counts
+            u = speed[j + 1]
+            ox, oy, oz = wx + u * column[j + 1], wy + u * column[m + j + 1], wz + u * column[2 * m + j + 1]
+        else:
+            ox, oy, oz = wx, wy, wz
+        twist_rate[0, j] = oy * c - oz * b
+        twist_rate[1, j] = oz * a - ox * c
+        twist_rate[2, j] = ox * b - oy * a
+        twist_rate[3, j] = oy * f - oz * e + vy * c - vz * b
+        twist_rate[4, j] = oz * d - ox * f + vz * a - vx * c
+        twist_rate[5, j] = ox * e - oy * d + vx * b - vy * a
+        u = speed[j]
         check += 0.0 * u
         wx, wy, wz, vx, vy, vz = wx + u * a, wy + u * b, wz + u * c, vx + u * d, vy + u * e, vz + u * f
+        j += 1
     w, x, y, z = 0.5 * motion[0], 0.5 * motion[1], 0.5 * motion[2], 0.5 * motion[3]
     dw, dx, dy, dz = 0.5 * motion[4], 0.5 * motion[5], 0.5 * motion[6], 0.5 * motion[7]
     rw, rx, ry, rz, sw, sx, sy, sz = _half_product(wx, wy, wz, vx, vy, vz, w, x, y, z, dw, dx, dy, dz)
     rw, rx, ry, rz = 0.5 * rw, 0.5 * rx, 0.5 * ry, 0.5 * rz
     sw, sx, sy, sz = 0.5 * sw, 0.5 * sx, 0.5 * sy, 0.5 * sz
-    for i in range(n):
-        a, b, c = column[i], column[n + i], column[2 * n + i]
-        d, e, f = column[3 * n + i], column[4 * n + i], column[5 * n + i]
+    for j in range(m):
+        a, b, c = column[j], column[m + j], column[2 * m + j]
+        d, e, f = column[3 * m + j], column[4 * m + j], column[5 * m + j]
         moved = _half_product(a, b, c, d, e, f, rw, rx, ry, rz, sw, sx, sy, sz)
-        a, b, c = twist_rate[0, i], twist_rate[1, i], twist_rate[2, i]
-        d, e, f = twist_rate[3, i], twist_rate[4, i], twist_rate[5, i]
+        a, b, c = twist_rate[0, j], twist_rate[1, j], twist_rate[2, j]
+        d, e, f = twist_rate[3, j], twist_rate[4, j], twist_rate[5, j]
         turned = _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
         for k in range(8):
-            pose_rate[k, i] = moved[k] + turned[k]
+            pose_rate[k, j] = moved[k] + turned[k]
     return OK if check == 0.0 else NOT_FINITE
 
 

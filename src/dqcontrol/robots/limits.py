@@ -12,20 +12,20 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Limits of each joint.
+    """Limits of each coordinate and of each input; for an arm both are its joints.
 
     Parameters
     ----------
     lower, upper
         Position limits, shape (n,), rad or m; ±inf where a joint has none.
     velocity
-        Largest speed, shape (n,), rad/s or m/s; inf where unknown.
+        Largest speed of each input, shape (m,), rad/s or m/s; inf where unknown.
     effort
-        Largest torque or force, shape (n,), N·m or N; inf where unknown.
+        Largest torque or force of each input, shape (m,), N·m or N; inf where unknown.
 
     Raises
     ------
-    ValueRangeError
+    ShapeError, ValueRangeError
         If a limit is NaN, ``lower`` is not below ``upper``, or a velocity or effort is not positive.
     """
 
@@ -35,11 +35,11 @@ class Limits:
     effort: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        n = np.size(self.lower)
-        for field in ("lower", "upper", "velocity", "effort"):
+        n, m = np.size(self.lower), np.size(self.velocity)
+        for field, size in (("lower", n), ("upper", n), ("velocity", m), ("effort", m)):
             value = np.array(getattr(self, field), dtype=np.float64)
-            if value.shape != (n,):
-                raise ShapeError(f"limits.{field}: expected shape ({n},), got {value.shape}")
+            if value.shape != (size,):
+                raise ShapeError(f"limits.{field}: expected shape ({size},), got {value.shape}")
             if np.isnan(value).any():
                 raise ValueRangeError(f"limits.{field}: must not be NaN, got {value}")
             value.flags.writeable = False
@@ -50,6 +50,7 @@ class Limits:
                     f"limits: joint {i + 1} has lower {self.lower[i]:g} ≥ upper {self.upper[i]:g}; "
                     "lower must be below upper"
                 )
+        for i in range(m):
             for field in ("velocity", "effort"):
                 if getattr(self, field)[i] <= 0:
                     raise ValueRangeError(

@@ -6,6 +6,7 @@ import importlib.metadata
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +15,18 @@ from dqcontrol.errors import (
     MissingExtraError,
     ShapeError,
     UnknownNameError,
+    ValueRangeError,
     suggest,
     unknown_name,
 )
-from dqcontrol.robots.robot_file import load_robot_file
+from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf import load_urdf
+from dqcontrol.robots.whole_body import WholeBody, placed
+from dqcontrol.robots.whole_body_file import whole_body_from
+from dqcontrol.yaml_file import parse_yaml, read_text
 
 EXAMPLES = "example-robot-data"
 
@@ -31,16 +38,23 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _MODELS.glob("*.yaml")))
 
 
-def load_robot(source: str | Path, base_link: str | None = None, tip_link: str | None = None) -> SerialArm:
-    """Load an arm by name or from a file.
+def load_robot(
+    source: str | Path, base_link: str | None = None, tip_link: str | None = None
+) -> SerialArm | Any:
+    """Load a robot by name or from a file.
 
     Parameters
     ----------
     source
-        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in our format (`RobotFile`); or a ``.urdf``
-        file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
+        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`); or a
+        ``.urdf`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
     base_link, tip_link
         Ends of the chain, for URDF files only; see `load_urdf`.
+
+    Returns
+    -------
+    SerialArm or WholeBody
+        A whole body if the source is a file with ``parts``.
 
     Raises
     ------
@@ -57,6 +71,20 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     >>> dqc.load_robot("iiwa7").configuration_size
     7
     """
+    found = _read(source, base_link, tip_link)
+    return found if isinstance(found, SerialArm) else whole_body_from(*found, _load_arm)
+
+
+def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:
+    """Load an arm; a whole body is refused, so that no file can be a part of itself."""
+    found = _read(source, base_link, tip_link)
+    if not isinstance(found, SerialArm):
+        raise ValueRangeError(f"robot: '{source}' is a whole body, not an arm; list its parts instead")
+    return found
+
+
+def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm | tuple[Path, Any]:
+    """Return an arm, or the file of a whole body and its plain data."""
     text = str(source)
     package, colon, inner = text.partition(":")
     suffix = Path(text).suffix.lower()
@@ -76,7 +104,9 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
             raise ShapeError(
                 f"{field}: only URDF files have links to choose from; '{text}' has none, got '{link}'"
             )
-    return load_robot_file(text if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml")
+    path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
+    data = parse_yaml(path, read_text(path))
+    return (path, data) if isinstance(data, dict) and "parts" in data else arm_from(path, data)
 
 
 def example_urdfs() -> dict[str, Path]:
@@ -115,40 +145,48 @@ def _example(inner: str) -> Path:
 
 @dataclass(frozen=True)
 class JointRow:
-    """One joint in a table: limits in degrees or m, velocity in degrees/s or m/s, effort in N·m or N."""
+    """One coordinate in a table: limits in degrees or m, velocity in degrees/s or m/s, effort in N·m or N.
+
+    ``input`` names the input that moves it; velocity and effort are that input's, None where there is none.
+    """
 
     name: str
     type: str
     lower: float
     upper: float
-    velocity: float
-    effort: float
+    input: str
+    velocity: float | None
+    effort: float | None
 
 
 @dataclass(frozen=True)
 class Description:
-    """What to print about an arm.
+    """What to print about a robot.
 
     Attributes
     ----------
     name
-        The arm's name.
+        The robot's name.
+    bases
+        Its mobile bases, ``"differential drive"`` or ``"holonomic"``, joined by ``+``; empty without.
     joints
-        One row a joint.
+        One row a coordinate.
     reach
-        Length of the stretched arm in m, from the first axis to the tool: nothing beyond can be reached.
+        Length of the stretched arm in m, from its first axis (that of the part after the last base) to the tool:
+        nothing beyond can be reached.
     mass
         Mass of all moving bodies in kg; None if unknown.
     """
 
     name: str
+    bases: str
     joints: tuple[JointRow, ...]
     reach: float
     mass: float | None
 
 
-def describe(robot: SerialArm) -> Description:
-    """Return what to print about an arm.
+def describe(robot: Robot) -> Description:
+    """Return what to print about a robot.
 
     Examples
     --------
@@ -158,25 +196,40 @@ def describe(robot: SerialArm) -> Description:
     0.926
     """
     limits = robot.limits
+    inputs = {int(i): j for j, i in enumerate(robot.input_coordinates)}
     rows = []
     for i, (name, kind) in enumerate(zip(robot.joint_names, robot.joint_types, strict=True)):
         unit = np.pi / 180 if kind == "revolute" else 1.0
-        lower, upper, velocity = (float(v[i] / unit) for v in (limits.lower, limits.upper, limits.velocity))
-        rows.append(JointRow(name, kind, lower, upper, velocity, float(limits.effort[i])))
+        lower, upper, j = float(limits.lower[i] / unit), float(limits.upper[i] / unit), inputs.get(i)
+        if j is None:
+            rows.append(JointRow(name, kind, lower, upper, "", None, None))
+            continue
+        velocity, effort = float(limits.velocity[j] / unit), float(limits.effort[j])
+        rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
-    return Description(robot.name, tuple(rows), _reach(robot), mass)
+    bases = " + ".join(kind for _, kind in _bases(robot))
+    return Description(robot.name, bases, tuple(rows), _reach(robot), mass)
 
 
-def _reach(robot: SerialArm) -> float:
-    """Return the sum of the largest distances between neighbouring joint frames."""
-    total = 0.0
-    for i, kind in enumerate(robot.joint_types):
+_BASES = {DifferentialDrive: "differential drive", HolonomicBase: "holonomic"}
+
+
+def _bases(robot: Robot) -> list[tuple[int, str]]:
+    """Return the index of each base's first coordinate, and its kind."""
+    parts = robot.parts if isinstance(robot, WholeBody) else ()
+    return [(first, _BASES[type(part)]) for first, part in placed(parts) if not isinstance(part, SerialArm)]
+
+
+def _reach(robot: Robot) -> float:
+    """Return the sum of the largest distances between neighbouring joint frames, from the first joint on."""
+    total, first = 0.0, max((first + 3 for first, _ in _bases(robot)), default=0)
+    for i in range(first, robot.configuration_size):
         step = robot.chain[i + 1, 4:7].copy()
-        if kind == "prismatic":
+        if robot.joint_types[i] == "prismatic":
             ends = (robot.limits.lower[i], robot.limits.upper[i])
             total += max(math.hypot(step[0], step[1], step[2] + q) for q in ends)
             continue
-        if i == 0:
+        if i == first:
             step[2] = 0.0  # along the first axis: measured from the point nearest to the next joint
         total += float(np.linalg.norm(step))
     return total

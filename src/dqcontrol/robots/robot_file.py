@@ -24,7 +24,7 @@ from dqcontrol.robots.dh import (
 )
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.yaml_file import read_yaml
+from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 Array = NDArray[np.float64]
 
@@ -39,11 +39,11 @@ Vector = tuple[Length, Length, Length]
 _ROWS = {"dh": "DH", "denso": "DENSO"}  # keys of table rows
 
 
-class _Part(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class FilePart(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Base of all parts of a robot file."""
 
 
-class DHRow(_Part):
+class DHRow(FilePart):
     """One row of a Denavit–Hartenberg table; the joint variable adds to theta, or to d if prismatic."""
 
     theta: Angle = 0.0
@@ -52,7 +52,7 @@ class DHRow(_Part):
     alpha: Angle = 0.0
 
 
-class DensoRow(_Part):
+class DensoRow(FilePart):
     """One row of a table in DENSO's convention; the joint variable adds to gamma, or to d if prismatic."""
 
     a: Length = 0.0
@@ -63,7 +63,7 @@ class DensoRow(_Part):
     gamma: Angle = 0.0
 
 
-class FixedPose(_Part):
+class FixedPose(FilePart):
     """A fixed pose: position, and roll-pitch-yaw angles, Rz(y) Ry(p) Rx(r), or a quaternion, scalar first."""
 
     position: Vector = (0.0, 0.0, 0.0)
@@ -71,7 +71,7 @@ class FixedPose(_Part):
     quaternion: tuple[float, float, float, float] | None = None
 
 
-class JointLimits(_Part):
+class JointLimits(FilePart):
     """Limits of one joint; what is left out is unlimited."""
 
     lower: Position | None = None
@@ -82,7 +82,7 @@ class JointLimits(_Part):
     effort: Annotated[Positive, Meta(description="N·m, or N if prismatic")] | None = None
 
 
-class Tensor(_Part):
+class Tensor(FilePart):
     """Inertia about the centre of mass, axes of the joint's frame."""
 
     xx: Moment
@@ -93,7 +93,7 @@ class Tensor(_Part):
     yz: Moment = 0.0
 
 
-class JointInertia(_Part):
+class JointInertia(FilePart):
     """The body that a joint moves, in the joint's frame after its motion (the frame of `pose`)."""
 
     mass: Mass
@@ -101,7 +101,7 @@ class JointInertia(_Part):
     tensor: Tensor
 
 
-class Joint(_Part):
+class Joint(FilePart):
     """One joint: a DH or DENSO row, or the pose of its frame in that of the joint before and an axis (default z)."""
 
     name: Annotated[str, Meta(min_length=1)]
@@ -114,7 +114,7 @@ class Joint(_Part):
     inertia: JointInertia | None = None
 
 
-class RobotFile(_Part):
+class RobotFile(FilePart):
     """A robot file.
 
     ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
@@ -134,7 +134,7 @@ class RobotFile(_Part):
 
 
 def load_robot_file(path: str | Path) -> SerialArm:
-    """Load a robot from our YAML format.
+    """Load an arm from our YAML format.
 
     Parameters
     ----------
@@ -159,7 +159,12 @@ def load_robot_file(path: str | Path) -> SerialArm:
     >>> load_robot_file(path).limits.upper.tolist()
     [0.5]
     """
-    data = read_yaml(path, RobotFile)
+    return arm_from(path, parse_yaml(path, read_text(path)))
+
+
+def arm_from(path: str | Path, plain: Any) -> SerialArm:
+    """Make an arm of the plain data of a file; ``path`` is for the messages."""
+    data = convert(path, plain, RobotFile)
     unit = math.pi / 180 if data.angles == "degrees" else 1.0
     try:
         fixed, turns = _chain(data, unit)
@@ -171,15 +176,13 @@ def load_robot_file(path: str | Path) -> SerialArm:
             name=data.name,
             inertia=_inertia(data, turns),
         )
-    except FileFormatError:
-        raise
     except Error as error:
         raise FileFormatError(f"{path}: {error}") from None
 
 
 def _chain(data: RobotFile, unit: float) -> tuple[list[Array], list[Array] | None]:
     """Return the fixed poses, and for joints with an axis the turns of their frames."""
-    base, tool = _pose("base", data.base, unit), _pose("tool", data.tool, unit)
+    base, tool = fixed_pose("base", data.base, unit), fixed_pose("tool", data.tool, unit)
     if data.convention is None:
         poses = _joint_poses(data, unit)
         poses[0] = compose(base, poses[0])
@@ -207,7 +210,7 @@ def _joint_poses(data: RobotFile, unit: float) -> list[Array]:
                 )
         if joint.pose is None:
             raise FileFormatError(f"joints[{i}]: missing key 'pose' (or 'dh', with a 'convention')")
-    return [_pose(f"joints[{i}].pose", joint.pose, unit) for i, joint in enumerate(data.joints)]
+    return [fixed_pose(f"joints[{i}].pose", joint.pose, unit) for i, joint in enumerate(data.joints)]
 
 
 def _rows(data: RobotFile, key: str) -> list[Any]:
@@ -224,8 +227,8 @@ def _rows(data: RobotFile, key: str) -> list[Any]:
     return [getattr(joint, key) for joint in data.joints]
 
 
-def _pose(field: str, pose: FixedPose | None, unit: float) -> Array:
-    """Return a pose (7,)."""
+def fixed_pose(field: str, pose: FixedPose | None, unit: float) -> Array:
+    """Return a pose (7,) of a file; ``field`` is for the messages, ``unit`` that of its angles."""
     if pose is None:
         return shift()
     if pose.rpy is not None and pose.quaternion is not None:

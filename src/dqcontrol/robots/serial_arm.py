@@ -11,17 +11,17 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import chains
 from dqcontrol.robots.chain_robot import Kinematics
 from dqcontrol.robots.dh import JOINT_TYPES, chain_from_denso, chain_from_dh, compose
-from dqcontrol.robots.gravity import body_table, gravity_torques
-from dqcontrol.robots.inverse_kinematics import InverseKinematics, Solution
+from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import pose7
+from dqcontrol.robots.robot import Robot
 
 __all__ = ["Kinematics", "SerialArm", "Solution"]
 
 Array = NDArray[np.float64]
 
 
-class SerialArm(InverseKinematics):
+class SerialArm(Robot):
     """An arm of n revolute or prismatic joints in a row.
 
     Parameters
@@ -86,9 +86,13 @@ class SerialArm(InverseKinematics):
         self.inertia = inertia
         self.configuration_size = n
         self.input_size = n
+        self.input_names, self.input_types = self.joint_names, self.joint_types
+        self.input_coordinates = np.arange(n)
+        self.drives = np.zeros((0, 4))
         for field, size in (
             ("joint_names", len(self.joint_names)),
             ("limits", len(self.limits.lower)),
+            ("limits", len(self.limits.velocity)),
             ("inertia", len(inertia.mass) if inertia is not None else n),
         ):
             if size != n:
@@ -235,44 +239,6 @@ class SerialArm(InverseKinematics):
         True
         """
         return chains.reverse(self)
-
-    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
-        """Return the joint torques that hold the arm still, τ_g = ∂U/∂q.
-
-        Parameters
-        ----------
-        q
-            Configurations, shape (…, n), rad or m.
-        gravity
-            Acceleration of free fall in the base frame, shape (3,), m/s².
-
-        Returns
-        -------
-        Array
-            Shape (…, n), N·m or N.
-
-        Raises
-        ------
-        ShapeError, ValueRangeError
-            If a size is wrong, a value is not finite, or the arm has no inertia.
-
-        Examples
-        --------
-        >>> import dqcontrol as dqc
-        >>> dqc.load_robot("iiwa7").gravity_torque([0, 1.57, 0, 0, 0, 0, 0]).shape
-        (7,)
-        """
-        if self.inertia is None:
-            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
-        n = self.configuration_size
-        values, fall = as_array("q", q, (n,)), as_array("gravity", gravity, (3,))
-        if fall.ndim != 1:
-            raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
-        rows = np.ascontiguousarray(values.reshape(-1, n))
-        out = np.empty_like(rows)
-        bodies = body_table(self.inertia)
-        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out)
-        return out.reshape(values.shape)
 
 
 def _with_ends(fixed: list[Array], base: ArrayLike | None, tool: ArrayLike | None) -> Array:

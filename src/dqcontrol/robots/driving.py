@@ -1,0 +1,94 @@
+"""How a robot moves under its inputs, compiled: unicycles exactly, joints at constant speed.
+
+A table of drives has one row ``[i, d, r, b]`` for each differential drive of a robot: the index of its x in the
+configuration (y and φ follow), the distance d (m) of the displaced point ahead of the axle, the wheel radius r (m) and
+half the track b (m). Without drives it has no rows, and the inputs are the rates of the configuration.
+
+A robot with drives has m inputs, of which each drive has two, v and ω; or n of them, of which each drive has three
+rates ẋ, ẏ, φ̇ that it cannot all follow: the displaced point takes their velocity, and the base turns as it must.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inlined, kernel, types
+
+# drives, configurations (N × n), inputs (N × m or N × n), period, out
+INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)
+# drives, configurations (N × n), rates (N × n), out (N × m)
+FEASIBLE = STATUS(READ2, READ2, READ2, WRITE2)
+
+
+@inlined
+def feasible(xdot, ydot, phidot, phi, displacement):
+    """Return v and ω with which the displaced point moves as the rates say: C⁻¹B of [S17 4.24], in closed form."""
+    c, s = math.cos(phi), math.sin(phi)
+    return xdot * c + ydot * s, phidot + (ydot * c - xdot * s) / displacement
+
+
+@inlined
+def roll(v, omega, dt, q, i):
+    """Move x, y and φ at q[i], q[i + 1], q[i + 2] along the arc of constant v and ω."""
+    half = 0.5 * omega * dt
+    chord = v * dt * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    q[i] += chord * math.cos(q[i + 2] + half)
+    q[i + 1] += chord * math.sin(q[i + 2] + half)
+    q[i + 2] += omega * dt
+
+
+@inlined
+def advance(drives, u, dt, q):
+    """Move q by inputs that are constant for dt; exact, and for drives the same whether u has m or n numbers."""
+    projecting = u.shape[0] == q.shape[0]
+    i, j = 0, 0
+    for k in range(drives.shape[0]):
+        while i < int(drives[k, 0]):
+            q[i] += dt * u[j]
+            i, j = i + 1, j + 1
+        v, omega = u[j], u[j + 1]
+        if projecting:
+            v, omega = feasible(u[j], u[j + 1], u[j + 2], q[i + 2], drives[k, 1])
+        roll(v, omega, dt, q, i)
+        i, j = i + 3, j + (3 if projecting else 2)
+    while i < q.shape[0]:
+        q[i] += dt * u[j]
+        i, j = i + 1, j + 1
+
+
+@inlined
+def to_inputs(drives, q, rates, out):
+    """Write the m inputs that follow the n rates as far as the drives can."""
+    i, j = 0, 0
+    for k in range(drives.shape[0]):
+        while i < int(drives[k, 0]):
+            out[j] = rates[i]
+            i, j = i + 1, j + 1
+        out[j], out[j + 1] = feasible(rates[i], rates[i + 1], rates[i + 2], q[i + 2], drives[k, 1])
+        i, j = i + 3, j + 2
+    while i < q.shape[0]:
+        out[j] = rates[i]
+        i, j = i + 1, j + 1
+
+
+@kernel(INTEGRATE)
+def integrate(drives, q, u, dt, out):
+    """Write where each configuration is after its inputs have acted for dt."""
+    for row in range(q.shape[0]):
+        check = 0.0
+        for i in range(q.shape[1]):
+            out[row, i] = q[row, i]
+        advance(drives, u[row], dt, out[row])
+        for i in range(q.shape[1]):
+            check += 0.0 * out[row, i]
+        if check != 0.0:
+            return NOT_FINITE
+    return OK
+
+
+@kernel(FEASIBLE)
+def feasible_inputs(drives, q, rates, out):
+    """Write `to_inputs` for each configuration."""
+    for row in range(q.shape[0]):
+        to_inputs(drives, q[row], rates[row], out[row])
+    return OK

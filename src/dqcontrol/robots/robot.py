@@ -1,0 +1,138 @@
+"""What every robot has, arm or whole body: its chain, its limits, and how its inputs move it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.robots import driving
+from dqcontrol.robots.gravity import body_table, gravity_torques
+from dqcontrol.robots.inverse_kinematics import InverseKinematics
+from dqcontrol.robots.limits import Inertia
+
+Array = NDArray[np.float64]
+
+
+class Robot(InverseKinematics):
+    """A robot with a configuration q of n coordinates and m inputs u; `SerialArm` and `WholeBody` are robots.
+
+    Attributes
+    ----------
+    name
+        Shown in tables.
+    configuration_size, input_size
+        n and m: equal for arms, m < n with differential drives, which cannot move sideways.
+    joint_names, joint_types
+        One name, and ``"revolute"`` (rad) or ``"prismatic"`` (m), a coordinate.
+    input_names, input_types
+        The same for the inputs, whose units are rad/s or m/s.
+    input_coordinates
+        Index of the coordinate that each input moves, shape (m,); of x for the forward speed of a drive.
+    limits
+        ``lower`` and ``upper`` have one entry a coordinate, ``velocity`` and ``effort`` one an input.
+    inertia
+        None if a body's is not known.
+    chain
+        Table of fixed poses and screws, shape (n + 1, 8).
+    drives
+        One row [index of x, displacement, wheel radius, half track] a differential drive, m, shape (k, 4).
+    """
+
+    input_names: tuple[str, ...]
+    input_types: tuple[str, ...]
+    input_coordinates: NDArray[np.intp]
+    inertia: Inertia | None
+    drives: Array
+
+    def integrate(self, q: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """Return where constant inputs move the robot in a time.
+
+        Joints and holonomic bases move by u dt. A differential drive moves on its arc: with h = ω dt/2 and
+        c = v dt sin(h)/h, x by c cos(φ + h), y by c sin(φ + h) and φ by ω dt.
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+        u
+            Inputs, shape (…, m), rad/s or m/s; leading axes as those of q, or broadcast.
+        dt
+            s; negative goes back.
+
+        Returns
+        -------
+        Array
+            Shape (…, n).
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong, or a value not finite.
+
+        Examples
+        --------
+        >>> import numpy as np, dqcontrol as dqc
+        >>> base = dqc.WholeBody([dqc.DifferentialDrive(wheel_radius=0.04, half_track=0.13)])
+        >>> base.integrate([0, 0, 0], [1.0, np.pi / 2], 1.0).round(3).tolist()  # a quarter of a circle to the left
+        [0.637, 0.637, 1.571]
+        """
+        period = float(as_array("dt", dt, ()))
+        lead, starts, inputs = paired_rows(self._rows("q", q), "u", self._inputs("u", u))
+        out = np.empty_like(starts)
+        if driving.integrate(self.drives, starts, inputs, period, out):
+            raise ValueRangeError(f"u: moves {self.name} beyond the finite numbers in {period:g} s")
+        return out.reshape(*lead, self.configuration_size)
+
+    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
+        """Return the joint torques that hold the arm still, τ_g = ∂U/∂q.
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+        gravity
+            Acceleration of free fall in the base frame, shape (3,), m/s².
+
+        Returns
+        -------
+        Array
+            Shape (…, n), N·m or N.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong, a value is not finite, or the arm has no inertia.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> dqc.load_robot("iiwa7").gravity_torque([0, 1.57, 0, 0, 0, 0, 0]).shape
+        (7,)
+        """
+        if self.inertia is None:
+            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
+        n = self.configuration_size
+        values, fall = as_array("q", q, (n,)), as_array("gravity", gravity, (3,))
+        if fall.ndim != 1:
+            raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
+        rows = np.ascontiguousarray(values.reshape(-1, n))
+        out = np.empty_like(rows)
+        bodies = body_table(self.inertia)
+        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out)
+        return out.reshape(values.shape)
+
+
+def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Array, Array]:
+    """Return the common leading axes of configurations and of what goes with them, and both as rows."""
+    try:
+        lead = np.broadcast_shapes(q.shape[:-1], other.shape[:-1])
+    except ValueError:
+        raise ShapeError(
+            f"{field}: leading axes {other.shape[:-1]} do not fit those of q, {q.shape[:-1]}"
+        ) from None
+    first, second = (
+        np.ascontiguousarray(np.broadcast_to(values, (*lead, values.shape[-1]))).reshape(-1, values.shape[-1])
+        for values in (q, other)
+    )
+    return lead, first, second

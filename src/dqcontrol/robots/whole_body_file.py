@@ -1,0 +1,108 @@
+"""Our files of whole bodies: YAML with a list of parts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
+
+from dqcontrol.algebra.conversions import pose
+from dqcontrol.errors import Error, FileFormatError, naming
+from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.whole_body import Form, WholeBody
+from dqcontrol.yaml_file import convert
+
+LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
+
+
+class _Part(FilePart, tag_field="kind"):
+    """Base of all parts of a whole body; ``kind`` tells them apart."""
+
+
+class DrivePart(_Part, tag="differential-drive"):
+    """As `DifferentialDrive`."""
+
+    wheel_radius: Annotated[Positive, Meta(description="m")]
+    half_track: Annotated[Positive, Meta(description="m")]
+    displacement: Length = 0.1
+    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
+
+
+class HolonomicPart(_Part, tag="holonomic-base"):
+    """As `HolonomicBase`."""
+
+    speed: Annotated[Positive, Meta(description="m/s")] | None = None
+    turn_rate: Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None = None
+
+
+class ArmPart(_Part, tag="arm"):
+    """An arm, as `load_robot` takes it; files relative to this one. With ``reversed`` it is held by its tool."""
+
+    robot: Annotated[str, Meta(min_length=1)]
+    base_link: str | None = None
+    tip_link: str | None = None
+    reversed: bool = False
+
+
+class PosePart(FixedPose, tag_field="kind", tag="pose"):
+    """A fixed pose between parts."""
+
+
+class WholeBodyFile(FilePart):
+    """A file of a whole body. ``angles`` is the unit of every angle in it; ``parts`` are in order from the ground."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    angles: Literal["degrees", "radians"]
+    parts: Annotated[list[DrivePart | HolonomicPart | ArmPart | PosePart], Meta(min_length=1, max_length=100)]
+    form: Form = "constrained"
+    description: str = ""
+    sources: list[str] = []
+
+
+def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody:
+    """Make a whole body of the plain data of a file.
+
+    Parameters
+    ----------
+    path
+        The file, for messages and for the places of other files.
+    data
+        What fits `WholeBodyFile`.
+    load_arm
+        Loads an arm from a source and the names of its links.
+
+    Raises
+    ------
+    FileFormatError
+        If the data is malformed, or says something impossible: ``path: field: …``.
+    """
+    file = convert(path, data, WholeBodyFile)
+    unit = math.pi / 180 if file.angles == "degrees" else 1.0
+    try:
+        parts = []
+        for i, part in enumerate(file.parts):
+            with naming(f"parts[{i}]"):
+                parts.append(_part(f"parts[{i}]", part, Path(path).parent, unit, load_arm))
+        return WholeBody(parts, file.name, file.form)
+    except Error as error:
+        raise FileFormatError(f"{path}: {error}") from None
+
+
+def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -> Any:
+    if isinstance(part, DrivePart):
+        return DifferentialDrive(
+            part.wheel_radius, part.half_track, part.displacement, part.rim_speed or math.inf
+        )
+    if isinstance(part, HolonomicPart):
+        return HolonomicBase(part.speed or math.inf, (part.turn_rate or math.inf) * unit)
+    if isinstance(part, PosePart):
+        at = fixed_pose(field, part, unit)
+        return pose(at[:4], at[4:])
+    near = folder / part.robot
+    arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
+    return arm.reversed() if part.reversed else arm
