@@ -237,7 +237,7 @@ def _taken_apart(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:
             )
 
 
-def _shape(part: object) -> tuple[int, ...] | None:
+def _shape(part: ArrayLike) -> tuple[int, ...] | None:
     try:
         return np.shape(getattr(part, "vec8", part))
     except ValueError:  # rows of different lengths
