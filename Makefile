@@ -11,7 +11,7 @@ help:
 	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
 	@echo "make test      check style and types, run the tests"
 	@echo "make test-all  also the long tests"
-	@echo "make bench     compare speed with Pinocchio, and laws with each other"
+	@echo "make bench     compare speed with Pinocchio, laws with each other, physics with real time"
 	@echo "make clean     remove the environment and the results of the demo"
 
 $(VENV)/created:
@@ -51,6 +51,7 @@ test-all: lint
 bench: $(VENV)/test
 	@$(BIN)/python benchmarks/speed.py
 	@$(BIN)/python benchmarks/laws.py
+	@$(BIN)/python benchmarks/physics.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .
