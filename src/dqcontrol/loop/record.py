@@ -147,10 +147,10 @@ class Record:
         """Time between the first and the last sample, s."""
         return float(self.time[-1] - self.time[0])
 
-    @property
+    @cached_property
     def desired_pose(self) -> Array:
         """Desired end pose, shape (N, 8), inertial frame, m."""
-        return self.desired[:, POSE]
+        return _locked(np.ascontiguousarray(self.desired[:, POSE]))
 
     @cached_property
     def position(self) -> Array:
@@ -190,7 +190,7 @@ class Record:
     def _pose_error(self) -> Array:
         """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite."""
         error = np.empty((len(self), 8))
-        pose_errors(self.pose, np.ascontiguousarray(self.desired_pose), error)
+        pose_errors(self.pose, self.desired_pose, error)
         return _locked(error)
 
 
