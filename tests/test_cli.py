@@ -90,6 +90,62 @@ def test_a_study_and_its_comparison(here, capsys):
     assert (here / "again/metrics.json").read_text() == (here / "study/K-integrator/metrics.json").read_text()
 
 
+REPEATED = {**SPEC, "plant": {"kind": "servo", "encoder_noise": 1e-4}, "repeats": 3}
+
+
+def test_a_study_with_repeats(here, capsys):
+    pytest.importorskip("pyarrow")
+    (here / "repeats.yaml").write_text(yaml.safe_dump(REPEATED))
+    code, out, err = call("run", "repeats.yaml", "--jobs", 1, capsys=capsys)
+    assert code == 0
+    assert re.search(r"│ proportional +│ +3 │ +0 │ +\d+\.\d+ ± 0\.\d+ ", out), out
+    assert "3/3" in err
+    (here / "other.yaml").write_text(yaml.safe_dump({**REPEATED, "name": "other", "seed": 9}))
+    assert call("run", "other.yaml", capsys=capsys)[0] == 0
+    code, out, _ = call("compare", "results/tiny", "results/other", "--out", "both", capsys=capsys)
+    assert code == 0
+    assert re.search(r"│ tiny +│ +3 │ +0 │", out)
+    assert re.search(r"│ other +│ +3 │ +0 │", out)
+    assert {path.name for path in (here / "both").iterdir()} == {
+        "spec.yaml", "table.md", "table.csv", ".dqcontrol-results",
+    }  # fmt: skip
+
+
+def test_an_interrupted_study_says_how_it_goes_on(here, capsys, monkeypatch):
+    pytest.importorskip("pyarrow")
+    from dqcontrol.experiments import trials
+
+    (here / "repeats.yaml").write_text(yaml.safe_dump(REPEATED))
+    execute = trials.execute
+
+    def interrupted(setting, case, repeat, **options):
+        if repeat == 2:
+            raise KeyboardInterrupt
+        return execute(setting, case, repeat, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(trials, "execute", interrupted)
+        code, _, err = call("run", "repeats.yaml", capsys=capsys)
+    assert code == 130
+    assert err.endswith("dqcontrol: interrupted; finished trials are kept, the same command goes on\n")
+    assert not (here / "results/tiny").exists()
+    code, _, err = call("run", "repeats.yaml", capsys=capsys)
+    assert code == 0
+    assert "dqcontrol: goes on; 2 of 3 trials were finished before\n" in err
+    assert not (here / "results/.tiny.part").exists()
+
+
+def test_trials_that_diverge_are_said_at_the_end(here, capsys):
+    laws = {"good": SPEC["law"], "bad": {"kind": "proportional", "gain": 1.7e308}}
+    far = {"kind": "set-point", "duration": 1, "offset": {"rotation": [0, 0, 3.0]}}
+    spec = {**REPEATED, "reference": far, "laws": laws}
+    del spec["law"]
+    (here / "bad.yaml").write_text(yaml.safe_dump(spec))
+    code, out, _ = call("run", "bad.yaml", capsys=capsys)
+    assert code == 0
+    assert "bad · servo: 3 of 3 repeats diverged at 0 s: the command is not finite (seed 0)\n" in out
+
+
 def test_robots(here, capsys):
     code, out, _ = call("robots", capsys=capsys)
     assert code == 0
@@ -112,6 +168,17 @@ def test_robots(here, capsys):
         ({"law": {"kind": "proportional", "gain": float("nan")}}, r"spec.yaml: law.gain: must be finite"),
         ({"start": [0, 1]}, r"start: expected shape \(…, 7\), got shape \(2,\)"),
         ({"start": [0, 9, 0, 0, 0, 0, 0]}, r"start: joint_2 is 9, outside its limits"),
+        ({"repeats": 0}, r"spec.yaml: repeats: expected 'int' >= 1, got 0"),
+        ({"seed": -1}, r"spec.yaml: seed: expected 'int' >= 0, got -1"),
+        (
+            {"sets": {"a": {"proportionl": {}}}},
+            r"spec.yaml: sets.a: unknown name .* did you mean 'proportional'",
+        ),
+        (
+            {"sets": {"a": {"proportional": {"error_weight": 1}}}},
+            r"sets.a.proportional: unknown key 'error_weight'",
+        ),
+        ({"robots": {"a": {"source": "iiwa7"}}}, r"spec.yaml: robots.a: missing key 'start'"),
         ({"perod": 1}, r"spec.yaml: unknown key 'perod'; did you mean 'period'"),
         ({"period": "fast"}, r"spec.yaml: period: expected"),
         (
@@ -158,6 +225,7 @@ def test_malformed_files(here, capsys, name, text, message):
         (["robots", "show", "bad.urdf"], "bad.urdf"),
         (["rn", "spec.yaml"], "rn"),
         (["run", "spec.yaml", "--frce"], "frce"),
+        (["run", "spec.yaml", "--jobs", "0"], "jobs: expected an integer ≥ 1, got 0"),
     ],
 )
 def test_mistakes_on_the_command_line(here, capsys, arguments, message):

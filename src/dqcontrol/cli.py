@@ -47,7 +47,7 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | Non
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     """
     from dqcontrol.experiments import read_spec, run_study_to
-    from dqcontrol.experiments.study import working_folder
+    from dqcontrol.experiments.conduct import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
     try:
@@ -85,7 +85,7 @@ def check(spec: Path, /) -> None:
 
 @app.command
 def compare(*folders: Path, out: Out = None, force: Force = False) -> None:
-    """Compare saved runs: one table, and plots if --out is given.
+    """Compare saved runs: one table, and plots if --out is given; of studies with repeats, a table of means.
 
     Parameters
     ----------
@@ -96,18 +96,23 @@ def compare(*folders: Path, out: Out = None, force: Force = False) -> None:
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.experiments import load_runs, summary
+    from dqcontrol.experiments import load_rows, load_runs, means_table, summary
+    from dqcontrol.experiments.comparison import MEANS, write_comparison
     from dqcontrol.experiments.output import MARK, new_folder
-    from dqcontrol.experiments.study import write_comparison
+    from dqcontrol.experiments.saved import is_study
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
-    runs = load_runs(list(folders))
+    if any(map(is_study, folders)):
+        runs, table = {}, means_table(load_rows(folders), MEANS, "comparison")
+    else:
+        runs = load_runs(folders)
+        table = summary(runs, "comparison")
     if out is not None:
         with new_folder(out, force=force) as new:
             (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
-            write_comparison(runs, new, "comparison")
-    _wide_console().print(summary(runs, "comparison").rich())
+            write_comparison(table, {label: run.record for label, run in runs.items()}, new)
+    _wide_console().print(table.rich())
     if out is not None:
         print(f"results: {out}")
 
@@ -335,6 +340,9 @@ def main() -> None:
         sys.exit(130)
     except BrokenPipeError:
         sys.exit(0)
+    except OSError as error:  # a full disk, a folder that went away
+        print(f"dqcontrol: {error}", file=sys.stderr)
+        sys.exit(USER_ERROR)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

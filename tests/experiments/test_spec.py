@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
@@ -22,6 +23,7 @@ BASE = {
     "law": K,
     "plant": {"kind": "integrator"},
 }
+LQR = {"kind": "linear-quadratic-dq", "error_weight": 1, "control_weight": 0.01}
 GONE = object()
 
 
@@ -46,7 +48,23 @@ def test_the_base_of_these_tests_is_right(tmp_path):
     assert (from_file.folder, from_dict.folder) == (tmp_path, Path.cwd())
     assert len(from_file.scene.samples) == 201
     assert from_file.spec.is_single
-    assert not prepare(changed(law=GONE, laws={"a": K, "b": K})).spec.is_single
+    for several in (
+        {"law": GONE, "laws": {"a": K, "b": K}},
+        {"repeats": 2},
+        {"grids": {"proportional": {"gain": [1, 2]}}},
+        {"sets": {"a": {"proportional": {}}, "b": {"proportional": {}}}},
+    ):
+        assert not prepare(changed(**several)).spec.is_single
+
+
+def test_records_are_kept_unless_runs_are_repeated():
+    for changes, kept in (
+        ({}, True),
+        ({"repeats": 2}, False),
+        ({"record": "metrics"}, False),
+        ({"record": "all", "repeats": 2}, True),
+    ):
+        assert read_spec(changed(**changes))[0].keeps_records == kept
 
 
 UNFIT = [
@@ -107,6 +125,31 @@ UNFIT = [
     (changed(law=GONE), r"law: give either 'law' \(one\) or 'laws' \(several by label\)$"),
     (changed(plants={"a": BASE["plant"]}), r"plant: give either 'plant' \(one\) or 'plants'"),
     (changed(plant=GONE), r"plant: give either 'plant' \(one\) or 'plants'"),
+    (changed(repeats=0), r"repeats: expected 'int' >= 1, got 0$"),
+    (changed(repeats=-3), r"repeats: expected 'int' >= 1, got -3$"),
+    (changed(repeats=2.5), r"repeats: expected 'int', got 'float'$"),
+    (changed(record="al"), r"record: unknown name 'al'; did you mean 'all'\? \(allowed: all, metrics\)$"),
+    (changed(sets={}), r"sets: expected 'object' of length >= 1, got {}$"),
+    (changed(sets={"best": {}}), r"sets.best: expected 'object' of length >= 1, got {}$"),
+    (changed(sets={"a/b": {"proportional": {}}}), r"sets: expected labels of at most 60 characters without /"),
+    (changed(law=GONE, laws={"K": K}, sets={"best": {"KK": {}}}),
+     r"sets.best: unknown name 'KK'; did you mean 'K'\? \(allowed: K\)$"),
+    (changed(sets={"best": {"proportional": {"error_weight": 3}}}),
+     r"sets.best.proportional: unknown key 'error_weight' \(allowed: kind, "),
+    (changed(sets={"best": {"proportional": 3}}), r"sets.best.proportional: expected 'object', got 'int'$"),
+    (changed(grids={"proportional": {"gain": []}}),
+     r"grids.proportional.gain: expected 'array' of length >= 1, got \[\]$"),
+    (changed(grids={"proportional": {}}), r"grids.proportional: expected 'object' of length >= 1, got {}$"),
+    (changed(grids={"proportional": {"gain": 3}}), r"grids.proportional.gain: expected 'array', got 'int'$"),
+    (changed(grids={"propotional": {"gain": [3]}}), r"grids.propotional: unknown name .* did you mean 'proportional'"),
+    (changed(robots={"a": {"source": "iiwa7", "start": [0] * 7}}),
+     r"robot: give either 'robot' with 'start' \(one\) or 'robots' \(several by label\)$"),
+    (changed(robot=GONE), r"robot: give either 'robot' with 'start' \(one\) or 'robots' \(several by label\)$"),
+    (changed(robot=GONE, robots={"a": {"source": "iiwa7", "start": [0] * 7}}),
+     r"start: each of 'robots' has its own; give it there$"),
+    (changed(robot=GONE, start=GONE, robots={"a": {"source": "iiwa7"}}), r"robots.a: missing key 'start'$"),
+    (changed(robot=GONE, start=GONE, robots={}), r"robots: expected 'object' of length >= 1, got {}$"),
+    (changed(start=GONE), r"missing key 'start'$"),
 ]  # fmt: skip
 
 
@@ -178,12 +221,48 @@ def test_files_that_cannot_be_read(tmp_path):
         ({"reference": circle(start={"quaternion": [2, 0, 0, 0]})}, ValueRangeError,
          r"^reference.start.quaternion: must have norm 1, got 2$"),
         ({"reference": {"kind": "drawing", "file": "nowhere.txt"}}, FileFormatError, r"nowhere\.txt: "),
+        ({"sets": {"good": {"proportional": {}}, "bad": {"proportional": {"gain": -3}}}}, ValueRangeError,
+         r"^law proportional, set bad: gain: must be > 0, got -3$"),
+        ({"grids": {"proportional": {"gain": [1, 0]}}}, ValueRangeError,
+         r"^law proportional, set gain=0: gain: must be > 0, got 0$"),
+        ({"law": {**LQR, "horizon_time": 0.005}}, ValueRangeError,
+         r"^law linear-quadratic-dq: horizon_time: must be at least one period of 0.01 s, got 0.005 s$"),
+        ({"law": {**LQR, "error_weight": -1}}, ValueRangeError, r"^law linear-quadratic-dq: error_weight: must be"),
+        ({"law": {**LQR, "error_weight": [[1, 2, 0, 0, 0, 0], *np.eye(6).tolist()[1:]]}}, ValueRangeError,
+         r"^law linear-quadratic-dq: error_weight: must be symmetric"),
+        ({"law": {**LQR, "control_weight": [1, 1, 1, 1, 1, 0]}}, ValueRangeError,
+         r"^law linear-quadratic-dq: control_weight: must be "),
+        ({"law": {"kind": "h-infinity", "orientation_gamma": 0, "translation_gamma": 1}}, Error,
+         r"^law h-infinity: orientation_gamma: must be > 0, got 0$"),
+        ({"law": {"kind": "h-infinity", "orientation_gamma": 1, "translation_gamma": -0.5}}, Error,
+         r"^law h-infinity: translation_gamma: must be > 0, got -0.5$"),
+        ({"law": {**K, "gain": {"times": [0, 1, 2], "values": [1, 2]}}}, ShapeError,
+         r"^law proportional: schedule: expected as many values as times, one or more, got \(2,\) and \(3,\)$"),
+        ({"law": {**LQR, "error_weight": {"times": [0, 1, 2], "values": [1, 2]}}}, ShapeError,
+         r"^law linear-quadratic-dq: error_weight: expected as many values as times, got 2 and 3$"),
+        ({"law": GONE, "laws": {"K 1": K, "k-1": K}}, ValueRangeError,
+         r"'K 1 · integrator' and 'k-1 · integrator': both would be written to the folder 'k-1-integrator'; rename"),
+        ({"law": GONE, "laws": {"·": K}, "plant": GONE, "plants": {"·": BASE["plant"]}}, ValueRangeError,
+         r"give labels with letters or digits"),
+        ({"law": GONE, "laws": {"é" * 60: K}, "plant": GONE, "plants": {"é" * 60: BASE["plant"]}}, ValueRangeError,
+         r"makes too long a name for a folder; give shorter labels$"),
+        ({"robot": GONE, "start": GONE, "robots": {"a": {"source": "iiwa7", "start": [0] * 6}}}, ShapeError,
+         r"^robots\.a: start: expected shape \(…, 7\), got shape \(6,\)$"),
+        ({"repeats": 1_000_000, "grids": {"proportional": {"gain": list(range(1, 12))}}}, ShapeError,
+         r"^spec: describes 11,000,000 trials; at most 10,000,000$"),
         ({"seed": object()}, FileFormatError, r"^spec: cannot hold <object"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_together(changes, kind, text):
     with pytest.raises(kind, match=text):
         prepare(changed(**changes))
+
+
+@pytest.mark.parametrize("source", [None, ["spec.yaml"], 3, Proportional(gain=1.0)])
+@pytest.mark.parametrize("function", [prepare, read_spec, dqc.run, dqc.run_study])
+def test_what_is_neither_a_path_nor_a_dictionary(function, source):
+    with pytest.raises(ShapeError, match=r"^spec: expected the path of a YAML file or a dictionary, got "):
+        function(source)
 
 
 def test_an_empty_drawing(tmp_path):

@@ -3,15 +3,17 @@
 from dqcontrol.experiments.attenuation import Attenuation, Gammas, attenuation, attenuation_table
 from dqcontrol.experiments.attenuation_cases import verify_attenuation
 from dqcontrol.experiments.check import Checks, LoopCheck, check
+from dqcontrol.experiments.comparison import summary
+from dqcontrol.experiments.conduct import run_study, run_study_to
 from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
 from dqcontrol.experiments.run import Run, run
-from dqcontrol.experiments.saved import load_run, load_runs, load_study
+from dqcontrol.experiments.saved import load_rows, load_run, load_runs, load_study
 from dqcontrol.experiments.spec import Spec, read_spec
-from dqcontrol.experiments.study import Study, run_study, run_study_to, summary
+from dqcontrol.experiments.study import Study
 from dqcontrol.experiments.tables import Column, PlusMinus, Table
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "differences_table",
     "evaluate",
     "evaluate_log",
+    "load_rows",
     "load_run",
     "load_runs",
     "load_study",

@@ -11,12 +11,14 @@ from types import TracebackType
 from dqcontrol.errors import Error, ExistsError, FileFormatError
 from dqcontrol.experiments.output import MARK
 from dqcontrol.experiments.row_file import Row, import_pyarrow, read_rows, write_rows
-from dqcontrol.experiments.setting import Names, Setting
+from dqcontrol.experiments.setting import Setting
 from dqcontrol.experiments.trials import Outcome, Trial
 from dqcontrol.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
+_DRAFT = f".{_FINGERPRINT}.tmp"
 _LOCK = "lock"
+_FIRST = {_LOCK, MARK, _DRAFT}  # what is there before the fingerprint
 _EVERY = 2.0  # s between parts
 
 
@@ -49,26 +51,39 @@ class Journal:
         self._setting = setting
         self._pending: list[Row] = []
         self._written = time.monotonic()
-        self._lock: int | None = None
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            known = (folder / _FINGERPRINT).exists()
-            if not known and any(path.name not in (_LOCK, MARK) for path in folder.iterdir()):
-                raise ExistsError(f"{folder}: exists and holds no unfinished study; move it away")
-            self._lock = _locked(folder / _LOCK)
-            if known and (reason := self._differs()):
-                if not force:
-                    self.close()
-                    raise ExistsError(
-                        f"{folder}: holds finished trials of {reason}; go on with that, or discard them with --force "
-                        "(force=True)"
-                    )
-                self._empty()
-            self._begin()
+            if not (folder / _FINGERPRINT).exists() and (foreign := _names(folder) - _FIRST):
+                raise ExistsError(f"{folder}: holds '{foreign.pop()}' and no unfinished study; move it away")
+            self._lock: int | None = _locked(folder / _LOCK)
+        except Error:
+            raise
         except OSError as error:
-            if isinstance(error, Error):
-                raise
             raise Error(f"{folder}: cannot be written: {error.strerror or error}") from None
+        try:
+            self._begin(force)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, force: bool) -> None:
+        """Make sure that the folder is this study's, and rid it of what was half-written."""
+        mark = self.folder / _FINGERPRINT
+        if mark.exists() and (reason := self._differs()):
+            if not force:
+                raise ExistsError(
+                    f"{self.folder}: holds finished trials of {reason}; run that to go on with them, or discard them "
+                    "with --force (force=True)"
+                )
+            self._empty()
+        for path in (*self.folder.glob(".*.tmp"), *self.recordings.glob("*/.*")):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+        if not mark.exists():
+            (self.folder / MARK).write_text(self._setting.text, encoding="utf-8")
+            draft = self.folder / _DRAFT
+            draft.write_text(self._setting.fingerprint(), encoding="utf-8")
+            draft.replace(mark)
+        self._next = max((int(path.stem.partition("-")[2]) for path in self._parts()), default=-1) + 1
 
     def _differs(self) -> str:
         """Say what the folder belongs to, if not to this study."""
@@ -78,20 +93,11 @@ class Journal:
             return "another version of dqcontrol, or of a file that the spec names"
         return ""
 
-    def _begin(self) -> None:
-        for path in (*self.folder.glob(".*.tmp"), *self.recordings.glob("*/.*")):  # half-written
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-        if not (self.folder / _FINGERPRINT).exists():
-            (self.folder / MARK).write_text(self._setting.text, encoding="utf-8")
-            draft = self.folder / f".{_FINGERPRINT}.tmp"
-            draft.write_text(self._setting.fingerprint(), encoding="utf-8")
-            draft.replace(self.folder / _FINGERPRINT)
-
     def _empty(self) -> None:
-        (self.folder / _FINGERPRINT).unlink()
         for path in self._parts():
             path.unlink()
         shutil.rmtree(self.recordings, ignore_errors=True)
+        (self.folder / _FINGERPRINT).unlink()  # last: until then the rest is known to be ours
 
     def _parts(self) -> list[Path]:
         return sorted(self.folder.glob("part-*.parquet"))
@@ -107,9 +113,7 @@ class Journal:
         rows: dict[Trial, Row] = {}
         for path in self._parts():
             try:
-                for row in read_rows(path):
-                    names = Names(*(str(row[key]) for key in Names._fields))
-                    rows[Trial(names, int(str(row["repeat"])))] = row
+                rows |= {Trial.of(row): row for row in read_rows(path)}
             except (FileFormatError, KeyError) as error:
                 raise FileFormatError(
                     f"{path}: is damaged ({error}); remove it to repeat its trials"
@@ -124,18 +128,18 @@ class Journal:
 
     def _flush(self) -> None:
         if self._pending:
-            last = self._parts()
-            number = int(last[-1].stem.partition("-")[2]) + 1 if last else 0
-            write_rows(self.folder / f"part-{number:08d}.parquet", self._pending, {})
-            self._pending = []
+            write_rows(self.folder / f"part-{self._next:08d}.parquet", self._pending, {})
+            self._pending, self._next = [], self._next + 1
         self._written = time.monotonic()
 
     def close(self) -> None:
         """Write what is noted, and let others in."""
-        self._flush()
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        try:
+            self._flush()
+        finally:
+            if self._lock is not None:
+                os.close(self._lock)
+                self._lock = None
 
     def discard(self) -> None:
         """Remove the folder."""
@@ -150,6 +154,10 @@ class Journal:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
 
 
 def _locked(path: Path) -> int:

@@ -13,6 +13,7 @@ from pathlib import Path
 from dqcontrol.errors import Error, ExistsError, ValueRangeError
 
 MARK = "spec.yaml"  # every folder of results holds what it came from
+_LONGEST = 200  # bytes of a name; file systems take 255
 _CONTENTS = ".dqcontrol-results"  # and the list of all that was written
 
 
@@ -78,14 +79,17 @@ def folder_names(labels: Iterable[str]) -> dict[str, str]:
     Raises
     ------
     ValueRangeError
-        If a label leaves nothing for a name, or two labels the same.
+        If a label leaves nothing for a name or makes one that is too long, or two labels make the same.
     """
     names: dict[str, str] = {}
+    taken: dict[str, str] = {}  # not all file systems tell capitals
     for label in labels:
         name = re.sub(r"[^\w.+-]+", "-", label).strip("-.")
         if not name:
             raise ValueRangeError(f"'{label}': give labels with letters or digits, for the names of folders")
-        if twin := next((other for other, taken in names.items() if taken.lower() == name.lower()), None):
+        if len(name.encode()) > _LONGEST:
+            raise ValueRangeError(f"'{label:.80}…': makes too long a name for a folder; give shorter labels")
+        if (twin := taken.setdefault(name.lower(), label)) is not label:
             raise ValueRangeError(
                 f"'{twin}' and '{label}': both would be written to the folder '{name}'; rename one"
             )

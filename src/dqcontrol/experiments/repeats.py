@@ -1,7 +1,8 @@
 """The rows of a study in groups of repeats.
 
-A row is one run: a mapping of the labels ``robot``, ``law``, ``set`` and ``plant``, perhaps ``parameter.X``, of
-``seed``, ``stopped`` and of all numbers of `Metrics.flat`. Runs of the same labels are repeats of each other.
+A row is one run: a mapping of the labels ``robot``, ``law``, ``set`` and ``plant``, perhaps ``parameter.X`` and
+``study``, of ``seed``, ``stopped`` and of all numbers of `Metrics.flat`. Runs of the same labels are repeats of each
+other.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from dqcontrol.experiments.tables import Column
 Row = Mapping[str, Any]
 Group = tuple[str | float, ...]  # the labels of runs that are repeats of each other
 
-LABELS = ("robot", "law", "set", "plant")
+LABELS = ("study", "robot", "law", "set", "plant")
 _LAW, _SET = LABELS.index("law"), LABELS.index("set")
 _PARAMETER = "parameter."
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.errors import Error, FileFormatError, MissingExtraError
 from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
 
 Row = dict[str, float | int | str | None]
@@ -43,6 +43,13 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str
         One mapping a row; what one lacks is missing there.
     notes
         Texts for the file's metadata. The units of the metrics are in those of their columns.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow is not installed.
+    Error
+        If the file cannot be written.
     """
     arrow = import_pyarrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -56,11 +63,14 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str
         metadata=dict(notes),
     )
     draft = path.with_name(f".{path.name}.tmp")
-    with open(draft, "wb") as stream:
-        arrow.parquet.write_table(arrow.table(arrays, schema=schema), stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    draft.replace(path)
+    try:
+        with open(draft, "wb") as stream:
+            arrow.parquet.write_table(arrow.table(arrays, schema=schema), stream)
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(path)
+    except OSError as error:
+        raise Error(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def read_rows(path: Path) -> list[Row]:

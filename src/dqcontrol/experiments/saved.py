@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.evaluation import saved_evaluation
 from dqcontrol.experiments.output import MARK
-from dqcontrol.experiments.row_file import read_rows
+from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.study import ROWS, Study
@@ -46,8 +47,8 @@ def load_run(folder: str | Path) -> Run:
     )
 
 
-def load_runs(folders: list[Path]) -> dict[str, Run]:
-    """Return saved runs by label; a folder of a study stands for all its runs.
+def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
+    """Return saved runs by label; a folder of a study, or of its repeats, stands for all its runs.
 
     Raises
     ------
@@ -56,15 +57,56 @@ def load_runs(folders: list[Path]) -> dict[str, Run]:
     """
     runs: dict[str, Run] = {}
     seen: set[Path] = set()
-    for folder in folders:
-        inner = sorted(path.parent for path in folder.glob("*/record.mcap"))
-        for path in inner if inner and not (folder / "record.mcap").exists() else [folder]:
+    for folder in map(Path, folders):
+        for path in _run_folders(folder):
             if path.resolve() in seen:
                 raise Error(f"{path}: given twice")
             seen.add(path.resolve())
-            label = path.name if path.name not in runs else str(path)
-            runs[label] = load_run(path)
+            name = f"{path.parent.name} · {path.name}" if path.name.isdecimal() else path.name
+            runs[name if name not in runs else str(path)] = load_run(path)
     return runs
+
+
+def _run_folders(folder: Path) -> list[Path]:
+    if (folder / "record.mcap").exists():
+        return [folder]
+    inner = [path.parent for path in folder.glob("*/record.mcap")]
+    return sorted(inner, key=lambda path: (len(path.name) * path.name.isdecimal(), path.name)) or [folder]
+
+
+def load_rows(folders: Sequence[str | Path]) -> list[Row]:
+    """Return the trials of saved studies with ``runs.parquet``, and saved runs, as rows of one table.
+
+    Returns
+    -------
+    Rows as of `Study.rows`, and ``study``: the folder of a study, or empty; a run has its label for ``law``.
+
+    Raises
+    ------
+    FileFormatError
+        If a folder holds neither.
+    Error
+        If one is given twice.
+    """
+    rows: list[Row] = []
+    names: dict[str, Path] = {}
+    for folder in map(Path, folders):
+        if not is_study(folder):
+            continue
+        if folder.resolve() in (path.resolve() for path in names.values()):
+            raise Error(f"{folder}: given twice")
+        name = folder.name if folder.name not in names else str(folder)
+        names[name] = folder
+        rows += [{"study": name, **row} for row in load_study(folder).rows]
+    for label, run in load_runs([folder for folder in folders if not is_study(folder)]).items():
+        place: Row = {"study": "", "robot": "", "law": label, "set": "", "plant": "", "repeat": 0, "seed": 0}
+        rows.append({**place, "stopped": run.record.stopped, **run.metrics.flat()})
+    return rows
+
+
+def is_study(folder: str | Path) -> bool:
+    """Tell whether a folder holds a study with ``runs.parquet``."""
+    return (Path(folder) / ROWS).is_file()
 
 
 def load_study(folder: str | Path) -> Study:

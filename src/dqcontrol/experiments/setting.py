@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,6 +25,7 @@ from dqcontrol.experiments.stability import LoopGain, loop_gains
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
+from dqcontrol.plants import CompiledPlant
 from dqcontrol.references import Reference
 from dqcontrol.robots import SerialArm, load_robot
 
@@ -59,12 +61,23 @@ class Names(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """One combination of robot, law, parameter set and plant."""
+    """One combination of robot, law, parameter set and plant.
+
+    Attributes
+    ----------
+    names, scene, variant, plant
+        What is combined.
+    is_compiled
+        Whether the whole loop is.
+    prepared
+        The law ready to run, if it was kept.
+    """
 
     names: Names
     scene: Scene
     variant: Variant[AnyLaw]
     plant: AnyPlant
+    is_compiled: bool
     prepared: PreparedLaw | None
     gains: tuple[LoopGain, ...] | None
 
@@ -117,7 +130,7 @@ class Setting:
 
     def fingerprint(self) -> str:
         """Return a hash of what trials depend on beside the spec's text: the files that it names, and this program."""
-        digest = hashlib.sha256(f"{source_hash()} {np.__version__}".encode())
+        digest = hashlib.sha256(f"{source_hash()} {_versions()}".encode())
         for scene in self.scenes.values():
             robot = scene.robot
             limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
@@ -125,6 +138,15 @@ class Setting:
             for array in (robot.chain, *limits, *masses, scene.samples):
                 digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
+
+
+def _versions() -> str:
+    """Return the versions of the libraries that draw the noise and move the joints."""
+    found = []
+    for name in ("numpy", "mujoco"):
+        with suppress(PackageNotFoundError):
+            found.append(f"{name} {version(name)}")
+    return " ".join(found)
 
 
 def prepare(source: str | Path | dict[str, Any]) -> Setting:
@@ -158,18 +180,11 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
         with naming(f"robots.{label}") if label else nullcontext():
             scenes[label] = _scene(spec, robot, folder)
             laws = list(_prepared_laws(spec, variants, scenes[label]))
-            _check_plants(spec, plants, scenes[label])
-        cases += [
-            Case(
-                Names(label, variant.label, variant.set, plant),
-                scenes[label],
-                variant,
-                plants[plant],
-                *laws[i],
-            )
-            for plant in plants
-            for i, variant in enumerate(variants)
-        ]
+            compiled = _checked_plants(spec, plants, scenes[label])
+        for plant in plants:
+            for i, variant in enumerate(variants):
+                place = Names(label, variant.label, variant.set, plant)
+                cases.append(Case(place, scenes[label], variant, plants[plant], compiled[plant], *laws[i]))
     return Setting(spec, folder, scenes, tuple(cases))
 
 
@@ -204,11 +219,15 @@ def _prepared_laws(
         yield prepared if room > 0 else None, loop_gains(variant.law, prepared)
 
 
-def _check_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> None:
+def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:
+    """Check that every plant can start, and tell which are compiled."""
+    compiled = {}
     for label, plant in plants.items():
         with naming(f"plant {label}"):
             live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
             if spec.disturbance is not None:
                 check_disturbed(live)
+        compiled[label] = isinstance(live, CompiledPlant)
     if spec.disturbance is not None:
         spec.disturbance.start(scene.robot, spec.period, 1, spec.seed)
+    return compiled

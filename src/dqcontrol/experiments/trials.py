@@ -24,11 +24,10 @@ from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.experiments.setting import Case, Names, Setting
 from dqcontrol.loop import Record
-from dqcontrol.plants import MujocoPlant
 
 Steps = Callable[[int, int], None]
 
-_COMPILED, _INTERPRETED, _STORED = 2e-6, 2e-4, 1e-4  # s a step, roughly: to run, and to write its record
+_COMPILED, _INTERPRETED, _STORED = 2e-6, 2e-4, 3e-4  # s a step, roughly: to run, and to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
 _WORTH_PROCESSES = 4.0  # s of work; starting processes for less takes longer than it saves
 
@@ -38,6 +37,15 @@ class Trial(NamedTuple):
 
     names: Names
     repeat: int
+
+    @classmethod
+    def of(cls, row: Row) -> Trial:
+        """Return what a row of a study's table belongs to."""
+        return cls(Names(*(str(row[key]) for key in Names._fields)), int(str(row["repeat"])))
+
+    def label(self, repeated: bool) -> str:
+        """Return its labels, and which repeat it is if there are several."""
+        return f"{self.names.label} · {self.repeat}" if repeated else self.names.label
 
 
 @dataclass(frozen=True)
@@ -71,7 +79,7 @@ class Batch:
     @property
     def seconds(self) -> float:
         """How long it takes, roughly."""
-        step = _INTERPRETED if isinstance(self.case.plant, MujocoPlant) else _COMPILED
+        step = _COMPILED if self.case.is_compiled else _INTERPRETED
         stored = _STORED if self.folder and self.setting.spec.keeps_records else 0.0
         return len(self.repeats) * len(self.case.scene.samples) * (step + stored)
 
@@ -112,9 +120,7 @@ class Batch:
         draft = Path(tempfile.mkdtemp(prefix=".", dir=target.parent))
         run.write_data(draft)
         draft.chmod(0o755)
-        shutil.rmtree(
-            target, ignore_errors=True
-        )  # of an interrupted study that did not get to note the trial
+        shutil.rmtree(target, ignore_errors=True)  # of a study that was interrupted before it noted the trial
         draft.rename(target)
         return None
 
@@ -157,7 +163,7 @@ def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None)
     try:
         results = pool(delayed(_in_process)(_alone(part)) for part in parts)
         for some in cast(Iterator[list[Outcome]], results):
-            yield from some
+            yield from map(_received, some)
     except BrokenProcessPool:
         raise Error(
             "a process of the study was killed, perhaps for want of memory; try fewer jobs (--jobs)"
@@ -182,6 +188,12 @@ def _in_process(batch: Batch) -> list[Outcome]:
         return list(batch.outcomes())
 
 
+def _received(outcome: Outcome) -> Outcome:
+    """Return an outcome that came from a process with a record that cannot be changed, as it was there."""
+    run = outcome.run
+    return outcome if run is None else replace(outcome, run=replace(run, record=replace(run.record)))
+
+
 def _alone(batch: Batch) -> Batch:
     """Return a batch with nothing of its study that it does not need, to send it to a process."""
     case = replace(batch.case, prepared=None)
@@ -191,10 +203,10 @@ def _alone(batch: Batch) -> Batch:
 
 def _rehearse(batches: Sequence[Batch]) -> None:
     """Run two samples of every kind of trial, so that what has to be compiled is compiled once, not in each process."""
-    kinds = {
-        (type(b.case.variant.law), type(b.case.variant.law.null_space), type(b.case.plant)): b
-        for b in batches
-    }
+    kinds = {}
+    for batch in batches:
+        law = batch.case.variant.law
+        kinds[type(law), type(law.null_space), type(batch.case.plant)] = batch
     for batch in kinds.values():
         scene = replace(batch.case.scene, samples=batch.case.scene.samples[:2])
         with suppress(DivergedError):

@@ -1,0 +1,63 @@
+"""Runs side by side: their table and plots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.loop import Record
+
+COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
+    "position.settled_mean": Column("mean", "mm", ".3g"),
+    "position.settled_rms": Column("RMS", "mm", ".3g"),
+    "position.settled_peak": Column("max", "mm", ".3g"),
+    "orientation.settled_rms": Column("RMS", "°", ".3g"),
+    "orientation.settled_peak": Column("max", "°", ".3g"),
+    "effort": Column("effort", "rad/√s", ".3g"),
+    "control.peak": Column("peak |u|", "rad/s", ".3g"),
+    "hand_speed.peak": Column("peak speed", "m/s", ".3g"),
+    "hand_acceleration.peak": Column("peak acc.", "m/s²", ".3g"),
+    "limit_margin": Column("limit margin", "rad", ".3g"),
+}
+
+MEANS = (
+    "position.settled_rms",
+    "position.settled_peak",
+    "orientation.settled_rms",
+    "error.integral",
+    "control.integral",
+    "effort",
+)
+"""What tables of means show."""
+
+MOST_CURVES = 12  # in one figure
+
+
+def summary(runs: Mapping[str, Run], title: str = "") -> Table:
+    """Return one row a run; errors in mm and degrees are those after the start that the spec excludes."""
+    rows = ((label, {**run.metrics.flat(), "stopped": run.record.stopped}) for label, run in runs.items())
+    return summary_of(rows, title)
+
+
+def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -> Table:
+    """Return the same of labels with rows as of `Study.rows`."""
+    lines = [[label, *(row[key] for key in COMPARED), row["stopped"]] for label, row in rows]
+    return Table([Column("run"), *COMPARED.values(), Column("ended by")], lines, title)
+
+
+def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> None:
+    """Write a table, and plots of a dozen records at most, into an existing folder."""
+    from dqcontrol.view import save_comparison
+
+    write_table(table, folder, "table")
+    if records:
+        save_comparison(dict(list(records.items())[:MOST_CURVES]), folder)
+
+
+def write_table(table: Table, folder: Path, name: str) -> None:
+    """Write a table as Markdown and CSV."""
+    table.write(folder / f"{name}.md")
+    table.write(folder / f"{name}.csv")

@@ -1,0 +1,78 @@
+"""How trials are shared out, and what processes do that are killed."""
+
+import os
+
+import numpy as np
+import pytest
+from study_specs import spec
+
+from dqcontrol.errors import Error
+from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
+
+
+def batches(repeats=3, **changes):
+    setting = prepare(spec(repeats=repeats, **changes))
+    return [Batch(setting, case, range(repeats), None) for case in setting.cases]
+
+
+def test_parts_hold_every_repeat_once_and_take_about_a_second():
+    for batch in batches(repeats=5000, reference={**spec()["reference"], "duration": 20}):
+        parts = list(batch.split())
+        assert [repeat for part in parts for repeat in part.repeats] == list(range(5000))
+        assert len(parts) > 4
+        assert all(0.5 < part.seconds <= 1.0 for part in parts[:-1])
+        sizes = [len(part.repeats) for part in parts]
+        assert max(sizes) - sizes[-1] < len(parts)
+
+
+def test_a_few_short_trials_start_no_processes():
+    assert sensible_jobs(batches()) == 1
+    assert sensible_jobs([]) == 1
+    many = sensible_jobs(batches(repeats=100_000))
+    assert many == len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else many >= 1
+
+
+def test_physics_and_records_are_longer():
+    pytest.importorskip("mujoco")
+    (compiled, _), (physics, _) = batches(), batches(plant={"kind": "mujoco"})
+    assert physics.seconds > 10 * compiled.seconds
+
+
+def test_rows_name_their_trials():
+    for jobs in (1, 2):
+        found = list(outcomes(batches(), jobs))
+        assert {outcome.trial for outcome in found} == {Trial.of(outcome.row) for outcome in found}
+        assert len(found) == 6
+
+
+def test_repeats_of_one_prepared_law_do_not_see_each_other():
+    (batch, _), (fresh, _) = batches(), batches()
+    forwards = list(batch.outcomes())
+    (alone,) = Batch(fresh.setting, fresh.case, [2], None).outcomes()
+    assert forwards[2].row == alone.row
+
+
+def test_a_process_that_is_killed_is_one_line(monkeypatch):
+    class Deadly:
+        def __reduce__(self):
+            return os._exit, (9,)
+
+    group = batches()
+    monkeypatch.setattr("dqcontrol.experiments.trials._alone", lambda batch: Deadly())
+    with pytest.raises(
+        Error, match=r"^a process of the study was killed, perhaps for want of memory; try fewer jobs"
+    ):
+        list(outcomes(group, 2))
+
+
+def test_records_of_trials_in_processes_are_those_of_this_one():
+    data = {"record": "all", "repeats": 2}
+    mine, its = (
+        sorted(outcomes(batches(**data), jobs), key=lambda outcome: outcome.trial) for jobs in (1, 2)
+    )
+    for one, other in zip(mine, its, strict=True):
+        assert one.run is not None
+        assert other.run is not None
+        assert np.array_equal(one.run.record.q, other.run.record.q)
+        assert one.run.spec == other.run.spec
