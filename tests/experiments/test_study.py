@@ -11,6 +11,7 @@ from study_specs import AT_ONCE, FAR, LATER, spec
 import dqcontrol as dqc
 from dqcontrol.errors import ExistsError, FileFormatError, LimitWarning, ValueRangeError
 from dqcontrol.experiments import load_rows, load_run, load_runs, load_study, run_study_to
+from dqcontrol.experiments.run import beyond_limits
 from dqcontrol.laws import LinearQuadraticR8
 
 LABELS = ("robot", "law", "set", "plant", "repeat")
@@ -123,7 +124,7 @@ def test_a_trial_that_diverges_is_a_row_and_the_others_go_on(law, when):
     )
     study = dqc.run_study(data)
     bad, good = study.rows[:3], study.rows[3:]
-    assert all(row["stopped"].startswith(f"diverged at {when}") for row in bad)
+    assert all(str(row["stopped"]).startswith(f"diverged at {when}") for row in bad)
     assert all(row["stopped"] == "duration" and row["samples"] == 101 for row in good)
     if law is AT_ONCE:
         assert all(row["samples"] is None and row["error.integral"] is None for row in bad)
@@ -143,19 +144,23 @@ def test_a_study_of_which_every_run_fails_at_once_is_an_error(tmp_path):
 
 
 def test_limits_are_warned_of_once_a_law_with_a_count():
-    start = [0, 0.6, 0, 2.09, 0, 0.6, 0]  # the fourth joint may go to 2.094 rad
-    wild = {"kind": "servo", "encoder_noise": 0.02, "command_mode": "measured"}
+    start = [0, 0.6, 0, 2.09, 0, 0.6, 0]  # the fourth joint may go to 2.0944 rad
+    laws = {"open": {"kind": "open-loop"}, "K": {"kind": "proportional", "gain": 50}}
+    creeping = {"kind": "integrator", "bias": 0.05}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        study = dqc.run_study(spec(start=start, plant=wild, reference={"kind": "set-point"}, duration=1))
-    found = [str(w.message) for w in caught if w.category is LimitWarning and "servo" in str(w.message)]
-    for law in ("K", "K+FF"):
-        crossed = [row for row in study.rows if row["law"] == law and row["limit_margin"] < 0]
-        assert len(crossed) > 0
-        worst = -min(row["limit_margin"] for row in crossed)
-        assert [text for text in found if text.startswith(f"{law} · servo: ")] == [
-            f"{law} · servo: joint_4 went {worst:.3g} rad or m beyond its limits, in {len(crossed)} of 3 repeats"
-        ]
+        dqc.run_study(
+            spec(start=start, laws=laws, plant=creeping, reference={"kind": "set-point"}, duration=1), jobs=1
+        )
+    beyond = 2.09 + 0.05 - np.radians(120)  # no feedback: the bias goes on for a second; K rests 1 mrad off
+    assert [str(warning.message) for warning in caught if warning.category is LimitWarning] == [
+        f"open · integrator: joint_4 went {beyond:.3g} rad or m beyond its limits, in 3 of 3 repeats"
+    ]
+    trials = [
+        {"limit_margin": margin, "limit_joint": f"joint_{i}"}
+        for i, margin in enumerate([-0.1, None, 0.1, -0.2])
+    ]
+    assert beyond_limits("K", trials) == "K: joint_3 went 0.2 rad or m beyond its limits, in 2 of 4 repeats"
 
 
 def test_progress_counts_trials_to_the_end():
