@@ -185,7 +185,8 @@ def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
     names = {path.name for path in (tmp_path / "noise").iterdir()}
     assert names == {
         "spec.yaml", "runs.parquet", "table.md", "table.csv", "differences.md", "differences.csv",
-        "repeatability.md", "repeatability.csv", "paths.png", "errors.png", ".dqcontrol-results",
+        "repeatability.md", "repeatability.csv", "paths.png", "errors.png", "criteria.png",
+        "repeats.png", ".dqcontrol-results",
     }  # fmt: skip
     again = load_study(tmp_path / "noise")
     assert again.rows == study.rows == run_study_to(tmp_path / "noise/spec.yaml", tmp_path / "again").rows

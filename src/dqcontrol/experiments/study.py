@@ -117,6 +117,10 @@ class Study:
                     inner.mkdir(parents=True)
                     run.write_data(inner)
         if self.is_repeated:
+            if len(by_label(self.rows)) <= MOST_CURVES:
+                from dqcontrol.view import repeats_figure
+
+                repeats_figure(self.rows).savefig(new / "repeats.png")
             write_table(repeatability_table(self.rows), new, "repeatability")
             groups = [(row["robot"], row["set"], row["plant"]) for row in self.rows if row["repeat"] == 0]
             if len(groups) > len(set(groups)):  # somewhere two laws can be compared
