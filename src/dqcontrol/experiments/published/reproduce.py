@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.attenuation import attenuation_table
+from dqcontrol.experiments.conduct import run_study
 from dqcontrol.experiments.output import MARK, new_folder
 from dqcontrol.experiments.published import second_fit
 from dqcontrol.experiments.published.calibration import calibrate
@@ -22,7 +23,7 @@ from dqcontrol.experiments.published.verdicts.sampling_time import PERIODS
 from dqcontrol.experiments.published.when_to_use import when_to_use
 from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
 from dqcontrol.experiments.setting import prepare
-from dqcontrol.experiments.study import Study, run_study
+from dqcontrol.experiments.study import Study
 from dqcontrol.experiments.tables import Table
 from dqcontrol.yaml_file import parse_yaml
 
