@@ -372,7 +372,7 @@ def _progress() -> Iterator[Callable[..., None]]:
         if not tasks:
             bar.start()  # only now: an error before the first trial prints nothing else
         if label not in tasks:
-            if done:
+            if done >= 1:
                 print(f"dqcontrol: goes on; {done:g} of {total} trials were finished before", file=sys.stderr)
             tasks[label] = bar.add_task(label, total=total)
         bar.update(tasks[label], completed=done)

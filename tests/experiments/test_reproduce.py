@@ -52,17 +52,19 @@ def test_all_experiments_on_the_arm_have_one_plant():
     assert all(plant == plants["spiral"] for plant in plants.values())
 
 
+def last_gain(law):
+    return law.translation_gain.values[-1]
+
+
 def test_the_gains_of_the_spiral_fall_by_ln2():
     variants = {(v.label, v.set): v.law for v in read_spec(spec_path("spiral"))[0].variants}
     for law in ("K", "K+FF"):
         gains = [variants[law, each].gain for each in ("best", "ln2", "ln2²")]
         assert gains[1:] == pytest.approx([gains[0] * np.log(2), gains[0] * np.log(2) ** 2], rel=1e-3)
     for law in ("HIR", "HIRT"):
-        ends = [variants[law, each].translation_gain.values[-1] for each in ("best", "ln2", "ln2²")]
+        ends = [last_gain(variants[law, each]) for each in ("best", "ln2", "ln2²")]
         assert ends[1:] == pytest.approx([ends[0] * np.log(2), ends[0] * np.log(2) ** 2], rel=1e-3)
-    gammas = [
-        np.sqrt(2) / variants["HIR", each].translation_gain.values[-1] for each in ("best", "ln2", "ln2²")
-    ]
+    gammas = [np.sqrt(2) / last_gain(variants["HIR", each]) for each in ("best", "ln2", "ln2²")]
     assert gammas == pytest.approx([0.372, 0.537, 0.775], rel=2e-3)  # as printed
 
 

@@ -124,14 +124,16 @@ def _tables(name: str, chosen: Reproduction, studies: Mapping[str, Study]) -> li
     cells = published_cells(name)
     ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
     tables = comparison_tables(cells, ours)
+    second = None
     if chosen.scaled:
         scaled = {experiment: studies[_scaled(spec)] for experiment, spec in chosen.specs.items()}
+        second = _results(chosen, scaled)
         title = f"gains × {second_fit.FACTOR:g}: {_SECOND}"
-        tables += comparison_tables(cells, _results(chosen, scaled), suffix=second_fit.SUFFIX, title=title)
+        tables += comparison_tables(cells, second, suffix=second_fit.SUFFIX, title=title)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
     settings = {where: prepare(parse_yaml(spec, studies[spec].spec)) for where, spec in chosen.specs.items()}
-    evidence = Evidence(ours, settings)
+    evidence = Evidence(ours, settings, second)
     if name == "spiral":
         tables.append(when_to_use(evidence))
     return [*tables, verdict_table(name, judge(name, evidence))]

@@ -51,10 +51,13 @@ class Evidence:
         Metrics of all repeats.
     settings
         The specs made ready, by the experiment's name in the published tables.
+    second
+        What the robust laws gave with the second fit; told beside a number, never the ground of a verdict.
     """
 
     ours: Results
     settings: Mapping[str, Setting]
+    second: Results | None = None
     _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
 
     def mean(self, law: str, parameters: str = "", metric: str = "error", experiment: str = "") -> float:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.published.verdicts.evidence import (
     LAWS,
     LQR,
@@ -22,9 +23,9 @@ METRICS = ("error", "control", "joint_step", "hand_speed", "hand_acceleration")
 _STEP, _LQR_STEP = 1 / np.log(2), 1 / np.sqrt(np.log(2))
 
 
-def _steps(evidence: Evidence, law: str) -> list[float]:
+def _steps(results: Results, law: str) -> list[float]:
     """Return the error of one set over that of the next higher one."""
-    return [evidence.mean(law, low) / evidence.mean(law, high) for high, low in pairwise(SETS)]
+    return [results.mean(law, low) / results.mean(law, high) for high, low in pairwise(SETS)]
 
 
 def _near(values: list[float], target: float, share: float = 0.05) -> bool:
@@ -33,20 +34,22 @@ def _near(values: list[float], target: float, share: float = 0.05) -> bool:
 
 @decides("error-inverse-to-gain")
 def _inverse(evidence: Evidence) -> Judgement:
-    steps = {law: _steps(evidence, law) for law in (*PROPORTIONAL, *ROBUST)}
+    steps = {law: _steps(evidence.ours, law) for law in (*PROPORTIONAL, *ROBUST)}
     text = "; ".join(f"{law} {listed(values)}" for law, values in steps.items())
+    if evidence.second is not None:
+        text += f"; second fit {listed(_steps(evidence.second, 'HIR scaled'))}"
     return Judgement(all(_near(values, _STEP) for values in steps.values()), f"{text}; 1/ln2 = {_STEP:.3f}")
 
 
 @decides("dq-error-inverse-to-gain")
 def _dq_inverse(evidence: Evidence) -> Judgement:
-    steps = _steps(evidence, "LQR-DQ")
+    steps = _steps(evidence.ours, "LQR-DQ")
     return Judgement(_near(steps, _STEP), f"{listed(steps)}; the gain √(q/r) gives {_LQR_STEP:.3f}")
 
 
 @decides("r8-not-exponential")
 def _r8(evidence: Evidence) -> Judgement:
-    steps = _steps(evidence, "LQR-R8")
+    steps = _steps(evidence.ours, "LQR-R8")
     return Judgement(not _near(steps, _LQR_STEP), f"{listed(steps)}; the gain √(q/r) gives {_LQR_STEP:.3f}")
 
 
