@@ -16,6 +16,7 @@ from dqcontrol.experiments.published.verdicts.evidence import (
 from dqcontrol.experiments.published.verdicts.grid import grid_of
 
 IIWA, MEKA = ("iiwa circle", "iiwa square"), ("meka circle", "meka square")
+_ROBOTS = ("iiwa", "meka")
 _LQR = "LQR-R8"
 
 
@@ -135,23 +136,23 @@ def _surface(evidence: Evidence, robot: str, metric: str) -> tuple[list[float], 
 
 @decides("surface-larger-r-less-effort")
 def _surface_effort(evidence: Evidence) -> Judgement:
-    texts, holds = [], True
-    for robot in ("iiwa", "meka"):
+    shares = []
+    for robot in _ROBOTS:
         steps = np.diff(_surface(evidence, robot, "joint_step")[2], axis=1)
-        share = float((steps < 0).sum() / np.isfinite(steps).sum())
-        holds = holds and share > 0.5
-        texts.append(f"{robot} {100 * share:.0f} %")
-    return Judgement(holds, f"steps of r in which Eff falls: {', '.join(texts)}")
+        shares.append(100 * float((steps < 0).sum() / np.isfinite(steps).sum()))
+    return Judgement(
+        shares[0] > 50,
+        f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, of which it is said; meka {shares[1]:.0f} %",
+    )
 
 
 @decides("surface-speed")
 def _surface_speed(evidence: Evidence) -> Judgement:
-    texts, holds = [], True
-    for robot in ("iiwa", "meka"):
-        correlation = _rank_correlation(*_against_gain(evidence, robot, "hand_speed"))
-        holds = holds and correlation > 0.5
-        texts.append(f"{robot} {correlation:.2f}")
-    return Judgement(holds, f"rank correlation of L.Vel with q/r: {', '.join(texts)}")
+    iiwa, meka = (_rank_correlation(*_against_gain(evidence, robot, "hand_speed")) for robot in _ROBOTS)
+    return Judgement(
+        iiwa > 0.5,
+        f"rank correlation of L.Vel with q/r: iiwa {iiwa:.2f}, of which it is said; meka {meka:.2f}",
+    )
 
 
 @decides("q-matters-more-than-r")
@@ -169,7 +170,7 @@ def _q_or_r(evidence: Evidence) -> Judgement:
 @decides("surface-error")
 def _surface_error(evidence: Evidence) -> Judgement:
     texts, rises = [], False
-    for robot in ("iiwa", "meka"):
+    for robot in _ROBOTS:
         gains, errors = _against_gain(evidence, robot, "error")
         levels = sorted(set(np.round(gains, 9)))
         means = [float(errors[np.isclose(gains, level)].mean()) for level in levels]

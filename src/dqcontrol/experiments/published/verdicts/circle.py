@@ -30,7 +30,9 @@ def _trade(evidence: Evidence) -> Judgement:
         holds = holds and (np.diff(errors) < 0).all() and (np.diff(steps) > 0).all()
     number = f"errors of the four sets differ by {listed([100 * s for s in spreads], '.2g')} % (R8, DQ)"
     if max(spreads) < _ONE_CONTROLLER:
-        return Judgement(None, f"{number}: with q/r = 1000 in all four they are one controller")
+        return Judgement(
+            None, f"{number}: with q/r = 1000 in all four they are one controller; see lqr-surface"
+        )
     return Judgement(bool(holds), number)
 
 
