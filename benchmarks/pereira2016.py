@@ -10,8 +10,8 @@ import resource
 import time
 import warnings
 
+from dqcontrol.experiments.conduct import run_study
 from dqcontrol.experiments.published.catalogue import REPRODUCTIONS, spec_path
-from dqcontrol.experiments.study import run_study
 from dqcontrol.yaml_file import parse_yaml, read_text
 
 NAMES = ("lqr", "h-infinity", "circle", "spiral")
@@ -39,7 +39,9 @@ def main() -> None:
         runs += len(run_study(spec).rows)
     seconds, processor = time.perf_counter() - start, processor_time() - processor
     cores = len(os.sched_getaffinity(0))
-    print(f"{runs} runs of 3000 steps in {seconds:.1f} s on {cores} cores ({seconds / runs * 1e3:.1f} ms a run)")
+    print(
+        f"{runs} runs of 3000 steps in {seconds:.1f} s on {cores} cores ({seconds / runs * 1e3:.1f} ms a run)"
+    )
     print(f"processor time of the main process and the ones it waited for: {processor:.1f} s")
 
 

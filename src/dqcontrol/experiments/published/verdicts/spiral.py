@@ -127,8 +127,8 @@ def _less_repeatable(evidence: Evidence) -> Judgement:
     printed = "of 15 deviations, K's and then K+FF's are larger than those of R8, DQ, HIR and HIRT in"
     return Judgement(
         None,
-        f"errors repeat to {share:.2g} % with the encoders' noise, a few hundred times better than printed: what varied "
-        f"on the robot is not in the model; {printed} {', '.join(map(str, counts))}",
+        f"errors repeat to {share:.2g} % with the encoders' noise, a few hundred times better than printed: what "
+        f"varied on the robot is not in the model; {printed} {', '.join(map(str, counts))}",
     )
 
 
