@@ -12,11 +12,13 @@ from pathlib import Path
 
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
+from dqcontrol.experiments.noise import noise_model
 from dqcontrol.experiments.output import MARK, folder_names, new_folder
 from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.setting import Setting, prepare
+from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.tables import Table
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.loop import Record
@@ -121,18 +123,22 @@ class Study:
                 from dqcontrol.view import repeats_figure
 
                 repeats_figure(self.rows).savefig(new / "repeats.png")
-            write_table(repeatability_table(self.rows), new, "repeatability")
+            spec, _ = read_spec(parse_yaml("spec", self.spec))
+            write_table(repeatability_table(self.rows, noise=noise_model(spec)), new, "repeatability")
             groups = [(row["robot"], row["set"], row["plant"]) for row in self.rows if row["repeat"] == 0]
             if len(groups) > len(set(groups)):  # somewhere two laws can be compared
                 write_table(differences_table(self.rows), new, "differences")
         write_comparison(self.table(), self._first_repeats(), new)
 
+    def setting(self) -> Setting:
+        """Return the spec made ready once more, without the warnings that were given before."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LimitWarning)
+            return prepare(parse_yaml("spec", self.spec))
+
     def _first_repeats(self) -> dict[str, Record]:
         """Run the first repeat of each combination again, as many as a figure shows."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LimitWarning)  # they were given before
-            setting = prepare(parse_yaml("spec", self.spec))
-        records = {}
+        setting, records = self.setting(), {}
         for case in setting.cases[:MOST_CURVES]:
             with suppress(DivergedError):
                 records[case.names.label] = execute(setting, case)

@@ -10,9 +10,7 @@ import numpy as np
 from dqcontrol.experiments.published.verdicts.evidence import record_of
 from dqcontrol.experiments.published.verdicts.grid import grid_of
 from dqcontrol.experiments.sampling_time import SamplingTime
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.study import Study
-from dqcontrol.yaml_file import parse_yaml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,8 +38,7 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
 def _painting(study: Study) -> Figure:
     from dqcontrol.view.light_painting import light_painting
 
-    setting = prepare(parse_yaml("spec", study.spec))
-    return light_painting(record_of(setting, "LQR-DQ"))
+    return light_painting(record_of(study.setting(), "LQR-DQ"))
 
 
 def _surfaces(study: Study) -> Figure:

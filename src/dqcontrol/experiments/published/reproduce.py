@@ -22,10 +22,8 @@ from dqcontrol.experiments.published.verdicts.h_infinity import attenuations
 from dqcontrol.experiments.published.verdicts.sampling_time import PERIODS
 from dqcontrol.experiments.published.when_to_use import when_to_use
 from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.study import Study
 from dqcontrol.experiments.tables import Table
-from dqcontrol.yaml_file import parse_yaml
 
 Progress = Callable[[str, float, int], None]  # what is run, how much of it is done, and how much it is in all
 
@@ -132,7 +130,7 @@ def _tables(name: str, chosen: Reproduction, studies: Mapping[str, Study]) -> li
         tables += comparison_tables(cells, second, suffix=second_fit.SUFFIX, title=title)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
-    settings = {where: prepare(parse_yaml(spec, studies[spec].spec)) for where, spec in chosen.specs.items()}
+    settings = {where: studies[spec].setting() for where, spec in chosen.specs.items()}
     evidence = Evidence(ours, settings, second)
     if name == "spiral":
         tables.append(when_to_use(evidence))
