@@ -221,8 +221,9 @@ def test_records_of_all_repeats(tmp_path):
 
 def test_rows_of_several_studies_and_runs_are_joined(tmp_path):
     pytest.importorskip("pyarrow")
-    one = run_study_to(spec(), tmp_path / "one")
-    two = run_study_to(spec(seed=50), tmp_path / "two")
+    one, two = dqc.run_study(spec()), dqc.run_study(spec(seed=50))
+    for study, name in ((one, "one"), (two, "two")):
+        study.save(tmp_path / name)
     dqc.run(spec(laws=None, law=spec()["laws"]["K"], repeats=1)).save(tmp_path / "single")
     rows = load_rows([tmp_path / "one", tmp_path / "two", tmp_path / "single"])
     assert rows[:12] == [{"study": "one", **row} for row in one.rows] + [
@@ -239,8 +240,14 @@ def test_rows_of_several_studies_and_runs_are_joined(tmp_path):
 
 def test_studies_of_single_runs_do_without_pyarrow(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    run_study_to(spec(repeats=1), tmp_path / "runs")
-    assert (tmp_path / "runs/K-servo/record.mcap").is_file()
+    run_study_to(
+        spec(
+            repeats=1,
+            laws={"K": spec()["laws"]["K"]},
+        ),
+        tmp_path / "runs",
+    )
+    assert (tmp_path / "runs/record.mcap").is_file()
     with pytest.raises(dqc.Error, match=r"^pyarrow: is not installed, .* pip install 'dqcontrol\[data\]'$"):
         run_study_to(spec(), tmp_path / "repeats")
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]

@@ -27,9 +27,9 @@ from dqcontrol.loop import Record
 
 Steps = Callable[[int, int], None]
 
-_COMPILED, _INTERPRETED, _STORED = 2e-6, 2e-4, 3e-4  # s a step, roughly: to run, and to write its record
+_COMPILED, _INTERPRETED, _STORED = 1.5e-6, 2e-4, 3e-4  # s a step, roughly: to run, and to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
-_WORTH_PROCESSES = 4.0  # s of work; starting processes for less takes longer than it saves
+_WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
 
 
 class Trial(NamedTuple):
