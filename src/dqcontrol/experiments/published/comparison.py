@@ -8,7 +8,7 @@ from dqcontrol.experiments.published.published_numbers import PublishedCell
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.tables import Cell, Column, Table
 
-_NAMES = {
+NAMES = {
     "error": "Err",
     "control": "θ̇ [rad]",
     "joint_step": "Eff [rad s]",
@@ -71,7 +71,7 @@ def _row(cell: PublishedCell, results: Results, suffix: str) -> list[Cell]:
     return [
         cell.law + suffix,
         cell.set,
-        _NAMES.get(cell.metric, cell.metric),
+        NAMES.get(cell.metric, cell.metric),
         cell.mean,
         cell.deviation,
         ours,

@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dqcontrol.experiments.published.comparison import NAMES
+from dqcontrol.experiments.published.published_numbers import PublishedCell
+from dqcontrol.experiments.published.results import Results
+from dqcontrol.experiments.published.second_fit import SUFFIX
 from dqcontrol.experiments.published.verdicts.evidence import record_of
 from dqcontrol.experiments.published.verdicts.grid import grid_of
 from dqcontrol.experiments.sampling_time import SamplingTime
@@ -25,6 +29,13 @@ def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
     if name == "lqr-surface":
         return {label: lambda study=study: _surfaces(study) for label, study in studies.items()}
     return {}
+
+
+def parity_figures(cells: Sequence[PublishedCell], ours: Results, second: Results | None) -> dict[str, Draw]:
+    """Return all printed means against ours, by file name."""
+    if not cells:
+        return {}
+    return {"published-and-ours": lambda: _parity(cells, ours, second)}
 
 
 def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
@@ -59,3 +70,16 @@ def _histogram(rows: Sequence[SamplingTime], period: float) -> Figure:
     from dqcontrol.view import histogram
 
     return histogram({row.label: 1e3 * row.timing.periods for row in rows if row.timing.period == period})
+
+
+def _parity(cells: Sequence[PublishedCell], ours: Results, second: Results | None) -> Figure:
+    from dqcontrol.view.parity import parity
+
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for cell in cells:
+        for results, suffix in ((ours, ""), (second, SUFFIX)):
+            where = (cell.law + suffix, cell.set, cell.metric, cell.experiment)
+            if results is not None and len(results.values(*where)):
+                groups = panels.setdefault(NAMES[cell.metric], {})
+                groups.setdefault(cell.law + suffix, []).append((cell.mean, results.mean(*where)))
+    return parity(panels)

@@ -14,7 +14,7 @@ from dqcontrol.experiments.published import second_fit
 from dqcontrol.experiments.published.calibration import calibrate
 from dqcontrol.experiments.published.catalogue import SOURCE, Reproduction, reproduction, spec_path
 from dqcontrol.experiments.published.comparison import comparison_tables
-from dqcontrol.experiments.published.figures import Draw, period_figures, study_figures
+from dqcontrol.experiments.published.figures import Draw, parity_figures, period_figures, study_figures
 from dqcontrol.experiments.published.published_numbers import published_cells
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.published.verdicts import Evidence, judge, verdict_table
@@ -112,13 +112,17 @@ def reproduce(
         label: run_study(source, jobs=jobs, progress=_of(label, progress))
         for label, source in sources.items()
     }
-    tables = _tables(short, chosen, studies)
-    return Reproduced(f"{SOURCE}/{short}", tables, studies, study_figures(short, studies))
+    figures = study_figures(short, studies)
+    if short == "light-painting":
+        tables = [study.table() for study in studies.values()]
+        return Reproduced(f"{SOURCE}/{short}", tables, studies, figures)
+    return _compared(short, chosen, studies, figures)
 
 
-def _tables(name: str, chosen: Reproduction, studies: Mapping[str, Study]) -> list[Table]:
-    if name == "light-painting":
-        return [study.table() for study in studies.values()]
+def _compared(
+    name: str, chosen: Reproduction, studies: Mapping[str, Study], figures: Mapping[str, Draw]
+) -> Reproduced:
+    """Hold the studies against the printed tables and claims."""
     cells = published_cells(name)
     ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
     tables = comparison_tables(cells, ours)
@@ -134,7 +138,9 @@ def _tables(name: str, chosen: Reproduction, studies: Mapping[str, Study]) -> li
     evidence = Evidence(ours, settings, second)
     if name == "spiral":
         tables.append(when_to_use(evidence))
-    return [*tables, verdict_table(name, judge(name, evidence))]
+    tables.append(verdict_table(name, judge(name, evidence)))
+    figures = {**figures, **parity_figures(cells, ours, second)}
+    return Reproduced(f"{SOURCE}/{name}", tables, studies, figures)
 
 
 def _results(chosen: Reproduction, studies: Mapping[str, Study]) -> Results:
