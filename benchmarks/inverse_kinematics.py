@@ -138,7 +138,7 @@ def main(names: list[str], count: int, seed: int, pink_python: str, rtb_python: 
         poses = arm.fkm(np.random.default_rng(seed).uniform(lower, upper, (count, arm.configuration_size)))
         desired = dqc.DualQuaternion(poses)
 
-        def check(q: np.ndarray, arm: dqc.SerialArm = arm, desired: dqc.DualQuaternion = desired) -> float:
+        def check(q: np.ndarray, arm: dqc.Robot = arm, desired: dqc.DualQuaternion = desired) -> float:
             """Return the share of successes, by our forward kinematics."""
             reached = dqc.DualQuaternion(arm.fkm(q))
             turn = algebra.multiply(algebra.conjugate(desired.vec8), reached.vec8)[:, :4]

@@ -17,7 +17,7 @@ from dqcontrol.laws.law import Law
 from dqcontrol.loop import Record, simulate
 from dqcontrol.plants import Disturbance, Integrator
 from dqcontrol.references import Reference, SetPoint
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 Pair = tuple[float, float]
@@ -101,7 +101,7 @@ class Attenuation:
 
 def attenuation(
     law: Law,
-    robot: SerialArm,
+    robot: Robot,
     disturbance: Disturbance,
     gammas: Gammas,
     *,
@@ -199,7 +199,7 @@ def _error(record: Record, form: str) -> Array:
     return math.copysign(1.0, error[0, 0]) * error
 
 
-def _check_premises(law: Law, robot: SerialArm, record: Record, error: Array) -> None:
+def _check_premises(law: Law, robot: Robot, record: Record, error: Array) -> None:
     if record.stopped != "duration":
         raise PremiseError(f"law: the run {record.stopped}")
     if np.abs(error[0] - np.eye(8)[0]).max() > 1e-9:

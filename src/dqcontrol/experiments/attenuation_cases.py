@@ -14,7 +14,7 @@ from dqcontrol.laws import FilteredInverse, HInfinity, HInfinityTracking
 from dqcontrol.plants import BandLimitedTwist, ConstantTwist, Disturbance, SinusoidalTwist, WorstCase
 from dqcontrol.references import ViaPoints
 from dqcontrol.robots.load import load_robot
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 _ROBOTS = ("iiwa7", "panda", "ur5", "kuka-lwr4", "meka-a2", "barrett-wam")
 _LAWS = (HInfinity, HInfinityTracking)
@@ -57,7 +57,7 @@ def verify_attenuation(cases: int = 100, seed: int = 0) -> list[Attenuation]:
 
 def _drawn(
     rng: np.random.Generator,
-    robots: Sequence[SerialArm],
+    robots: Sequence[Robot],
     equal: bool,
     form: str,
     law: type[HInfinity],
@@ -74,7 +74,7 @@ def _drawn(
 
 
 def _case(
-    rng: np.random.Generator, robot: SerialArm, equal: bool, form: str, law: type[HInfinity], kind: str
+    rng: np.random.Generator, robot: Robot, equal: bool, form: str, law: type[HInfinity], kind: str
 ) -> Attenuation:
     gammas = Gammas(*(_levels(rng, equal) for _ in range(2)))
     k_o, k_t = gammas.orientation_gain, gammas.translation_gain
@@ -107,7 +107,7 @@ def _levels(rng: np.random.Generator, equal: bool) -> tuple[float, float]:
     return first, first if equal else second
 
 
-def _dexterous(rng: np.random.Generator, robot: SerialArm) -> Array:
+def _dexterous(rng: np.random.Generator, robot: Robot) -> Array:
     """Return the best conditioned of some random configurations."""
     low, high = np.maximum(robot.limits.lower, -1.5), np.minimum(robot.limits.upper, 1.5)
     drawn = rng.uniform(low, high, (64, robot.configuration_size))

@@ -24,7 +24,7 @@ from dqcontrol.loop import Record, load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
 from dqcontrol.references.text_file import read_text
-from dqcontrol.robots import SerialArm, load_robot
+from dqcontrol.robots import Robot, load_robot
 from dqcontrol.yaml_file import convert, parse_yaml
 
 Array = NDArray[np.float64]
@@ -252,7 +252,7 @@ def _poses(data: JointLog, file: Path | None, topic: str | None) -> _LoggedPoses
 
 def _from_file(
     file: Path,
-    robot: SerialArm,
+    robot: Robot,
     q0: Array,
     joints: Sequence[str] | None,
     angles: Angles | None,
@@ -270,7 +270,7 @@ def _from_file(
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
-def _from_yaml(file: Path, robot: SerialArm, q0: Array) -> tuple[Reference, float | None]:
+def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
     spec: Spec | ReferenceFile = read_spec(file)[0] if whole else convert(file, data, ReferenceFile)

@@ -14,7 +14,7 @@ from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.experiments.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.experiments.joint_table import Angles, read_joint_table
 from dqcontrol.loop import Record, load_metadata, load_record
-from dqcontrol.robots import SerialArm
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class JointLog:
 
 def read_joint_log(
     path: str | os.PathLike[str],
-    robot: SerialArm,
+    robot: Robot,
     *,
     joints: Sequence[str] | None = None,
     angles: Angles | None = None,
@@ -136,7 +136,7 @@ def is_own(path: Path) -> bool:
         return False
 
 
-def _read_record(path: Path, names: tuple[str, ...], robot: SerialArm) -> JointLog:
+def _read_record(path: Path, names: tuple[str, ...], robot: Robot) -> JointLog:
     record = load_record(path)
     if record.joint_names not in (names, tuple(robot.joint_names)):
         raise FileFormatError(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.references.sample import POSE, TIME
-from dqcontrol.robots import SerialArm, describe
+from dqcontrol.robots import Robot, describe
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _RESTARTS = 100
 _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is reached
 
 
-def check_reach(robot: SerialArm, q0: Array, samples: Array) -> None:
+def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
     """Raise if a reference leaves what the arm can reach; warn if it leaves what it can within its joint limits.
 
     First the distance from the first axis is held against the length of the stretched arm, then poses along the
@@ -71,7 +71,7 @@ def check_reach(robot: SerialArm, q0: Array, samples: Array) -> None:
         )
 
 
-def _shoulder(robot: SerialArm) -> Array:
+def _shoulder(robot: Robot) -> Array:
     """Return the point of the first axis nearest to the next joint, from which the reach is measured."""
     w, x, y, z = robot.chain[0, :4]
     axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])

@@ -21,7 +21,7 @@ from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import Judged
 from dqcontrol.loop import Record, save_record
 from dqcontrol.loop.simulate import follow
-from dqcontrol.robots import SerialArm
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -36,7 +36,7 @@ class Run:
     spec
         YAML text of the spec with all defaults, from which the run can be repeated.
     robot
-        The arm.
+        The arm or whole body.
     record
         All samples.
     settle
@@ -48,7 +48,7 @@ class Run:
     """
 
     spec: str
-    robot: SerialArm
+    robot: Robot
     record: Record
     settle: float
     label: str
@@ -152,7 +152,7 @@ def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def measure(record: Record, robot: SerialArm, settle: float, judged: Judged = "true") -> Metrics:
+def measure(record: Record, robot: Robot, settle: float, judged: Judged = "true") -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
     if judged == "measured":
         record = replace(record, q=record.measured, pose=robot.fkm(record.measured))

@@ -27,7 +27,7 @@ from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.references import Reference
-from dqcontrol.robots import SerialArm, load_robot
+from dqcontrol.robots import Robot, load_robot
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ _MOST_TRIALS = 10_000_000
 class Scene:
     """A robot where it starts, and the motion that it is to follow, sampled."""
 
-    robot: SerialArm
+    robot: Robot
     start: Array
     reference: Reference
     samples: Array

@@ -16,7 +16,7 @@ from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 if TYPE_CHECKING:
-    from dqcontrol.robots import SerialArm
+    from dqcontrol.robots import Robot
 
 
 @inlined
@@ -134,7 +134,7 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     kernel = open_loop
     inverse: Inverse = FilteredInverse()
 
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+    def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the inverse's parameters."""
         return np.array([self.inverse.parameters()])
 

@@ -26,7 +26,7 @@ from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
-    from dqcontrol.robots import SerialArm
+    from dqcontrol.robots import Robot
 
 
 @inlined
@@ -241,7 +241,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
             raise unknown_name("part", str(self.part), _PARTS)
         return _PARTS[self.part]
 
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+    def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, gain and axis at each time."""
         axis = as_array("axis", self.axis, (3,))
         if np.linalg.norm(axis) < 1e-9:

@@ -34,7 +34,7 @@ from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
-    from dqcontrol.robots import SerialArm
+    from dqcontrol.robots import Robot
 
 _ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
 
@@ -160,7 +160,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
             raise unknown_name("form", str(self.form), _KERNELS)
         return _KERNELS[self.form]
 
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+    def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gains and whether to track, at each time."""
         head = parameter_head(self.inverse, self.hysteresis)
         orientation = _gains("orientation", self.orientation_gain, self.orientation_gamma, 2.0, times)

@@ -18,7 +18,8 @@ from dqcontrol.limits.command_limits import CommandLimits, unlimited
 from dqcontrol.limits.position_limit import LAW as LAW
 from dqcontrol.limits.position_limit import law_alone
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.serial_arm import Kinematics, SerialArm
+from dqcontrol.robots.chain_robot import Kinematics
+from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -36,11 +37,11 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
     state_size: ClassVar[int] = 1
     null_space: AnyNullSpace | None = None
 
-    def parameter_rows(self, robot: SerialArm, times: Array) -> Array:
+    def parameter_rows(self, robot: Robot, times: Array) -> Array:
         """Return the kernel's parameters at each time, shape (N, p), or (1, p) if they are constant."""
         raise NotImplementedError
 
-    def work_size(self, robot: SerialArm) -> int:
+    def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
         return SCRATCH + 9 * robot.input_size + work_size()
 
@@ -53,7 +54,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         return None
 
     def prepare(
-        self, robot: SerialArm, reference: Reference | None, dt: float, limits: CommandLimits | None = None
+        self, robot: Robot, reference: Reference | None, dt: float, limits: CommandLimits | None = None
     ) -> PreparedLaw:
         """Check the parameters and compute what depends on time.
 
@@ -77,14 +78,14 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
         return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
 
-    def rows(self, robot: SerialArm, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
         steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
         check_steps("gain schedule", steps)
         return self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64))
 
     def command(
-        self, robot: SerialArm, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None
+        self, robot: Robot, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None
     ) -> Array:
         """Return the inputs for one sample; prepare the law once instead when there are many."""
         prepared = self.prepare(robot, None, dt)
@@ -105,9 +106,7 @@ class PreparedLaw:
         Control period, s.
     """
 
-    def __init__(
-        self, law: Law, robot: SerialArm, parameters: Array, dt: float, limits: CommandLimits
-    ) -> None:
+    def __init__(self, law: Law, robot: Robot, parameters: Array, dt: float, limits: CommandLimits) -> None:
         self.kernel = law.kernel
         self.robot = robot
         self.parameters = parameters

@@ -24,7 +24,7 @@ from dqcontrol.references.sample import POSE, TWIST
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
-    from dqcontrol.robots import SerialArm
+    from dqcontrol.robots import Robot
 
 Array = np.ndarray
 Weight = Annotated[
@@ -64,7 +64,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             riccati.weight_matrix("final_weight", self.final_weight, size, definite=False),
         )
 
-    def rows(self, robot: SerialArm, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample, or one row for an infinite horizon."""
         end = self.horizon(reference)
         size = self._size()

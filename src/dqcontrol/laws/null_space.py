@@ -13,7 +13,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 # q, twist jacobian, parameters, work, preferred motion z
 PREFERENCE = STATUS(READ, READ2, READ, WRITE, WRITE)
@@ -24,11 +24,11 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
 
     kernel: ClassVar[Kernel]
 
-    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the kernel's parameters."""
         raise NotImplementedError
 
-    def loop_rate(self, robot: SerialArm) -> float | None:
+    def loop_rate(self, robot: Robot) -> float | None:
         """Return how fast the free motion settles at most, 1/s; None if that depends on the configuration."""
         return None
 
@@ -63,7 +63,7 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
     gain: Annotated[float, Meta(gt=0, description="1/s")]
     rest: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
-    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return gains and rest configuration."""
         n = robot.configuration_size
         rates = np.full(n, as_positive("null_space.gain", self.gain))
@@ -71,12 +71,12 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
             return np.concatenate([rates, middle_of_range(robot)])
         return np.concatenate([rates, as_array("null_space.rest", self.rest, (n,))])
 
-    def loop_rate(self, robot: SerialArm) -> float:
+    def loop_rate(self, robot: Robot) -> float:
         """Return α."""
         return self.gain
 
 
-def middle_of_range(robot: SerialArm) -> NDArray[np.float64]:
+def middle_of_range(robot: Robot) -> NDArray[np.float64]:
     """Return the middle of each joint's range, 0 where it has none."""
     lower, upper = robot.limits.lower, robot.limits.upper
     bounded = np.isfinite(lower) & np.isfinite(upper)
@@ -98,14 +98,14 @@ class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
     kernel = towards_posture
     gain: Annotated[float, Meta(gt=0, description="rad²/s")]
 
-    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return rates and middles."""
         lower, upper = position_limits("null_space", robot)
         half = (upper - lower) / 2
         rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
         return np.concatenate([rates, middle_of_range(robot)])
 
-    def loop_rate(self, robot: SerialArm) -> float:
+    def loop_rate(self, robot: Robot) -> float:
         """Return the rate of the fastest joint."""
         return float(self.parameters(robot)[: robot.configuration_size].max())
 
@@ -141,7 +141,7 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
     gain: Annotated[float, Meta(gt=0, description="rad³/s")]
     fastest: Annotated[float, Meta(gt=0, description="rad/s or m/s")] = 0.5
 
-    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return gain, largest speed and limits."""
         gain = as_positive("null_space.gain", self.gain)
         fastest = as_positive("null_space.fastest", self.fastest)
@@ -220,7 +220,7 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
     kernel = towards_manipulability
     gain: Annotated[float, Meta(gt=0, description="1/s")]
 
-    def parameters(self, robot: SerialArm) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain."""
         return np.array([as_positive("null_space.gain", self.gain)])
 

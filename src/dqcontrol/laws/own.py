@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
 from dqcontrol.laws.law import LAW, Law
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 
 def _checked(function: Callable[..., Any]) -> Callable[..., int]:
@@ -93,13 +93,13 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
         """Length of the state."""
         return as_count("memory", self.memory)
 
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+    def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
         parameters = as_array("parameters", self.parameters if len(self.parameters) else [0.0], (None,))
         if parameters.ndim != 1:
             raise ShapeError(f"parameters: expected a row of numbers, got shape {parameters.shape}")
         return parameters[None, :]
 
-    def work_size(self, robot: SerialArm) -> int:
+    def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion and the function's scratch."""
         return robot.input_size + as_count("scratch", self.scratch)

@@ -12,7 +12,7 @@ from dqcontrol.laws.gains import Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
 from dqcontrol.laws.law import Law
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -40,7 +40,7 @@ class PoseLaw(Law, frozen=True, kw_only=True):
         float, Meta(ge=0, lt=1, description="how far Re(x_e) must pass 0 before the sign of x_d flips")
     ] = 0.2
 
-    def parameter_rows(self, robot: SerialArm, times: np.ndarray) -> np.ndarray:
+    def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis and gain diagonal at each time."""
         head = parameter_head(self.inverse, self.hysteresis)
         gains = gain_matrix_rows("gain", self.gain, 8, times)

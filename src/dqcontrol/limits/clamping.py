@@ -12,7 +12,7 @@ from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import POSITION_LIMIT, PositionLimit, position_limits
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
@@ -110,7 +110,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     kernel = modified_clamping
     tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 1e-6
 
-    def parameters(self, robot: SerialArm, dt: float) -> np.ndarray:
+    def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return period, tolerance and limits."""
         tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
         return np.concatenate([[dt, tolerance], *position_limits("limits.position", robot)])
@@ -153,6 +153,6 @@ class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-c
 
     kernel = original_clamping
 
-    def parameters(self, robot: SerialArm, dt: float) -> np.ndarray:
+    def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return the limits."""
         return np.concatenate(position_limits("limits.position", robot))

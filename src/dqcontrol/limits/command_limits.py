@@ -12,7 +12,7 @@ from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
 
@@ -53,7 +53,7 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     velocity: Annotated[bool, Meta(description="scale commands to the velocity limits")] = False
     position: AnyPositionLimit | None = None
 
-    def prepare(self, robot: SerialArm) -> tuple[Kernel, NDArray[np.float64]]:
+    def prepare(self, robot: Robot) -> tuple[Kernel, NDArray[np.float64]]:
         """Return the kernel that keeps the velocity limits, and its parameters.
 
         Raises

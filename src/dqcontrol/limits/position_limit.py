@@ -12,7 +12,7 @@ from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel, kernel
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 # q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
 # preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz)
@@ -60,7 +60,7 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
 
     kernel: ClassVar[Kernel]
 
-    def parameters(self, robot: SerialArm, dt: float) -> NDArray[np.float64]:
+    def parameters(self, robot: Robot, dt: float) -> NDArray[np.float64]:
         """Return the kernel's parameters.
 
         Raises
@@ -70,12 +70,12 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
         """
         raise NotImplementedError
 
-    def memory(self, robot: SerialArm) -> int:
+    def memory(self, robot: Robot) -> int:
         """Return how many numbers are kept from sample to sample."""
         return 0
 
 
-def position_limits(field: str, robot: SerialArm) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def position_limits(field: str, robot: Robot) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the robot's lower and upper limits, or say that no joint has any."""
     lower, upper = robot.limits.lower, robot.limits.upper
     if not (np.isfinite(lower) | np.isfinite(upper)).any():

@@ -12,7 +12,7 @@ from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import POSITION_LIMIT, PositionLimit, position_limits
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 
 @kernel(POSITION_LIMIT)
@@ -70,10 +70,10 @@ class WeightedLeastNorm(PositionLimit, frozen=True, kw_only=True, tag="weighted-
 
     kernel = weighted_least_norm
 
-    def parameters(self, robot: SerialArm, dt: float) -> np.ndarray:
+    def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return the limits."""
         return np.concatenate(position_limits("limits.position", robot))
 
-    def memory(self, robot: SerialArm) -> int:
+    def memory(self, robot: Robot) -> int:
         """Return one number a joint: how far it was from the middle of its range."""
         return robot.input_size

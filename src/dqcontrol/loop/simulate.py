@@ -15,7 +15,7 @@ from dqcontrol.loop.record import Record
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant
 from dqcontrol.references import Reference
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ _MOST_STEPS = 10_000_000
 
 
 def simulate(
-    robot: SerialArm,
+    robot: Robot,
     reference: Reference,
     law: Law,
     plant: Plant,
@@ -43,7 +43,7 @@ def simulate(
     Parameters
     ----------
     robot
-        The arm.
+        An arm or a whole body.
     reference
         The desired motion.
     law, plant
@@ -88,7 +88,7 @@ def simulate(
     True
     """
     for field, value, kind in (
-        ("robot", robot, SerialArm),
+        ("robot", robot, Robot),
         ("reference", reference, Reference),
         ("law", law, Law),
         ("plant", plant, Plant),
@@ -151,6 +151,7 @@ def follow(
         pose=robot.fkm(trace.q),
         desired=done,
         joint_names=robot.joint_names,
+        input_names=robot.input_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
         readings=trace.readings,

@@ -17,7 +17,7 @@ from dqcontrol.plants.plant import Plant
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant_live import LiveCompliant
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> LiveCompliant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveCompliant:
         """Return the arm at rest at q0.
 
         Parameters

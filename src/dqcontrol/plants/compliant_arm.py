@@ -15,7 +15,7 @@ from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, st
 from dqcontrol.plants.joint_table import LOWER, MODES, UPPER
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import start_configuration
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant import CompliantPlant
@@ -43,7 +43,7 @@ class Arm:
         Ticks of the joint controllers in a period, and steps of the physics in a tick.
     """
 
-    robot: SerialArm
+    robot: Robot
     file: ControllerFile
     model: Any
     data: Any
@@ -55,7 +55,7 @@ class Arm:
     steps: int
 
 
-def assemble(plant: CompliantPlant, robot: SerialArm, q0: ArrayLike, dt: float) -> Arm:
+def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> Arm:
     """Put the arm of a plant together, at rest at q0 (n,), rad, for control periods dt, s.
 
     Raises
@@ -90,7 +90,7 @@ def assemble(plant: CompliantPlant, robot: SerialArm, q0: ArrayLike, dt: float) 
     return Arm(robot, file, model, data, constants, state, bodies, rotors, ticks, steps)
 
 
-def _start(robot: SerialArm, q0: ArrayLike) -> Array:
+def _start(robot: Robot, q0: ArrayLike) -> Array:
     """Return the start configuration, or say why the arm cannot be there."""
     start = start_configuration(robot, q0)
     for i, name in enumerate(robot.joint_names):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, suggest, unknown_name
 from dqcontrol.plants.elastic_model import Actuation, Hand
+from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import JointInertia
-from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.yaml_file import read_yaml
 
 Array = NDArray[np.float64]
@@ -195,7 +195,7 @@ def known_controllers() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _OURS.glob("*.yaml")))
 
 
-def load_controllers(robot: SerialArm, path: str | None = None) -> ControllerFile:
+def load_controllers(robot: Robot, path: str | None = None) -> ControllerFile:
     """Read the controllers of a robot.
 
     Parameters

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -248,7 +248,7 @@ class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
             rows[:, 3:6] = self.worst_case.level * direction / np.linalg.norm(direction)
         return rows
 
-    def start(self, robot: SerialArm, dt: float, steps: int, seed: int) -> LiveDisturbance:
+    def start(self, robot: Robot, dt: float, steps: int, seed: int) -> LiveDisturbance:
         """Return the disturbance of a number of periods dt (s); the seed draws all its chance.
 
         Raises

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Hand:
 
 
 def elastic_model(
-    robot: SerialArm,
+    robot: Robot,
     actuation: Actuation,
     *,
     hand: Hand | None = None,
@@ -149,7 +149,7 @@ def _add_spring(spec: Any, rotor: str, link: str) -> None:
     spring.springlength = [0, 0]
 
 
-def _add_hand(spec: Any, mujoco: Any, robot: SerialArm, hand: Hand | None) -> None:
+def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
     tool = robot.chain[-1]
     body = spec.body(f"link_{len(robot.joint_names)}").add_body(name="hand", pos=tool[4:7], quat=tool[:4])
     body.explicitinertial = True
@@ -183,7 +183,7 @@ def joint_inertia(model: Any, data: Any) -> Array:
     return inertia
 
 
-def steps_per_tick(inertia: Array, robot: SerialArm, actuation: Actuation, accurate: bool) -> int:
+def steps_per_tick(inertia: Array, robot: Robot, actuation: Actuation, accurate: bool) -> int:
     """Return how many time steps a tick of 1 ms needs for the springs.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Ideal joints."""
+"""Ideal joints and bases."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from dqcontrol.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.errors import ShapeError, as_array, as_positive
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.driving import advance
+from dqcontrol.robots.robot import Robot
 
 
 @kernel(PLANT)
@@ -25,13 +26,29 @@ def integrate(command, parameters, noise, state, q, measured):
     return OK
 
 
+@kernel(PLANT)
+def drive(command, parameters, noise, state, q, measured):
+    """Let u + bias act on a robot with drives for T."""
+    m = state.shape[0]
+    if command.shape[0] != m:
+        return WRONG_SIZE
+    for i in range(m):
+        state[i] = command[i] + parameters[1 + i]
+    advance(parameters[1 + m :].reshape((parameters.shape[0] - 1 - m) // 4, 4), state, parameters[0], q)
+    for i in range(q.shape[0]):
+        measured[i] = q[i]
+    return OK
+
+
 class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
-    """Ideal joints: q(k+1) = q(k) + T (u(k) + bias), measured without error.
+    """Ideal joints and bases: q(k+1) = q(k) + T (u(k) + bias), measured without error.
+
+    A differential drive moves exactly, on the arc of its v and ω; see `Robot.integrate`.
 
     Parameters
     ----------
     bias
-        What the joints do beyond the command, rad/s or m/s: one number, or one a joint.
+        What the inputs do beyond the command, rad/s or m/s: one number, or one an input.
 
     Examples
     --------
@@ -44,7 +61,7 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
 
     bias: Annotated[float | list[float], Meta(description="rad/s or m/s")] = 0.0
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at q0.
 
         Raises
@@ -52,13 +69,14 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
         ShapeError, ValueRangeError
             If q0, dt or the bias does not fit.
         """
-        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
+        q0, dt, m = start_configuration(robot, q0), as_positive("dt", dt), robot.input_size
         bias = as_array("plant.bias", self.bias)
-        if bias.shape not in ((), q0.shape):
-            raise ShapeError(f"plant.bias: expected one number or {len(q0)}, got shape {bias.shape}")
-        parameters = np.concatenate([[dt], np.broadcast_to(bias, q0.shape)])
-        return CompiledPlant(integrate, parameters, np.zeros(1), q0, np.zeros((steps, 1)))
+        if bias.shape not in ((), (m,)):
+            raise ShapeError(f"plant.bias: expected one number or {m}, got shape {bias.shape}")
+        parameters = np.concatenate([[dt], np.broadcast_to(bias, m), robot.drives.ravel()])
+        move = drive if len(robot.drives) else integrate
+        return CompiledPlant(move, parameters, np.zeros(m), q0, np.zeros((steps, 1)))
 
-    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
         """Return q⁺ = q + T u."""
         return LinearModel(np.ones((1, 1)), np.full((1, 1), dt))

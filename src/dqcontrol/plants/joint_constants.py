@@ -14,7 +14,7 @@ from dqcontrol.plants.controller_file import ControllerFile
 from dqcontrol.plants.elastic_model import TICK, Actuation, Hand
 from dqcontrol.plants.filters import butterworth
 from dqcontrol.robots.gravity import body_table
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant import CompliantPlant
@@ -87,7 +87,7 @@ def constants_table(
     return table
 
 
-def gravity_bodies(robot: SerialArm, hand: Hand | None) -> Array:
+def gravity_bodies(robot: Robot, hand: Hand | None) -> Array:
     """Return the body table of the controllers' model, the hand in the last body, shape (n, 4)."""
     if robot.inertia is None:
         raise ValueRangeError(f"inertia: {robot.name} has none, so its gravity torque is unknown")
@@ -102,7 +102,7 @@ def gravity_bodies(robot: SerialArm, hand: Hand | None) -> Array:
 
 
 def static_state(
-    robot: SerialArm, constants: Array, mode: int, q: Array, load: Array, gravity_factor: float
+    robot: Robot, constants: Array, mode: int, q: Array, load: Array, gravity_factor: float
 ) -> Array:
     """Return the controllers' state in which they hold a load at q, shape (n, STATE).
 

@@ -16,7 +16,7 @@ from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco,
 from dqcontrol.plants.plant import Plant
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
             if value is not None and (as_array(f"plant.{field}", value) < 0).any():
                 raise ValueRangeError(f"plant.{field}: must be ≥ 0, got {value}")
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
         """Return the arm at rest at q0.
 
         Parameters
@@ -172,7 +172,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
             )
         return count
 
-    def _model(self, robot: SerialArm) -> Any:
+    def _model(self, robot: Robot) -> Any:
         """Build the model; gains are set later, at the start configuration."""
         mujoco = import_mujoco()
         n = robot.configuration_size
@@ -210,7 +210,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         model.dof_damping.reshape(n, -1)[:, 0] = per_joint("viscous_friction", self.viscous_friction, n)
         return model
 
-    def _balance(self, robot: SerialArm, model: Any, start: Array) -> Any:
+    def _balance(self, robot: Robot, model: Any, start: Array) -> Any:
         """Set the servos' gains and targets for the start configuration."""
         mujoco = import_mujoco()
         n = model.nv
@@ -239,7 +239,7 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         mujoco.mj_forward(model, data)
         return data
 
-    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
         """Return all joints together, coupled by their inertia at q0, in MuJoCo's own time steps.
 
         A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import MissingExtraError, ValueRangeError
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
 _ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it
@@ -42,7 +42,7 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def skeleton(robot: SerialArm) -> Any:
+def skeleton(robot: Robot) -> Any:
     """Return an ``mjSpec`` with a robot's bodies, joints, hand and shapes, without its inertias.
 
     Body ``link_i`` is the frame of joint i after its screw; the joint carries its name in the robot and,
@@ -95,7 +95,7 @@ def skeleton(robot: SerialArm) -> Any:
     return spec
 
 
-def add_inertias(spec: Any, robot: SerialArm) -> None:
+def add_inertias(spec: Any, robot: Robot) -> None:
     """Give the bodies of a `skeleton` their inertias.
 
     Raises
@@ -162,7 +162,7 @@ def _principal(where: str, tensor: NDArray[np.float64]) -> tuple[NDArray[np.floa
 class _Shapes:
     """Draws the parts of an arm, thinner towards the hand."""
 
-    def __init__(self, mujoco: Any, robot: SerialArm) -> None:
+    def __init__(self, mujoco: Any, robot: Robot) -> None:
         self.mujoco, self.robot = mujoco, robot
         points = robot.chain[:, 4:7]
         self.reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0

@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count, as_positive
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 
 def _checked(function: Callable[..., Any]) -> Callable[..., int]:
@@ -77,7 +77,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     state: list[float] = []
     noise: int = 0
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at q0.
 
         Raises

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -34,16 +34,16 @@ class LivePlant(Protocol):
 class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a plant."""
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
         """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""
         raise NotImplementedError
 
-    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel | None:
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
 
 
-def start_configuration(robot: SerialArm, q0: ArrayLike) -> Array:
+def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
     """Return q0 as an array (n,), or say why it does not fit the robot."""
     start = as_array("q0", q0, (robot.configuration_size,))
     if start.ndim != 1:

@@ -14,7 +14,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.gravity import body_table, gravity_torque
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.robot import Robot
 
 COMMAND_MODES = ("integrated", "measured")
 
@@ -103,7 +103,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     position_limit: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
-    def start(self, robot: SerialArm, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
 
         Raises
@@ -159,7 +159,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             )
         return steps
 
-    def linear_model(self, robot: SerialArm, q0: Array, dt: float) -> LinearModel:
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
         """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
 
         t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ).

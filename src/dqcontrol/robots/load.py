@@ -38,9 +38,7 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _MODELS.glob("*.yaml")))
 
 
-def load_robot(
-    source: str | Path, base_link: str | None = None, tip_link: str | None = None
-) -> SerialArm | Any:
+def load_robot(source: str | Path, base_link: str | None = None, tip_link: str | None = None) -> Robot:
     """Load a robot by name or from a file.
 
     Parameters

@@ -15,7 +15,7 @@ from dqcontrol.view.offscreen import offscreen, render
 from dqcontrol.view.stage import add_stage
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _PIECES = 400  # of a path, at most
 
 
 def render_run(
-    robot: SerialArm,
+    robot: Robot,
     q: ArrayLike,
     pose: ArrayLike,
     desired_pose: ArrayLike,
@@ -123,7 +123,7 @@ def _positions(field: str, value: ArrayLike) -> Array:
 
 
 def _picture(
-    robot: SerialArm,
+    robot: Robot,
     rows: Array,
     actual: Array,
     desired: Array,
