@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -13,7 +14,9 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
+from dqcontrol.robots.kernels import HEADING
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 # q, twist jacobian, parameters, work, preferred motion z
 PREFERENCE = STATUS(READ, READ2, READ, WRITE, WRITE)
@@ -41,22 +44,38 @@ def no_preference(q, twist_jacobian, parameters, work, out):
 
 @kernel(PREFERENCE)
 def towards_posture(q, twist_jacobian, parameters, work, out):
-    """Write z = −α (q − q_rest), α a number for each joint."""
-    n = out.shape[0]
-    for i in range(n):
-        out[i] = parameters[i] * (parameters[n + i] - q[i])
+    """Write z = −Gᵀ α (q − q_rest), α a number for each coordinate, q̇ = G u."""
+    n = q.shape[0]
+    pull, rest = parameters[0:n], parameters[n : 2 * n]
+    drives = parameters[2 * n :].reshape((parameters.shape[0] - 2 * n) // 4, 4)
+    kept = out.shape[0] == n
+    i, j = 0, 0
+    for k in range(0 if kept else drives.shape[0]):
+        first = int(drives[k, 0])
+        while i < first:
+            out[j] = pull[i] * (rest[i] - q[i])
+            i, j = i + 1, j + 1
+        x, y = pull[i] * (rest[i] - q[i]), pull[i + 1] * (rest[i + 1] - q[i + 1])
+        out[j] = x * math.cos(q[i + 2]) + y * math.sin(q[i + 2])
+        i, j = i + 2, j + 1
+    while i < n:
+        out[j] = pull[i] * (rest[i] - q[i])
+        i, j = i + 1, j + 1
     return OK
 
 
 class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
     """Drift towards a rest configuration: z = −α (q − q_rest).
 
+    The v of a drive takes what of that lies along its heading; so z descends |q − q_rest|² there too.
+
     Parameters
     ----------
     gain
         α, 1/s.
     rest
-        q_rest, one number a joint, rad or m; the middle of the joint's range (0 if it has none) if omitted.
+        q_rest, one number a coordinate, rad or m; if omitted, the middle of each joint's range (0 if it has none), and
+        mobile bases are left alone.
     """
 
     kernel = towards_posture
@@ -68,8 +87,10 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
         n = robot.configuration_size
         rates = np.full(n, as_positive("null_space.gain", self.gain))
         if self.rest is None:
-            return np.concatenate([rates, middle_of_range(robot)])
-        return np.concatenate([rates, as_array("null_space.rest", self.rest, (n,))])
+            rates[base_coordinates(robot)] = 0.0
+            return np.concatenate([rates, middle_of_range(robot), robot.drives.ravel()])
+        rest = as_array("null_space.rest", self.rest, (n,))
+        return np.concatenate([rates, rest, robot.drives.ravel()])
 
     def loop_rate(self, robot: Robot) -> float:
         """Return α."""
@@ -100,10 +121,10 @@ class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return rates and middles."""
-        lower, upper = position_limits("null_space", robot)
-        half = (upper - lower) / 2
+        position_limits("null_space", robot)
+        half = (robot.limits.upper - robot.limits.lower) / 2
         rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
-        return np.concatenate([rates, middle_of_range(robot)])
+        return np.concatenate([rates, middle_of_range(robot), robot.drives.ravel()])
 
     def loop_rate(self, robot: Robot) -> float:
         """Return the rate of the fastest joint."""
@@ -115,8 +136,9 @@ def away_from_limits(q, twist_jacobian, parameters, work, out):
     """Write z = −α ∇H, no joint faster than allowed."""
     n = out.shape[0]
     lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
+    moved = parameters[2 + 2 * n : 2 + 3 * n]
     for i in range(n):
-        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[i], lower[i], upper[i])
+        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[int(moved[i])], lower[i], upper[i])
         out[i] = min(max(-parameters[0] * gradient, -parameters[1]), parameters[1])
     return OK
 
@@ -145,17 +167,35 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
         """Return gain, largest speed and limits."""
         gain = as_positive("null_space.gain", self.gain)
         fastest = as_positive("null_space.fastest", self.fastest)
-        return np.concatenate([[gain, fastest], *position_limits("null_space", robot)])
+        return np.concatenate([[gain, fastest], position_limits("null_space", robot)])
 
 
 @inlined
-def _manipulability_gradient(twist_jacobian, work, out):
-    """Write ∂m/∂q of m = √det(J_wJ_wᵀ) and return m: ∂m/∂qᵢ = m Σ_{j>i} (ξᵢ × ξⱼ)·(row j of J_w⁺).
+def _carried(twist_jacobian, row, i, j):
+    """Return (ξᵢ × ξⱼ)·row, the change of column j along input i where that carries it."""
+    a, b, c = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
+    d, e, f = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]
+    x, y, z = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
+    u, v, w = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
+    return (
+        row[0] * (y * c - z * b)
+        + row[1] * (z * a - x * c)
+        + row[2] * (x * b - y * a)
+        + row[3] * (y * f - z * e + v * c - w * b)
+        + row[4] * (z * d - x * f + w * a - u * c)
+        + row[5] * (x * e - y * d + u * b - v * a)
+    )
 
-    ξⱼ are the columns; for joints in a row ∂ξⱼ/∂qᵢ = ξᵢ × ξⱼ if i < j, else 0 (dual cross product). The result does
-    not depend on where the inertial origin is.
+
+@kernel(PREFERENCE)
+def towards_manipulability(q, twist_jacobian, parameters, work, out):
+    """Write z = α ∂m/∂q of m = √det(J_wJ_wᵀ): ∂m/∂qᵢ = m Σ_{j>i} (ξᵢ × ξⱼ)·(row j of J_w⁺).
+
+    ξⱼ are the columns; for joints in a row ∂ξⱼ/∂qᵢ = ξᵢ × ξⱼ if i < j, else 0 (dual cross product). The ω of a drive
+    turns also the column of its v, which comes before. The result does not depend on where the inertial origin is.
     """
     n = twist_jacobian.shape[1]
+    headings = parameters[1:]
     gram = work[0:36].reshape(6, 6)
     row = work[36:42]
     for i in range(6):
@@ -167,44 +207,20 @@ def _manipulability_gradient(twist_jacobian, work, out):
     for i in range(n):
         out[i] = 0.0
     if not cholesky(gram, 6):
-        return 0.0
+        return OK
     m = 1.0
     for i in range(6):
         m /= gram[i, i]
+    passed = 0
     for j in range(n):
         for k in range(6):
-            row[k] = twist_jacobian[k, j]
-        a, b, c = row[0], row[1], row[2]
-        d, e, f = row[3], row[4], row[5]
+            row[k] = parameters[0] * m * twist_jacobian[k, j]
         cholesky_solve(gram, 6, row)
         for i in range(j):
-            x, y, z = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
-            u, v, w = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
-            out[i] += m * (
-                row[0] * (y * c - z * b)
-                + row[1] * (z * a - x * c)
-                + row[2] * (x * b - y * a)
-                + row[3] * (y * f - z * e + v * c - w * b)
-                + row[4] * (z * d - x * f + w * a - u * c)
-                + row[5] * (x * e - y * d + u * b - v * a)
-            )
-    return m
-
-
-@kernel(PREFERENCE)
-def towards_manipulability(q, twist_jacobian, parameters, work, out):
-    """Write z = α ∂m/∂q."""
-    _manipulability_gradient(twist_jacobian, work, out)
-    for i in range(out.shape[0]):
-        out[i] *= parameters[0]
-    return OK
-
-
-@kernel(STATUS(READ2, WRITE, WRITE))
-def manipulability_gradient(twist_jacobian, work, out):
-    """Write the gradient (n) and, last, the manipulability."""
-    n = twist_jacobian.shape[1]
-    out[n] = _manipulability_gradient(twist_jacobian, work, out[0:n])
+            out[i] += _carried(twist_jacobian, row, i, j)
+        if passed < headings.shape[0] and int(headings[passed]) == j:
+            out[j + 1] += _carried(twist_jacobian, row, j + 1, j)
+            passed += 1
     return OK
 
 
@@ -221,8 +237,9 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
     gain: Annotated[float, Meta(gt=0, description="1/s")]
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
-        """Return the gain."""
-        return np.array([as_positive("null_space.gain", self.gain)])
+        """Return the gain, and which inputs are forward speeds of drives."""
+        kinds = robot.chain[robot.input_coordinates, 7]
+        return np.array([as_positive("null_space.gain", self.gain), *np.flatnonzero(kinds == HEADING)])
 
 
 WORK_SIZE = 42  # what a preference needs

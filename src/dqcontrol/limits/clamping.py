@@ -47,6 +47,7 @@ def modified_clamping(
     n = out.shape[0]
     period, tolerance = parameters[0], parameters[1]
     lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
+    moved = parameters[2 + 2 * n : 2 + 3 * n]
     is_blocked, state_before = work[0:n], work[n:]
     for i in range(n):
         is_blocked[i] = 0.0
@@ -59,10 +60,11 @@ def modified_clamping(
             return status
         again = False
         for i in range(n):
+            angle = q[int(moved[i])]
             if is_blocked[i] != 0.0:
                 out[i] = 0.0
-            elif (out[i] > 0.0 and q[i] >= upper[i] - tolerance) or (
-                out[i] < 0.0 and q[i] <= lower[i] + tolerance
+            elif (out[i] > 0.0 and angle >= upper[i] - tolerance) or (
+                out[i] < 0.0 and angle <= lower[i] + tolerance
             ):
                 is_blocked[i] = 1.0
                 _block(i, pose_jacobian, twist_jacobian, law_work)
@@ -71,8 +73,9 @@ def modified_clamping(
             for i in range(state.shape[0]):
                 state[i] = state_before[i]
     for i in range(n):
-        least = min((lower[i] - q[i]) / period * _JUST_SHORT, 0.0)
-        most = max((upper[i] - q[i]) / period * _JUST_SHORT, 0.0)
+        angle = q[int(moved[i])]
+        least = min((lower[i] - angle) / period * _JUST_SHORT, 0.0)
+        most = max((upper[i] - angle) / period * _JUST_SHORT, 0.0)
         out[i] = min(max(out[i], least), most)
     return OK
 
@@ -113,7 +116,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return period, tolerance and limits."""
         tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
-        return np.concatenate([[dt, tolerance], *position_limits("limits.position", robot)])
+        return np.concatenate([[dt, tolerance], position_limits("limits.position", robot)])
 
 
 @kernel(POSITION_LIMIT)
@@ -133,13 +136,13 @@ def original_clamping(
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
-    lower, upper = parameters[0:n], parameters[n : 2 * n]
+    lower, upper, moved = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
     for i in range(n):
-        if not lower[i] <= q[i] <= upper[i]:
+        if not lower[i] <= q[int(moved[i])] <= upper[i]:
             _block(i, pose_jacobian, twist_jacobian, law_work)
     status = law(q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out)
     for i in range(n):
-        if not lower[i] <= q[i] <= upper[i]:
+        if not lower[i] <= q[int(moved[i])] <= upper[i]:
             out[i] = 0.0
     return status
 
@@ -155,4 +158,4 @@ class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-c
 
     def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return the limits."""
-        return np.concatenate(position_limits("limits.position", robot))
+        return position_limits("limits.position", robot)

@@ -1,4 +1,4 @@
-"""Limits on what a law may command: joint velocities and positions."""
+"""Limits on what a law may command: velocities of joints, bases and wheels, joint positions."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
+from dqcontrol.robots.driving import drive_speeds
 from dqcontrol.robots.robot import Robot
 
 AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
@@ -28,12 +29,20 @@ def unlimited(q, parameters, command):
 
 @kernel(LIMIT)
 def scale_velocity(q, parameters, command):
-    """Scale the whole command by min(1, min u_max/|u|): it keeps its direction."""
+    """Scale the whole command by min(1, min u_max/|u|), wheel rims among the u: it keeps its direction."""
+    m = command.shape[0]
     scale = 1.0
-    for i in range(command.shape[0]):
+    for i in range(m):
         if abs(command[i]) * scale > parameters[i]:
             scale = parameters[i] / abs(command[i])
-    for i in range(command.shape[0]):
+    drives = parameters[m:].reshape((parameters.shape[0] - m) // 4, 4)
+    for k in range(drives.shape[0]):
+        v, omega = drive_speeds(drives, k, command, q)
+        rim = abs(v) + drives[k, 3] * abs(omega)
+        fastest = parameters[int(drives[k, 0]) - (k if m < q.shape[0] else 0)]
+        if rim * scale > fastest:
+            scale = fastest / rim
+    for i in range(m):
         command[i] *= scale
     return OK
 
@@ -44,8 +53,8 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     Parameters
     ----------
     velocity
-        True: where an input exceeds the robot's velocity limit, the whole command is scaled down, so that the hand
-        keeps its direction and only slows.
+        True: where an input exceeds the robot's velocity limit, or the rim of a drive's wheel its rim speed, the whole
+        command is scaled down, so that the hand keeps its direction and only slows.
     position
         How joints are kept within their position limits, before that; not at all if omitted.
     """
@@ -65,4 +74,4 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             return unlimited, np.zeros(0)
         if not np.isfinite(robot.limits.velocity).any():
             raise ValueRangeError(f"limits.velocity: {robot.name} has no velocity limits to keep")
-        return scale_velocity, np.ascontiguousarray(robot.limits.velocity)
+        return scale_velocity, np.concatenate([robot.limits.velocity, robot.drives.ravel()])

@@ -56,7 +56,10 @@ def law_alone(
 
 
 class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """How position limits are kept; subclasses name a kernel of signature `POSITION_LIMIT`."""
+    """How position limits are kept; subclasses name a kernel of signature `POSITION_LIMIT`.
+
+    Mobile bases have no limits and are passed over.
+    """
 
     kernel: ClassVar[Kernel]
 
@@ -75,9 +78,15 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
         return 0
 
 
-def position_limits(field: str, robot: Robot) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the robot's lower and upper limits, or say that no joint has any."""
-    lower, upper = robot.limits.lower, robot.limits.upper
+def position_limits(field: str, robot: Robot) -> NDArray[np.float64]:
+    """Return lower limits, upper limits and indices of the coordinates that inputs move, (3 m,).
+
+    Raises
+    ------
+    ValueRangeError
+        If no joint has limits.
+    """
+    lower, upper, moved = robot.limits.lower, robot.limits.upper, robot.input_coordinates
     if not (np.isfinite(lower) | np.isfinite(upper)).any():
         raise ValueRangeError(f"{field}: {robot.name} has no joint limits to keep")
-    return lower, upper
+    return np.concatenate([lower[moved], upper[moved], moved.astype(np.float64)])

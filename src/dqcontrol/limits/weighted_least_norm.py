@@ -32,16 +32,17 @@ def weighted_least_norm(
 ):
     """Ask the law with J W^(−1/2) and W^(1/2) z, and write W^(−1/2) times its answer."""
     n = out.shape[0]
-    lower, upper = parameters[0:n], parameters[n : 2 * n]
+    lower, upper, moved = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
     scale = work[0:n]
     law_size = state.shape[0] - n
     last = state[law_size:]
     for i in range(n):
-        offset = abs(2.0 * q[i] - lower[i] - upper[i])  # grows with |∂H|, and on beyond the limits
+        angle = q[int(moved[i])]
+        offset = abs(2.0 * angle - lower[i] - upper[i])  # grows with |∂H|, and on beyond the limits
         if offset < last[i]:
             scale[i] = 1.0
         else:
-            scale[i] = 1.0 / math.sqrt(1.0 + abs(repulsion(q[i], lower[i], upper[i])))
+            scale[i] = 1.0 / math.sqrt(1.0 + abs(repulsion(angle, lower[i], upper[i])))
         last[i] = offset
         for k in range(8):
             pose_jacobian[k, i] *= scale[i]
@@ -72,8 +73,8 @@ class WeightedLeastNorm(PositionLimit, frozen=True, kw_only=True, tag="weighted-
 
     def parameters(self, robot: Robot, dt: float) -> np.ndarray:
         """Return the limits."""
-        return np.concatenate(position_limits("limits.position", robot))
+        return position_limits("limits.position", robot)
 
     def memory(self, robot: Robot) -> int:
-        """Return one number a joint: how far it was from the middle of its range."""
+        """Return one number an input: how far its joint it was from the middle of its range."""
         return robot.input_size

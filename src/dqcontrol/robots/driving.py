@@ -28,6 +28,15 @@ def feasible(xdot, ydot, phidot, phi, displacement):
 
 
 @inlined
+def drive_speeds(drives, k, u, q):
+    """Return v and ω that inputs give drive k."""
+    i = int(drives[k, 0])
+    if u.shape[0] == q.shape[0]:
+        return feasible(u[i], u[i + 1], u[i + 2], q[i + 2], drives[k, 1])
+    return u[i - k], u[i - k + 1]
+
+
+@inlined
 def roll(v, omega, dt, q, i):
     """Move x, y and φ at q[i], q[i + 1], q[i + 2] along the arc of constant v and ω."""
     half = 0.5 * omega * dt

@@ -220,6 +220,14 @@ def placed(parts: Sequence[object]) -> Iterator[tuple[int, Mover]]:
             first += part.configuration_size
 
 
+def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
+    """Return which coordinates are x, y and φ of mobile bases, shape (n,)."""
+    found = np.zeros(robot.configuration_size, dtype=bool)
+    for first, part in placed(robot.parts) if isinstance(robot, WholeBody) else ():
+        found[first : first + 3] |= not isinstance(part, SerialArm)
+    return found
+
+
 def _taken_apart(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:
     """Yield the parts, and those of whole bodies among them."""
     if not isinstance(parts, list | tuple):

@@ -1,0 +1,92 @@
+"""Limits of whole bodies: joints in configurations that hold more than the inputs, wheels that turn no faster."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.laws import Proportional
+from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, WeightedLeastNorm
+
+SEED = 20261122
+T = 0.01
+START = np.array([0.1, -0.2, 0.4, 0.1, 0.4, -0.9, 0.6, 2.5])
+
+
+def scaled(body, q, command):
+    """Return what velocity limits leave of a command."""
+    kernel, parameters = CommandLimits(velocity=True).prepare(body)
+    out = np.array(command, dtype=float)
+    kernel(np.asarray(q, dtype=float), parameters, out)
+    return out
+
+
+def loads(body, u):
+    """Return each input's speed over its limit, then each drive's rim speed over its own."""
+    inputs = np.abs(u) / body.limits.velocity
+    rims = []
+    for k, (first, _, radius, _) in enumerate(body.drives):
+        j = int(first) - k
+        wheels = body.wheel_speeds(u)[j : j + 2]
+        rims.append(radius * np.abs(wheels).max() / body.limits.velocity[j])
+    return np.array([*inputs, *rims])
+
+
+def test_commands_keep_their_direction_and_the_fastest_of_joints_and_rims_is_at_its_limit():
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    slow = dqc.DifferentialDrive(wheel_radius=0.05, half_track=0.2, rim_speed=0.3)
+    fast = dqc.DifferentialDrive(wheel_radius=0.08, half_track=0.1, rim_speed=0.9)
+    body = dqc.WholeBody([slow, dqc.load_robot("ax18"), fast])
+    by_wheel = 0
+    for _ in range(200):
+        u = rng.uniform(-1, 1, body.input_size) * rng.choice([0.1, 1, 3])
+        out = scaled(body, np.zeros(body.configuration_size), u)
+        share = loads(body, u).max()
+        assert out == pytest.approx(u / max(share, 1.0), rel=1e-12)
+        assert loads(body, out).max() <= 1 + 1e-12
+        by_wheel += share > 1 and loads(body, u).argmax() >= body.input_size
+    assert by_wheel > 30
+
+
+def test_unconstrained_rates_are_scaled_by_the_wheels_that_follow_them():
+    body = dqc.load_robot("little-john").in_form("unconstrained")
+    q, u = np.array([0, 0, np.pi / 2, 0, 0, 0, 0, 0]), np.array([-0.1, 0.4, 0, 0, 0, 0, 0, 0])
+    # The heading is y: v = 0.4 m/s; the displaced point, 0.1 m ahead, moves by 0.1 m/s to its left: ω = 1 rad/s.
+    assert scaled(body, q, u) == pytest.approx(u * 0.5 / (0.4 + 0.13 * 1.0), rel=1e-12)
+    assert scaled(body, q, 0.9 * u) == pytest.approx(0.9 * u, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [ModifiedClamping(), OriginalClamping(), WeightedLeastNorm()])
+def test_position_limits_are_those_of_the_coordinate_that_an_input_moves(kind):
+    """The last joint, input 6 and coordinate 7, starts 0.1 rad from its limit and is driven beyond it."""
+    body = dqc.load_robot("little-john")
+    beyond = START + np.array([0.2, 0, 0, 0, 0, 0, 0, 1.0])
+    target, law = dqc.references.SetPoint(body.fkm(beyond)), Proportional(gain=5.0)
+    run = [body, target, law, dqc.plants.Integrator(), START, T]
+    free = dqc.simulate(*run, duration=3.0)
+    assert free.q[:, 7].max() > body.limits.upper[7] + 0.05
+    kept = dqc.simulate(*run, duration=3.0, limits=CommandLimits(position=kind))
+    over = (kept.q - body.limits.upper).max()
+    if isinstance(kind, ModifiedClamping):
+        assert over <= 0
+        assert kept.q[:, 7].max() == pytest.approx(body.limits.upper[7], abs=1e-6)
+    else:
+        assert over < (free.q[:, 7] - body.limits.upper[7]).max() / 2
+
+
+def test_the_whole_run_of_a_body_keeps_its_rims():
+    body = dqc.load_robot("little-john")
+    far = body.integrate(START, [0.5, 0.8, 0, 0, 0, 0, 0], 2.0)
+    run = [
+        body,
+        dqc.references.SetPoint(body.fkm(far)),
+        Proportional(gain=5.0),
+        dqc.plants.Integrator(),
+        START,
+        T,
+    ]
+    free = dqc.simulate(*run, duration=2.0)
+    kept = dqc.simulate(*run, duration=2.0, limits=CommandLimits(velocity=True))
+    rims = [np.abs(body.wheel_speeds(each.command)[:, :2]).max() * 0.065 for each in (free, kept)]
+    assert rims[0] > 1.0
+    assert rims[1] == pytest.approx(0.5, rel=1e-12)
