@@ -1,4 +1,4 @@
-"""Write the tables of all reproductions of [P16] into docs: `python tools/update_pereira2016.py`."""
+"""Write the tables of all reproductions of [P16] and a picture into docs: `python tools/update_pereira2016.py`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from dqcontrol.experiments.published import SOURCE, names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
+PICTURED, FIGURE = ("spiral",), "published-and-ours"
 HEAD = """# Pereira 2016: published | ours | ratio
 
 Written by `python tools/update_pereira2016.py`, which runs `dqcontrol reproduce` for each heading. What the numbers
@@ -19,7 +20,10 @@ def main() -> None:
     parts = [HEAD]
     for name in names(SOURCE):
         parts.append(f"## {SOURCE}/{name}\n")
-        parts += [table.markdown() for table in reproduce(name).tables]
+        done = reproduce(name)
+        parts += [table.markdown() for table in done.tables]
+        if name in PICTURED:
+            done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{name}.png")
         print(name)
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 
