@@ -25,8 +25,8 @@ $(VENV)/created:
 	@touch $@
 
 $(VENV)/demo: $(VENV)/created pyproject.toml
-	@echo "installing dqcontrol with MuJoCo and example robots (about 350 MB to download)"
-	@$(PIP) -e '.[physics,robots]'
+	@echo "installing dqcontrol with MuJoCo, example robots and readers of data (about 450 MB to download)"
+	@$(PIP) -e '.[physics,robots,data]'
 	@touch $@
 
 $(VENV)/test: $(VENV)/created pyproject.toml
@@ -52,6 +52,7 @@ bench: $(VENV)/test
 	@$(BIN)/python benchmarks/speed.py
 	@$(BIN)/python benchmarks/laws.py
 	@$(BIN)/python benchmarks/physics.py
+	@$(BIN)/python benchmarks/pereira2016.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .

@@ -183,11 +183,13 @@ def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
     study = run_study_to(data, tmp_path / "noise")
     assert [path.name for path in tmp_path.iterdir()] == ["noise"]
     names = {path.name for path in (tmp_path / "noise").iterdir()}
+    tables = ("table", "confidence", "differences", "repeatability")
     assert names == {
-        "spec.yaml", "runs.parquet", "table.md", "table.csv", "differences.md", "differences.csv",
-        "repeatability.md", "repeatability.csv", "paths.png", "errors.png", "criteria.png",
-        "repeats.png", ".dqcontrol-results",
+        *(f"{name}.{suffix}" for name in tables for suffix in ("md", "csv", "tex")),
+        "spec.yaml", "runs.parquet", "paths.png", "errors.png", "criteria.png", "repeats.png", ".dqcontrol-results",
     }  # fmt: skip
+    made = (tmp_path / "noise" / "repeatability.md").read_text(encoding="utf-8")
+    assert "white encoder noise of" in made
     again = load_study(tmp_path / "noise")
     assert again.rows == study.rows == run_study_to(tmp_path / "noise/spec.yaml", tmp_path / "again").rows
     assert (again.name, again.spec) == ("noise", study.spec)

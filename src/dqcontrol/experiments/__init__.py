@@ -9,7 +9,12 @@ from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
-from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
+from dqcontrol.experiments.repeat_tables import (
+    confidence_table,
+    differences_table,
+    means_table,
+    repeatability_table,
+)
 from dqcontrol.experiments.run import Run, run
 from dqcontrol.experiments.saved import load_rows, load_run, load_runs, load_study
 from dqcontrol.experiments.spec import Spec, read_spec
@@ -33,6 +38,7 @@ __all__ = [
     "attenuation_table",
     "check",
     "comparison_table",
+    "confidence_table",
     "differences_table",
     "evaluate",
     "evaluate_log",

@@ -58,6 +58,6 @@ def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) 
 
 
 def write_table(table: Table, folder: Path, name: str) -> None:
-    """Write a table as Markdown and CSV."""
-    table.write(folder / f"{name}.md")
-    table.write(folder / f"{name}.csv")
+    """Write a table as Markdown, CSV and LaTeX."""
+    for suffix in (".md", ".csv", ".tex"):
+        table.write(folder / f"{name}{suffix}")

@@ -7,11 +7,11 @@ out of everything else.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from dqcontrol.experiments.metric_tables import PUBLISHED, number_column
 from dqcontrol.experiments.repeats import Repeats, Row
-from dqcontrol.experiments.statistics import LEVEL, paired_difference, spread_ratio
+from dqcontrol.experiments.statistics import LEVEL, Mean, paired_difference, spread_ratio
 from dqcontrol.experiments.tables import Cell, Column, PlusMinus, Table
 
 
@@ -42,13 +42,45 @@ def means_table(rows: Sequence[Row], keys: Sequence[str] = PUBLISHED, title: str
     |:----|-----:|---------:|-------------------:|
     | K   |    3 |        0 |        1.10 ± 0.10 |
     """
+    return _means(Repeats(rows), keys, title, lambda mean: mean.deviation)
+
+
+def confidence_table(
+    rows: Sequence[Row], keys: Sequence[str] = PUBLISHED, title: str = "", *, level: float = LEVEL
+) -> Table:
+    """Return mean ± half of its confidence interval by Student's t, one row a group of the same labels.
+
+    Parameters
+    ----------
+    rows, keys, title
+        As for `means_table`.
+    level
+        Confidence of the intervals.
+
+    Raises
+    ------
+    ShapeError, UnknownNameError
+        As for `means_table`.
+    MissingExtraError
+        If SciPy is not installed.
+
+    Examples
+    --------
+    >>> rows = [{"law": "K", "seed": i, "error.integral": 1.0 + 0.1 * i} for i in range(3)]
+    >>> print(confidence_table(rows, ["error.integral"]).markdown().splitlines()[-1])
+    | K   |    3 |        0 |        1.10 ± 0.25 |
+    """
+    caption = title or f"means ± half of their {100 * level:g} % intervals"
+    return _means(Repeats(rows), keys, caption, lambda mean: mean.half_width(level))
+
+
+def _means(study: Repeats, keys: Sequence[str], title: str, spread: Callable[[Mean], float | None]) -> Table:
     columns = [number_column(key) for key in keys]
-    study = Repeats(rows)
     body: list[list[Cell]] = []
     for group in study.groups:
         means = [study.mean(group, key) for key in keys]
-        spreads = [mean and PlusMinus(mean.mean, mean.deviation) for mean in means]
-        body.append([*study.labels(group), len(study.finished(group)), study.diverged(group), *spreads])
+        cells = [mean and PlusMinus(mean.mean, spread(mean)) for mean in means]
+        body.append([*study.labels(group), len(study.finished(group)), study.diverged(group), *cells])
     return Table([*study.columns, Column("Runs"), Column("Diverged"), *columns], body, study.caption(title))
 
 

@@ -14,7 +14,12 @@ from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
 from dqcontrol.experiments.noise import noise_model
 from dqcontrol.experiments.output import MARK, folder_names, new_folder
-from dqcontrol.experiments.repeat_tables import differences_table, means_table, repeatability_table
+from dqcontrol.experiments.repeat_tables import (
+    confidence_table,
+    differences_table,
+    means_table,
+    repeatability_table,
+)
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
 from dqcontrol.experiments.setting import Setting, prepare
@@ -123,6 +128,7 @@ class Study:
                 from dqcontrol.view import repeats_figure
 
                 repeats_figure(self.rows).savefig(new / "repeats.png")
+            write_table(confidence_table(self.rows, MEANS), new, "confidence")
             spec, _ = read_spec(parse_yaml("spec", self.spec))
             write_table(repeatability_table(self.rows, noise=noise_model(spec)), new, "repeatability")
             groups = [(row["robot"], row["set"], row["plant"]) for row in self.rows if row["repeat"] == 0]

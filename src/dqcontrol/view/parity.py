@@ -54,7 +54,7 @@ def parity(
         axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), title=title, aspect="equal")
         axes.set_xlabel(labels[0])
         for axis in (axes.xaxis, axes.yaxis):
-            subs = (1.0, 2.0, 5.0) if high / low < 40 else (1.0,)
+            subs = (1.0, 2.0, 5.0) if high / low > 6 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
             axis.set_major_locator(LogLocator(subs=subs))
             axis.set_major_formatter(lambda value, _: f"{value:g}")
             axis.set_minor_locator(NullLocator())

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.attenuation import attenuation_table
+from dqcontrol.experiments.comparison import write_table
 from dqcontrol.experiments.conduct import run_study
 from dqcontrol.experiments.output import MARK, new_folder
 from dqcontrol.experiments.published import second_fit
@@ -53,7 +54,7 @@ class Reproduced:
     figures: Mapping[str, Draw] = field(default_factory=dict)
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write ``tables.md``, a CSV file each table, figures, and a folder each study.
+        """Write ``tables.md``, a CSV and a LaTeX file each table, figures, and a folder each study.
 
         Raises
         ------
@@ -65,7 +66,7 @@ class Reproduced:
             text = "\n".join(table.markdown() for table in self.tables)
             (new / "tables.md").write_text(text, encoding="utf-8")
             for i, table in enumerate(self.tables, 1):
-                table.write(new / f"table-{i}.csv")
+                write_table(table, new, f"table-{i}")
             for label, study in self.studies.items():
                 study.save(new / label)
             for label, draw in self.figures.items():
