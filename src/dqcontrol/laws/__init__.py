@@ -2,21 +2,26 @@
 
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
+from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
 from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.linear_quadratic import LinearQuadraticDQ, LinearQuadraticR8
-from dqcontrol.laws.null_space import JointCentring, LimitAvoidance, ManipulabilityAscent, Posture
+from dqcontrol.laws.null_space import BestHeading, JointCentring, LimitAvoidance, ManipulabilityAscent, Posture
 from dqcontrol.laws.own import OwnLaw
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
+from dqcontrol.laws.whole_body import ClassicWholeBody
 
 __all__ = [
+    "BestHeading",
     "ClassicProportional",
+    "ClassicWholeBody",
     "DampedInverse",
     "DecoupledProportional",
+    "FeedbackLinearization",
     "FilteredInverse",
     "HInfinity",
     "HInfinityTracking",

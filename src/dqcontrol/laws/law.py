@@ -34,7 +34,6 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
     """Parameters of a control law; subclasses name a kernel of signature `LAW`."""
 
     kernel: ClassVar[Kernel | InterpretedKernel]
-    state_size: ClassVar[int] = 1
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -44,6 +43,10 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
         return SCRATCH + 9 * robot.input_size + work_size()
+
+    def state_size(self, robot: Robot) -> int:
+        """Return how many numbers are kept from sample to sample."""
+        return 1
 
     def horizon(self, reference: Reference | None) -> float:
         """Return the time after which the parameters no longer change, s."""
@@ -117,7 +120,7 @@ class PreparedLaw:
         position = limits.position
         self.position_limit = position.kernel if position else law_alone
         self.position_limit_parameters = position.parameters(robot, dt) if position else np.zeros(0)
-        self.state_size = law.state_size + (position.memory(robot) if position else 0)
+        self.state_size = law.state_size(robot) + (position.memory(robot) if position else 0)
         self.position_limit_work: Array = np.zeros(robot.input_size + self.state_size)
         self._last = len(parameters) - 1
         self.work: Array = np.zeros(law.work_size(robot))

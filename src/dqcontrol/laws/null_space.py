@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import as_array, as_positive
+from dqcontrol.laws.heading import turn_to_best_heading
 from dqcontrol.laws.symmetric import cholesky, cholesky_solve
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
@@ -238,10 +239,49 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain, and which inputs are forward speeds of drives."""
-        kinds = robot.chain[robot.input_coordinates, 7]
-        return np.array([as_positive("null_space.gain", self.gain), *np.flatnonzero(kinds == HEADING)])
+        return np.array([as_positive("null_space.gain", self.gain), *_headings(robot)])
+
+
+def _headings(robot: Robot) -> NDArray[np.intp]:
+    """Return which inputs are forward speeds of drives."""
+    return np.flatnonzero(robot.chain[robot.input_coordinates, 7] == HEADING)
+
+
+@kernel(PREFERENCE)
+def towards_best_heading(q, twist_jacobian, parameters, work, out):
+    """Write ω = α (angle to the best heading) for each drive, 0 elsewhere."""
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+    for k in range(1, parameters.shape[0]):
+        j = int(parameters[k])
+        out[j + 1] = parameters[0] * turn_to_best_heading(twist_jacobian, j, work)
+    return OK
+
+
+class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
+    """Turn differential drives to where their forward motion adds most to what the hand can do: ω = α δ.
+
+    Of all headings h of a drive, with the other columns as they are, δ (−π/2 … π/2) leads to the one with the largest
+    det(JJᵀ), in closed form; forwards and backwards are the same. Where an arm can turn against its base, the hand does
+    not notice, and J loses rank only where no heading could help. Without it a base faces as it happens to, and laws
+    end in singularities where the drive pushes along the arm's plane while the hand should move across it.
+    Robots without drives, and bodies in the unconstrained form, are left as they are.
+
+    Parameters
+    ----------
+    gain
+        α, 1/s.
+    """
+
+    kernel = towards_best_heading
+    gain: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
+
+    def parameters(self, robot: Robot) -> NDArray[np.float64]:
+        """Return the gain and the input v of each drive; nothing without drives."""
+        gain, drives = as_positive("null_space.gain", self.gain), _headings(robot)
+        return np.array([gain, *drives]) if len(drives) else np.zeros(0)
 
 
 WORK_SIZE = 42  # what a preference needs
 
-AnyNullSpace = Posture | ManipulabilityAscent | JointCentring | LimitAvoidance
+AnyNullSpace = Posture | ManipulabilityAscent | JointCentring | LimitAvoidance | BestHeading

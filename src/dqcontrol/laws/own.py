@@ -88,9 +88,8 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
             raise ShapeError(f"function: expected a function of nine arguments, got {self.function!r}")
         return _kernel(self.function)
 
-    @property
-    def state_size(self) -> int:  # type: ignore[override]
-        """Length of the state."""
+    def state_size(self, robot: Robot) -> int:
+        """Return the length of the state."""
         return as_count("memory", self.memory)
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
