@@ -9,7 +9,13 @@ from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.linear_quadratic import LinearQuadraticDQ, LinearQuadraticR8
-from dqcontrol.laws.null_space import BestHeading, JointCentring, LimitAvoidance, ManipulabilityAscent, Posture
+from dqcontrol.laws.null_space import (
+    BestHeading,
+    JointCentring,
+    LimitAvoidance,
+    ManipulabilityAscent,
+    Posture,
+)
 from dqcontrol.laws.own import OwnLaw
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps

@@ -85,12 +85,21 @@ def spring(relative, error_twist, stiffness, damping, inertial, out):
 
 
 @inlined
+def apply(jacobian, inputs, out):
+    """Write the twist J u."""
+    for k in range(6):
+        out[k] = 0.0
+        for i in range(jacobian.shape[1]):
+            out[k] += jacobian[k, i] * inputs[i]
+
+
+@inlined
 def is_blocked(jacobian, i):
     """Return whether an input has been taken out of the Jacobian, at a joint limit."""
+    size = 0.0
     for k in range(6):
-        if jacobian[k, i] != 0.0:
-            return False
-    return True
+        size += abs(jacobian[k, i])
+    return size == 0.0
 
 
 @inlined
@@ -124,7 +133,7 @@ def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, param
     drives = parameters[_DRIVES:].reshape((parameters.shape[0] - _DRIVES) // 2, 2)
     velocity_state = int(parameters[_VELOCITY_STATE])
     sideways = 0 if velocity_state == _REALISED else drives.shape[0]
-    last = state[1:]
+    memory, last = state[1:7], state[7:]
 
     opposite, relative = own[0:8], own[8:16]
     twist, body_twist, desired, error_twist = own[16:22], own[22:28], own[28:34], own[34:40]
@@ -138,12 +147,12 @@ def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, param
     n = m + sideways
     jacobian = rest[0 : 6 * n].reshape(6, n)
     twist_jacobian_with_sideways(drives[0:sideways], twist_jacobian, jacobian)
-    columns = n if velocity_state == _COMMANDED else m
-    for k in range(6):
-        twist[k] = 0.0
-        for i in range(columns):
-            twist[k] += jacobian[k, i] * last[i]
-    adjoint_twist(opposite, twist, body_twist)
+    if velocity_state == _REALISED:
+        for i in range(6):
+            body_twist[i] = memory[i]
+    else:
+        apply(jacobian, last, twist)
+        adjoint_twist(opposite, twist, body_twist)
     # Ad(x̃*) ξ_d,b = Ad(x* x_d) Ad(x_d*) ξ_d, and the same for its rate
     adjoint_twist(opposite, sample[8:14], desired)
     for i in range(6):
@@ -153,7 +162,12 @@ def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, param
         body_twist[i] += period * (product[i] - parameters[_DAMPING] * error_twist[i])
     adjoint_twist(opposite, sample[14:20], product)
     spring(
-        relative, error_twist, parameters[_STIFFNESS], parameters[_DAMPING], parameters[_LOGARITHM] != 0.0, twist
+        relative,
+        error_twist,
+        parameters[_STIFFNESS],
+        parameters[_DAMPING],
+        parameters[_LOGARITHM] != 0.0,
+        twist,
     )
     for i in range(6):
         body_twist[i] += period * (product[i] - twist[i])
@@ -167,9 +181,13 @@ def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, param
             preferred[i] = 0.0
     status = solve_body_twist(body_twist, pose, jacobian, preferred, parameters, rest, rates)
     feasible_inputs(drives[0:sideways], rates, out)
+    apply(jacobian, rates, twist)
+    adjoint_twist(opposite, twist, memory)
     if velocity_state == _COMMANDED:
         turn_rates(drives, out, period, rates)
-    for i in range(columns):
+        for i in range(m, n):
+            last[i] = rates[i]
+    for i in range(m):
         last[i] = rates[i] if velocity_state == _COMMANDED else out[i]
     return status
 
@@ -181,9 +199,9 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
 
     U = −k_p log x̃ − k_v ξ̃ + Ad(x̃*) ξ̇_d,b + (Ad(x̃*) ξ_d,b) × ξ̃,   u = z + J⁺ (ξ_b + T U − J z),   k_p = k̄/2.
 
-    J is the Jacobian of body twists and ξ_b the hand's body twist, J times the last inputs, which the law remembers; it
-    starts from rest. So a robot that takes velocities is driven by accelerations: the first command is of the size of
-    T U, however large the error.
+    J is the Jacobian of body twists and ξ_b the hand's body twist, which the law remembers: J u of the last sample, 0
+    at the start. So a robot that takes velocities is driven by accelerations: the first command is of the size of T U,
+    however large the error.
 
     Guarantee: dξ̃/dt = −k_p log x̃ − k_v ξ̃, and V = |ξ̃|² + k̄ |log x̃|² falls at V̇ = −2 k_v |ξ̃|², for goals at
     rest and moving ones: asymptotically stable from everywhere but half a turn away. About a fixed axis, and for
@@ -212,12 +230,11 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     hysteresis
         How far Re(x̃) must pass 0 before its sign flips.
     velocity_state
-        Which ξ_b, for robots with differential drives; for others all are the same. ``"realised"``: what the last
-        inputs v, ω, q̇ do, with J the Jacobian of those. S17 solves for ẋ, ẏ, φ̇ as if a base could move sideways, and
-        sends what the drives can do of it (F, 4.27). The velocity fed back is then either that solution,
-        ``"commanded"``, or what was sent, ``"realised-unconstrained"``, which loses most of the motion in some
-        directions every sample and hardly arrives anywhere: the print leaves open which is meant. A robot in its
-        unconstrained form knows only the first of these two.
+        ``"realised"``: ξ_b as above, with J the Jacobian of v, ω and q̇. S17 solves for ẋ, ẏ and φ̇ as if a base could
+        move sideways, sends what drives can do of it (F, 4.27), and takes ξ_b = J(q(k)) q̇(k−1), which adds the
+        acceleration J̇q̇ to U (4.17). Its q̇ is then either that solution, ``"commanded"``, or what was sent,
+        ``"realised-unconstrained"``, which loses most of the motion in some directions every sample and hardly arrives
+        anywhere: the print leaves open which is meant.
     logarithm
         ``"body"``, or ``"inertial"`` as S17 prints it (3.13). Its k_p is then k̄/2 as far as V̇ ≤ −k_v |ξ̃|² allows;
         where no k_p in (0, 4k̄) does, that sample takes the body logarithm.
@@ -278,8 +295,8 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
         )
 
     def state_size(self, robot: Robot) -> int:
-        """Return room for the sign and the last inputs, with a sideways speed for each drive."""
-        return 1 + robot.input_size + len(drive_table(robot))
+        """Return room for the sign, the hand's twist and the last inputs, with a sideways speed for each drive."""
+        return 7 + robot.input_size + len(drive_table(robot))
 
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion, scratch, two Jacobians, two rows of rates and the solver's own."""

@@ -274,7 +274,7 @@ class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
     """
 
     kernel = towards_best_heading
-    gain: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
+    gain: Annotated[float, Meta(gt=0, description="1/s")] = 2.0
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain and the input v of each drive; nothing without drives."""
