@@ -15,7 +15,9 @@ from dqcontrol.experiments.parameter_sets import Changes, Label, Variant, varian
 from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.laws import (
     ClassicProportional,
+    ClassicWholeBody,
     DecoupledProportional,
+    FeedbackLinearization,
     HInfinity,
     HInfinityTracking,
     LinearQuadraticDQ,
@@ -42,6 +44,8 @@ AnyLaw = (
     | HInfinityTracking
     | LinearQuadraticR8
     | LinearQuadraticDQ
+    | ClassicWholeBody
+    | FeedbackLinearization
 )
 Judged = Literal["true", "measured"]
 AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant
