@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, kernel
+from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
@@ -27,9 +27,12 @@ def unlimited(q, parameters, command):
     return OK
 
 
-@kernel(LIMIT)
-def scale_velocity(q, parameters, command):
-    """Scale the whole command by min(1, min u_max/|u|), wheel rims among the u: it keeps its direction."""
+@inlined
+def scale_down(q, parameters, command):
+    """Scale the whole command by min(1, min u_max/|u|), wheel rims among the u: it keeps its direction.
+
+    Parameters: the velocity limit of each input, then the drives.
+    """
     m = command.shape[0]
     scale = 1.0
     for i in range(m):
@@ -44,6 +47,12 @@ def scale_velocity(q, parameters, command):
             scale = fastest / rim
     for i in range(m):
         command[i] *= scale
+
+
+@kernel(LIMIT)
+def scale_velocity(q, parameters, command):
+    """Scale the command to the velocity limits."""
+    scale_down(q, parameters, command)
     return OK
 
 

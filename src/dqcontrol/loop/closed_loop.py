@@ -16,7 +16,7 @@ from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, 
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
-from dqcontrol.loop.signals import Readings, Signal
+from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
@@ -114,7 +114,8 @@ def close_loop(
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
             pointers = law_kernel.pointer, plant_kernel.pointer
-            return _rollout(law, plant, pointers, samples, stop, disturbance)
+            trace = _rollout(law, plant, pointers, samples, stop, disturbance)
+            return replace(trace, readings=foreseen_signals(plant, len(trace.q)))
     return _interpret(law, plant, samples, stop, disturbance, progress)
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.plants.channels import SensingPlant
-from dqcontrol.plants.plant import LivePlant
+from dqcontrol.plants.channels import Channel, SensingPlant
+from dqcontrol.plants.plant import CompiledPlant, LivePlant
 
 
 class Signal(NamedTuple):
@@ -42,20 +42,31 @@ class Readings:
     """Collects what a plant senses, if it does, at each of a number of samples."""
 
     def __init__(self, plant: LivePlant, count: int) -> None:
-        self._plant = plant if isinstance(plant, SensingPlant) else None
-        self._rows = np.empty((count, len(self._plant.readings))) if self._plant else np.empty((0, 0))
+        self._plant = plant
+        self._sensing = plant if isinstance(plant, SensingPlant) else None
+        self._rows = np.empty((count, len(self._sensing.readings))) if self._sensing else np.empty((0, 0))
 
     def take(self, k: int) -> None:
         """Keep the present values as those of sample k."""
-        if self._plant:
-            self._rows[k] = self._plant.readings
+        if self._sensing:
+            self._rows[k] = self._sensing.readings
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
-        found, first = {}, 0
-        for channel in self._plant.channels if self._plant else ():
+        found = foreseen_signals(self._plant, count)
+        first = 0
+        for channel in self._sensing.channels if self._sensing else ():
             values = self._rows[:count, first : first + channel.size]
-            units = (channel.unit,) * channel.size
-            found[channel.name] = Signal(channel.name, channel.parts, units, values)
+            found[channel.name] = _signal(channel, values)
             first += channel.size
         return found
+
+
+def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
+    """Return the first samples of what a compiled plant knew before, by name."""
+    known = plant.foreseen if isinstance(plant, CompiledPlant) else ()
+    return {channel.name: _signal(channel, values[:count]) for channel, values in known}
+
+
+def _signal(channel: Channel, values: NDArray[np.float64]) -> Signal:
+    return Signal(channel.name, channel.parts, (channel.unit,) * channel.size, values)

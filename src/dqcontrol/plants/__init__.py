@@ -1,5 +1,6 @@
 """Plants: what moves when a law commands it, and what disturbs it."""
 
+from dqcontrol.plants.camera import Camera, FiducialLoss
 from dqcontrol.plants.compliant import CompliantPlant
 from dqcontrol.plants.disturbance import (
     BandLimitedTwist,
@@ -17,11 +18,13 @@ from dqcontrol.plants.servo import Servo
 
 __all__ = [
     "BandLimitedTwist",
+    "Camera",
     "CompiledPlant",
     "CompliantPlant",
     "ConstantTwist",
     "Disturbance",
     "EncoderLoss",
+    "FiducialLoss",
     "Integrator",
     "LivePlant",
     "MujocoPlant",

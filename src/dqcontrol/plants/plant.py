@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -9,7 +10,8 @@ from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
-from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.robot import Robot
 
@@ -51,6 +53,14 @@ def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
     return start
 
 
+def whole_periods(field: str, seconds: float, dt: float) -> int:
+    """Return a time of at least 0 in periods dt, or say that it is not a multiple of them."""
+    count = round(as_positive(field, seconds, zero_allowed=True) / dt)
+    if abs(count * dt - seconds) > 1e-9:
+        raise ValueRangeError(f"{field}: must be a multiple of the period {dt:g} s, got {seconds:g} s")
+    return count
+
+
 class CompiledPlant:
     """A plant whose step is a compiled function of signature `PLANT`.
 
@@ -59,11 +69,20 @@ class CompiledPlant:
     q, measured
         True and measured configuration, shape (n,), updated in place.
     noise
-        Pre-drawn standard normal numbers, one row a step.
+        What chance does, drawn before: one row a step.
+    foreseen
+        What the plant senses beside its configuration and is known before: quantities, and their values at each
+        sample.
     """
 
     def __init__(
-        self, kernel: Kernel | InterpretedKernel, parameters: Array, state: Array, q0: Array, noise: Array
+        self,
+        kernel: Kernel | InterpretedKernel,
+        parameters: Array,
+        state: Array,
+        q0: Array,
+        noise: Array,
+        foreseen: Sequence[tuple[Channel, Array]] = (),
     ) -> None:
         self.kernel = kernel
         self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
@@ -71,6 +90,7 @@ class CompiledPlant:
         self.q = np.array(q0, dtype=np.float64)
         self.measured = self.q.copy()
         self.noise = noise
+        self.foreseen = tuple(foreseen)
         self._step = 0
 
     def step(self, command: Array) -> None:

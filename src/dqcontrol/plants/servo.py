@@ -8,56 +8,19 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.plants import servo_step as at
+from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
-from dqcontrol.robots.gravity import body_table, gravity_torque
+from dqcontrol.plants.plant import Array, CompiledPlant, Plant, start_configuration, whole_periods
+from dqcontrol.plants.servo_base import start_on_base
+from dqcontrol.plants.servo_step import servo
+from dqcontrol.robots.gravity import body_table
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 COMMAND_MODES = ("integrated", "measured")
-
-# parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
-# chain (8 (n + 1))
-_DT, _DECAY, _MEASURED_MODE, _DELAY, _RESOLUTION, _NOISE, _SAG, _GRAVITY = 0, 1, 2, 3, 4, 5, 6, 7
-_HEAD = 10
-
-
-@kernel(PLANT)
-def servo(command, parameters, noise, state, q, measured):
-    """Move the target, let the joints follow it, read the encoders."""
-    n = q.shape[0]
-    if command.shape[0] != n:
-        return WRONG_SIZE
-    delay = int(parameters[_DELAY])
-    rate = parameters[_HEAD : _HEAD + n]
-    least, most = parameters[_HEAD + n : _HEAD + 2 * n], parameters[_HEAD + 2 * n : _HEAD + 3 * n]
-    compliance = parameters[_HEAD + 3 * n : _HEAD + 4 * n]
-    bodies = parameters[_HEAD + 4 * n : _HEAD + 8 * n].reshape(n, 4)
-    chain = parameters[_HEAD + 8 * n : _HEAD + 8 * n + 8 * (n + 1)].reshape(n + 1, 8)
-    target = state[0:n]
-    sag = state[n : 2 * n]
-    queue = state[2 * n : 2 * n + n * (delay + 1)]  # newest target first
-
-    for k in range(delay, 0, -1):
-        for i in range(n):
-            queue[n * k + i] = queue[n * (k - 1) + i]
-    for i in range(n):
-        move = parameters[_DT] * min(max(command[i], -rate[i]), rate[i])
-        wanted = move + (measured[i] if parameters[_MEASURED_MODE] != 0.0 else target[i])
-        target[i] = min(max(wanted, least[i]), most[i])
-        queue[i] = target[i]
-    if parameters[_SAG] != 0.0:
-        gravity_torque(chain, bodies, q, parameters[_GRAVITY : _GRAVITY + 3], sag)
-    for i in range(n):
-        rest = queue[n * delay + i] - compliance[i] * sag[i]
-        q[i] = rest + (q[i] - rest) * parameters[_DECAY]
-        value = q[i] + parameters[_NOISE] * noise[i]
-        if parameters[_RESOLUTION] > 0.0:
-            value = parameters[_RESOLUTION] * math.floor(value / parameters[_RESOLUTION] + 0.5)
-        measured[i] = value
-    return OK
 
 
 class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
@@ -67,6 +30,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     position (``measured``: what a velocity command through a position interface becomes; gravity then drags the arm
     down at every sample until the law holds it). The joint follows q̇ = (target − s(q) − q)/τ, integrated exactly with
     s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above q0 by s(q0).
+
+    Of whole bodies the joints do that. Mobile bases move with the speeds that they get, delayed as the targets: drives
+    on the arc of their v and ω, with a lag on that of the mean of each over the period. ``rate_limit`` scales v and ω
+    to the rim speed.
 
     Parameters
     ----------
@@ -90,6 +57,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         True: targets do not leave the robot's position limits.
     gravity
         m/s² in the base frame.
+    base_time_constant
+        With which the speeds of mobile bases follow their commands, s; 0: at once.
+    camera
+        What measures where mobile bases are; without one that is known exactly.
     """
 
     command_mode: Literal["integrated", "measured"] = "integrated"
@@ -102,6 +73,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     rate_limit: bool = True
     position_limit: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    base_time_constant: Annotated[float, Meta(ge=0, le=100, description="of bases, s")] = 0.0
+    camera: Camera | None = None
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
@@ -109,13 +82,18 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         Raises
         ------
         dqcontrol.Error
-            If a parameter is out of range, or the robot has no inertia and there is sag.
+            If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
+            what is said of one.
         """
-        n = robot.configuration_size
-        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
+        q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
+        if base_coordinates(robot).any():
+            return start_on_base(self, robot, q0, dt, steps, seed)
+        for field in ("base_time_constant", "camera"):
+            if getattr(self, field):
+                raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        delay_steps = self._delay_steps(dt)
+        delay_steps = whole_periods("plant.delay", self.delay, dt)
         stiffness = as_array("plant.stiffness", self.stiffness)
         if stiffness.shape not in ((), (n,)):
             raise ShapeError(f"plant.stiffness: expected one number or {n}, got shape {stiffness.shape}")
@@ -127,17 +105,17 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         target = q0 + sag0
         rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
         ends = robot.limits if self.position_limit else Limits.none(n)
-        head = np.zeros(_HEAD)
-        head[_DT] = dt
-        head[_DECAY] = math.exp(-dt / as_positive("plant.time_constant", self.time_constant))
-        head[_MEASURED_MODE] = self.command_mode == "measured"
-        head[_DELAY] = delay_steps
-        head[_RESOLUTION] = as_positive(
+        head = np.zeros(at.HEAD)
+        head[at.DT] = dt
+        head[at.DECAY] = math.exp(-dt / as_positive("plant.time_constant", self.time_constant))
+        head[at.MEASURED_MODE] = self.command_mode == "measured"
+        head[at.DELAY] = delay_steps
+        head[at.RESOLUTION] = as_positive(
             "plant.encoder_resolution", self.encoder_resolution, zero_allowed=True
         )
-        head[_NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
-        head[_SAG] = sag
-        head[_GRAVITY : _GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
+        head[at.NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
+        head[at.SAG] = sag
+        head[at.GRAVITY : at.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
         parameters = np.concatenate(
             [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]
@@ -150,21 +128,16 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         )
         return CompiledPlant(servo, parameters, state, q0, noise)
 
-    def _delay_steps(self, dt: float) -> int:
-        """Return the delay in periods."""
-        steps = round(as_positive("plant.delay", self.delay, zero_allowed=True) / dt)
-        if abs(steps * dt - self.delay) > 1e-9:
-            raise ValueRangeError(
-                f"plant.delay: must be a multiple of the period {dt:g} s, got {self.delay:g} s"
-            )
-        return steps
-
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
+
+        None for mobile bases, which move otherwise than joints.
 
         t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ).
         """
-        delay, decay = self._delay_steps(dt), math.exp(-dt / self.time_constant)
+        if base_coordinates(robot).any():
+            return None
+        delay, decay = whole_periods("plant.delay", self.delay, dt), math.exp(-dt / self.time_constant)
         transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
         transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
         inputs[1] = dt

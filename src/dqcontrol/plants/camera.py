@@ -1,0 +1,182 @@
+"""A camera above the floor that tells where mobile bases are, and what it costs to rely on it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive
+
+Array = NDArray[np.float64]
+
+_SNAP = 1e-9  # periods or seconds; times that differ by less are equal
+_NOT_NEGATIVE = (
+    "delay",
+    "position_noise",
+    "angle_noise",
+    "outlier_probability",
+    "outlier_position",
+    "outlier_angle",
+    "filter_time",
+)
+
+
+class FiducialLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A while in which the camera does not see the base, because somebody stands before it.
+
+    Parameters
+    ----------
+    time, duration
+        s.
+    """
+
+    time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
+    duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
+
+    def __post_init__(self) -> None:
+        as_positive("plant.camera.losses.time", self.time, zero_allowed=True)
+        as_positive("plant.camera.losses.duration", self.duration)
+
+
+@dataclass(frozen=True)
+class CameraSchedule:
+    """What the camera does at each of N samples, all of it drawn before the run.
+
+    Attributes
+    ----------
+    arrives
+        Whether a frame arrives, shape (N + 1,); the one of sample 0 is exact.
+    errors
+        Of the frame that arrives: Δx, Δy (m) and Δφ (rad) of each base, shape (N + 1, 3 b).
+    age
+        Time since the last frame arrived, shape (N,), s.
+    share
+        Of the base's commands that is still obeyed, shape (N,).
+    delay
+        From a frame to its arrival, in samples.
+    weight
+        Of a new frame against the estimate so far.
+    """
+
+    arrives: NDArray[np.bool_]
+    errors: Array
+    age: Array
+    share: Array
+    delay: int
+    weight: float
+
+
+class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A camera that measures x, y and φ of mobile bases: late, seldom, with noise and outliers, and not always.
+
+    A frame shows the pose at the first sample at or after its time, arrives after the delay, and is held until the next
+    one. Each moves the estimate z by its weight w: z + w (frame − z), w = 1 − exp(−1 / (rate · filter_time)).
+
+    When no frame has arrived for longer than ``timeout``, the base's commands are scaled down, to nothing within
+    ``stopping_time``; with the next frame they count again. The arm's joints are not concerned.
+
+    Parameters
+    ----------
+    rate
+        Frames a second, Hz; at most one a control period.
+    delay
+        From a frame to its arrival, s, a multiple of the control period.
+    position_noise, angle_noise
+        Standard deviation of x and y (m) and of φ (rad), white.
+    outlier_probability
+        Of each frame.
+    outlier_position, outlier_angle
+        How far an outlier is off, in a random direction of the plane (m) and to either side (rad).
+    losses
+        When no frames are taken.
+    filter_time
+        Time constant of the estimate, s; 0 for none.
+    timeout, stopping_time
+        s.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> body = dqc.load_robot("little-john")
+    >>> slow = dqc.plants.Servo(camera=dqc.plants.Camera(rate=5.0))
+    >>> plant = slow.start(body, np.zeros(8), dt=0.1, steps=3, seed=0)
+    >>> for _ in range(3):
+    ...     plant.step(np.array([1.0, 0, 0, 0, 0, 0, 0]))
+    >>> plant.q[:1].round(3).tolist(), plant.measured[:1].round(3).tolist()  # at 0.5 m/s; the last frame is of 0.2 s
+    ([0.15], [0.1])
+    """
+
+    rate: Annotated[float, Meta(gt=0, le=1e4, description="Hz")] = 30.0
+    delay: Annotated[float, Meta(ge=0, le=100, description="s")] = 0.0
+    position_noise: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
+    angle_noise: Annotated[float, Meta(ge=0, le=4, description="rad")] = 0.0
+    outlier_probability: Annotated[float, Meta(ge=0, le=1)] = 0.0
+    outlier_position: Annotated[float, Meta(ge=0, le=100, description="m")] = 0.1
+    outlier_angle: Annotated[float, Meta(ge=0, le=4, description="rad")] = 0.1
+    losses: Annotated[list[FiducialLoss], Meta(max_length=10_000)] = []
+    filter_time: Annotated[float, Meta(ge=0, le=100, description="s")] = 0.0
+    timeout: Annotated[float, Meta(gt=0, le=1e6, description="s")] = 0.5
+    stopping_time: Annotated[float, Meta(gt=0, le=1e6, description="s")] = 0.5
+
+    def __post_init__(self) -> None:
+        for field in ("rate", "timeout", "stopping_time"):
+            as_positive(f"plant.camera.{field}", getattr(self, field))
+        for field in _NOT_NEGATIVE:
+            as_positive(f"plant.camera.{field}", getattr(self, field), zero_allowed=True)
+        if self.outlier_probability > 1:
+            raise ValueRangeError(
+                f"plant.camera.outlier_probability: must be ≤ 1, got {self.outlier_probability:g}"
+            )
+        if self.timeout <= 1 / self.rate:
+            raise ValueRangeError(
+                f"plant.camera.timeout: must be longer than {1 / self.rate:.4g} s, the time from frame to frame, "
+                f"got {self.timeout:g} s"
+            )
+
+    def schedule(self, dt: float, delay: int, steps: int, bases: int, seed: int) -> CameraSchedule:
+        """Return what the camera does in a number of periods dt (s), the delay given in periods.
+
+        Raises
+        ------
+        ValueRangeError
+            If there is more than one frame a period.
+        """
+        if self.rate * dt > 1 + _SNAP:
+            raise ValueRangeError(
+                f"plant.camera.rate: must be ≤ {1 / dt:g} Hz, one frame a period, got {self.rate:g}"
+            )
+        count = math.ceil(steps * dt * self.rate) + 1
+        times = np.arange(count) / self.rate
+        seen = np.ones(count, dtype=bool)
+        for loss in self.losses:
+            seen &= (times < loss.time - _SNAP) | (times >= loss.time + loss.duration - _SNAP)
+        arrival = np.ceil(times / dt - _SNAP).astype(np.intp) + delay
+        used = seen & (arrival <= steps)
+        arrives, errors = np.zeros(steps + 1, dtype=bool), np.zeros((steps + 1, 3 * bases))
+        arrives[arrival[used]] = True
+        errors[arrival[used]] = self._errors(count, bases, seed)[used]
+        last = np.maximum.accumulate(np.where(arrives, np.arange(steps + 1), 0))
+        age: Array = dt * (np.arange(steps) - last[:steps]).astype(np.float64)
+        share: Array = np.clip(1 - (age - self.timeout - _SNAP) / self.stopping_time, 0.0, 1.0)
+        weight = -math.expm1(-1 / (self.rate * self.filter_time)) if self.filter_time else 1.0
+        return CameraSchedule(arrives, errors, age, share, delay, weight)
+
+    def _errors(self, count: int, bases: int, seed: int) -> Array:
+        """Draw the error of each frame, shape (count, 3 b)."""
+        noise = np.random.default_rng([seed, 3]).standard_normal((count, bases, 3))
+        chance, direction, side = (
+            np.random.default_rng([seed, 4]).random((count, bases, 3)).transpose(2, 0, 1)
+        )
+        errors = noise * [self.position_noise, self.position_noise, self.angle_noise]
+        angle = 2 * math.pi * direction
+        far = self.outlier_position
+        outliers = np.stack(
+            [far * np.cos(angle), far * np.sin(angle), self.outlier_angle * np.sign(side - 0.5)], axis=-1
+        )
+        errors += np.where((chance < self.outlier_probability)[..., None], outliers, 0.0)
+        return errors.reshape(count, 3 * bases)
