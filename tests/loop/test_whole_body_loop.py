@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.errors import ShapeError
-from dqcontrol.plants import Integrator
+from dqcontrol.plants import ConstantTwist, Disturbance, Integrator
 
 T = 0.01
 STARTS = {
@@ -109,3 +109,28 @@ def test_a_run_that_does_not_fit_a_body_is_refused(change, message):
     run = {"robot": body, "plant": Integrator(), "start": STARTS["little-john"]} | change
     with pytest.raises(ShapeError, match=message):
         dqc.simulate(reference=near_target(body), law=LAWS[0], period=T, duration=0.1, **run)
+
+
+PUSH = Disturbance(twist=ConstantTwist(value=(0, 0, 0, 0.02, 0, -0.01)))
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_a_constant_push_holds_the_hand_of_a_body_off_by_its_speed_over_the_gain(name):
+    """At the fixed point the law undoes the disturbance's step, arcs of drives too."""
+    body, start = dqc.load_robot(name), STARTS[name]
+    here = dqc.references.SetPoint(body.fkm(start))
+    run = [body, here, LAWS[0], Integrator(), start, T]
+    fast = dqc.simulate(*run, duration=6.0, disturbance=PUSH)
+    slow = dqc.simulate(*run, duration=6.0, disturbance=PUSH, interpreted=True)
+    assert fast.position[-1] - fast.desired_position[-1] == pytest.approx([0.02 / 4, 0, -0.01 / 4], abs=1e-9)
+    assert fast.orientation_error[-1] < 1e-9
+    assert fast.disturbance is not None
+    assert fast.disturbance[-1] == pytest.approx([0, 0, 0, 0.02, 0, -0.01], abs=1e-12)
+    for field in ("q", "command", "disturbance"):
+        assert np.array_equal(getattr(fast, field), getattr(slow, field)), field
+
+
+def test_drives_that_could_move_sideways_are_not_disturbed():
+    body = dqc.load_robot("little-john").in_form("unconstrained")
+    with pytest.raises(ShapeError, match="disturbance: needs the constrained form of little-john"):
+        PUSH.start(body, T, 10, 0)

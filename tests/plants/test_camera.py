@@ -127,7 +127,9 @@ def test_bad_cameras(options, message):
 
 
 def test_cameras_that_do_not_fit_the_period(body):
-    with pytest.raises(ValueRangeError, match=r"camera\.rate: must be ≤ 100 Hz, one frame a period, got 120$"):
+    with pytest.raises(
+        ValueRangeError, match=r"camera\.rate: must be ≤ 100 Hz, one frame a period, got 120$"
+    ):
         drive(body, Camera(rate=120.0), 1)
     with pytest.raises(ValueRangeError, match=r"camera\.delay: must be a multiple of the period 0\.01 s"):
         drive(body, Camera(delay=0.005), 1)

@@ -37,7 +37,9 @@ def random_commands(count, size, scale=0.3):
 
 @pytest.mark.parametrize("mode", ["integrated", "measured"])
 def test_joints_follow_as_on_their_arm_and_bases_as_commanded(body, mode):
-    servo = Servo(command_mode=mode, delay=2 * T, encoder_noise=1e-3, encoder_resolution=1e-4, rate_limit=False)
+    servo = Servo(
+        command_mode=mode, delay=2 * T, encoder_noise=1e-3, encoder_resolution=1e-4, rate_limit=False
+    )
     commands = random_commands(100, 7)
     q, measured = drive(servo, body, Q0, commands, seed=5)
     arm_q, arm_measured = drive(servo, dqc.load_robot("ax18"), Q0[3:], commands[:, 2:], seed=5)
@@ -57,7 +59,9 @@ def test_parts_in_any_order_move_each_as_its_own():
     body = dqc.WholeBody([slide, drive_part, arm, dqc.HolonomicBase(), slide])
     bases, q0, commands = base_coordinates(body), np.linspace(-0.5, 0.5, 13), random_commands(60, 12)
     q, _ = drive(Servo(), body, q0, commands)
-    joints, _ = drive(Servo(), dqc.SerialArm.join([slide, arm, slide]), q0[~bases], commands[:, [0, *range(3, 8), 11]])
+    joints, _ = drive(
+        Servo(), dqc.SerialArm.join([slide, arm, slide]), q0[~bases], commands[:, [0, *range(3, 8), 11]]
+    )
     assert np.array_equal(q[:, ~bases], joints)
     wanted = q0
     for u in commands:

@@ -256,13 +256,13 @@ class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         ValueRangeError
             If a frequency reaches half the sampling rate, where samples no longer show it.
         ShapeError
-            If the robot's inputs are not the rates of its configuration.
+            If the robot is a whole body with drives in its unconstrained form.
         """
         dt = as_positive("dt", dt)
-        if robot.configuration_size != robot.input_size:
+        if len(robot.drives) and robot.configuration_size == robot.input_size:
             raise ShapeError(
-                f"disturbance: needs a robot with as many inputs as configuration variables, "
-                f"got {robot.input_size} and {robot.configuration_size}"
+                f"disturbance: needs the constrained form of {robot.name}, because drives do not move sideways; "
+                "use in_form('constrained')"
             )
         for name, source in (("twist", self.twist), ("pose", self.pose)):
             field, frequency = source.highest_frequency() if source is not None else ("", 0.0)
@@ -272,7 +272,7 @@ class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
                     f"got {frequency:g}"
                 )
         rows = self.samples(dt * np.arange(steps), seed)
-        return LiveDisturbance(disturb, rows, dt, robot.configuration_size)
+        return LiveDisturbance(disturb, rows, dt, robot.input_size, robot.drives)
 
 
 def _numbers(field: str, value: ArrayLike, count: int) -> Array:

@@ -16,6 +16,7 @@ from dqcontrol.laws.inverses import (
     work_size,
 )
 from dqcontrol.robots import kernels
+from dqcontrol.robots.driving import advance
 from dqcontrol.robots.kernels import CHAIN
 
 Array = NDArray[np.float64]
@@ -41,8 +42,8 @@ def _rotated(w, x, y, z, a, b, c):
 
 @kernel(DISTURBANCE)
 def disturb(kinematics, chain, row, parameters, work, q, realised):
-    """Move q by T J_h⁺ t with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
-    n = q.shape[0]
+    """Let u = J_h⁺ t act for T with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
+    n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
     buffer = work[0 : 8 + 14 * n]
     matrix = work[8 + 14 * n : 8 + 20 * n].reshape(6, n)
     velocity = work[8 + 20 * n : 8 + 21 * n]
@@ -75,8 +76,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
         realised[i] = 0.0
         for k in range(n):
             realised[i] += twist_jacobian[i, k] * velocity[k]
-    for i in range(n):
-        q[i] += parameters[0] * velocity[i]
+    advance(parameters[4:].reshape((parameters.shape[0] - 4) // 4, 4), velocity, parameters[0], q)
     return OK
 
 
@@ -91,11 +91,11 @@ class LiveDisturbance:
         One a period, or one for all, shape (N, 12): inertial twist, then twist of the hand in its own axes.
     """
 
-    def __init__(self, kernel: Kernel, rows: Array, dt: float, joints: int) -> None:
+    def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
         self.rows = np.ascontiguousarray(rows)
-        self.parameters = np.array([dt, *FilteredInverse().parameters()])
-        self.work = np.zeros(14 + 22 * joints + work_size())
+        self.parameters = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
+        self.work = np.zeros(14 + 22 * input_size + work_size())
 
     def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
         """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).
@@ -112,4 +112,4 @@ class LiveDisturbance:
 
 def no_disturbance() -> LiveDisturbance:
     """Return what leaves all joints as they are."""
-    return LiveDisturbance(undisturbed, np.zeros((0, ROW)), 0.0, 0)
+    return LiveDisturbance(undisturbed, np.zeros((0, ROW)), 0.0, 0, np.zeros((0, 4)))
