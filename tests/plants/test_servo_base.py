@@ -90,7 +90,7 @@ def test_lagging_drives_follow_the_differential_equation_to_second_order(body):
     tau, changes = 0.15, [(0.4, -0.5), (-0.1, 1.2), (0.3, 0.2)]
 
     def rate(_, s, v, omega):
-        x, y, phi, speed, turning = s
+        phi, speed, turning = s[2:]
         return [speed * np.cos(phi), speed * np.sin(phi), turning, (v - speed) / tau, (omega - turning) / tau]
 
     s = np.zeros(5)
