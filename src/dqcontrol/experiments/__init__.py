@@ -7,6 +7,7 @@ from dqcontrol.experiments.comparison import summary
 from dqcontrol.experiments.conduct import run_study, run_study_to
 from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
+from dqcontrol.experiments.lyapunov import Certificate, certificate
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.repeat_tables import (
@@ -23,6 +24,7 @@ from dqcontrol.experiments.tables import Column, PlusMinus, Table
 
 __all__ = [
     "Attenuation",
+    "Certificate",
     "Checks",
     "Column",
     "Gammas",
@@ -36,6 +38,7 @@ __all__ = [
     "Table",
     "attenuation",
     "attenuation_table",
+    "certificate",
     "check",
     "comparison_table",
     "confidence_table",

@@ -3,6 +3,7 @@
 from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.histograms import histogram
+from dqcontrol.view.lyapunov import lyapunov
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import (
     compare_errors,
@@ -26,6 +27,7 @@ __all__ = [
     "gain_figure",
     "histogram",
     "joint_angles",
+    "lyapunov",
     "path_3d",
     "pose_coefficients",
     "repeats_figure",
