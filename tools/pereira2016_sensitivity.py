@@ -1,35 +1,68 @@
-"""Print what the assumptions behind the reproductions of [P16] matter: `python tools/pereira2016_sensitivity.py`.
+"""Print what the assumptions behind the reproductions of [P16] matter.
 
-Each variant of the plant has its sag fitted anew to the error of K on the spiral with the best gains; the other columns
-are ours over published then, the share T mean|u| of the sag, and how far the joints go beyond their limits.
+`python tools/pereira2016_sensitivity.py`, or `… meka-physics` for the arm in physics.
+
+Each variant of the plant has its one number fitted anew to the error of K on the spiral with the best gains, if it has
+one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how far
+the joints go beyond their limits. In physics: the loop gain k T at which K starts to shake on the spiral, so that its
+hand moves twice the printed 1.409 m; and the robust laws with their gains times a factor.
 """
 
 from __future__ import annotations
 
 import math
+import sys
+import tempfile
 import warnings
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from scipy.optimize import root_scalar
 
-from dqcontrol.experiments.published import published_cells
-from dqcontrol.experiments.published.catalogue import spec_path
+from dqcontrol.experiments.metrics import Metrics
+from dqcontrol.experiments.published import PLANT, PLANTS, published_cells, published_spec
+from dqcontrol.experiments.published.published_specs import FITTED, PHYSICS, SERVO
+from dqcontrol.experiments.published.second_fit import scaled_spec
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.tables import Column, Table
-from dqcontrol.yaml_file import parse_yaml, read_text
+from dqcontrol.loop.record import has_failed
+from dqcontrol.plants import controller_file
+from dqcontrol.yaml_file import read_text
 
-SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
-VARIANTS: dict[str, dict[str, Any]] = {
+PERIOD = 0.008  # s, of the spiral
+USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
+TWICE_AS_STIFF = [600, 600, 300, 300, 80, 80, 80]  # N·m/rad, as the plant's default springs
+NO_POSTURE = {"null_space": None}
+
+Variant = dict[str, Any]
+SERVOS: dict[str, Variant] = {
     "as in the specs": {},
-    "no posture": {"null_space": None},
+    "no posture": NO_POSTURE,
     "posture six times as stiff": {"posture": 60},
     "one stiffness for all joints": {"stiffness": 100},
-    "stiffness of springs": {"stiffness": SPRINGS},
+    "stiffness of springs": {"stiffness": USUAL_SPRINGS},
     "τ = 25 ms": {"time_constant": 0.025},
     "τ = 100 ms": {"time_constant": 0.1},
     "no encoder noise": {"encoder_noise": 0.0},
 }
+IN_PHYSICS: dict[str, Variant] = {
+    "as chosen": {},
+    "springs twice as stiff": {"springs": TWICE_AS_STIFF},
+    "soft springs": {"springs": "soft"},
+    "no hand": {"hand": False},
+    "no hand, springs twice as stiff": {"hand": False, "springs": TWICE_AS_STIFF},
+    "no hand, soft springs": {"hand": False, "springs": "soft"},
+    "mode THETA": {"mode": "THETA"},
+    "mode THETA, no hand": {"mode": "THETA", "hand": False},
+    "feedforward 1": {"feedforward": 1},
+    "stiffness 0.8": {"stiffness": 0.8},
+    "no posture": NO_POSTURE,
+    "no encoder noise": {"encoder_noise": 0.0},
+    "Runge-Kutta steps": {"accurate": True},
+}
+FIRST_GUESSES = {SERVO: (0.7, 1.0), PHYSICS: (0.77, 0.65)}
 CELLS = (
     ("spiral", "K", "ln2"),
     ("spiral", "K", "ln2²"),
@@ -39,52 +72,150 @@ CELLS = (
     ("circle", "LQR-R8", "q=1 r=0.001"),
     ("circle", "LQR-DQ", "q=1 r=0.001"),
 )
+GAIN, SPEED = 125.0, 1.409  # of K, spiral, best: gain, 1/s, and printed integral of the hand's speed, m
+FACTORS = (20, 30, 40, 60, 93.7)
 
 
-def metrics(spec: str, law: str, parameters: str, variant: dict[str, Any], sag: float) -> Any:
-    """Run one case of a published spec on a variant of its plant."""
-    path = spec_path(spec)
-    data = parse_yaml(str(path), read_text(path))
-    data |= {
-        "laws": {law: data["laws"][law]},
-        "sets": {parameters: {law: data["sets"][parameters][law]}},
-        "repeats": 1,
-    }
-    plant = {key: value for key, value in variant.items() if key not in ("null_space", "posture")}
-    data["plant"] = data["plant"] | plant | {"sag": sag}
-    if "null_space" in variant:
-        del data["null_space"]
-    elif "posture" in variant:
-        data["null_space"]["gain"] = variant["posture"]
+def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant: Variant) -> Metrics | None:
+    """Run one law of a published spec on a variant of its plant; None if it fails."""
+    data = spec | {"laws": {law: spec["laws"][law] | parameters}, "repeats": 1}
+    data.pop("sets", None)
+    changes = dict(variant)
+    if "null_space" in changes:
+        del data["null_space"], changes["null_space"]
+    elif "posture" in changes:
+        data["null_space"] = data["null_space"] | {"gain": changes.pop("posture")}
+    data["plant"] = data["plant"] | changes
     setting = prepare(data)
-    return measure(execute(setting, setting.cases[0]), setting.scene.robot, 0.0, "measured")
+    record = execute(setting, setting.cases[0])
+    return None if has_failed(record.stopped) else measure(record, setting.scene.robot, 0.0, "measured")
 
 
-def published(spec: str, law: str, parameters: str) -> float:
-    """Return the printed error."""
-    wanted = (law, "" if parameters == "fixed" else parameters, "error")
+def published(spec: str, law: str, parameters: str, metric: str = "error") -> float:
+    """Return a printed number."""
+    wanted = (law, "" if parameters == "fixed" else parameters, metric)
     return next(cell.mean for cell in published_cells(spec) if (cell.law, cell.set, cell.metric) == wanted)
 
 
-def row(label: str, variant: dict[str, Any]) -> list[Any]:
-    """Fit the sag, and return a row of the table."""
-    target = published("spiral", "K", "best")
-    fitted = ("spiral", "K", "best", variant)
-    sag = root_scalar(
-        lambda value: math.log(metrics(*fitted, value).error.integral / target), bracket=(0.1, 3.0), rtol=1e-3
-    ).root
-    ratios = [metrics(*cell, variant, sag).error.integral / published(*cell) for cell in CELLS]
-    best = metrics(*fitted, sag)
-    return [label, sag, *ratios, 0.008 * best.control.mean, math.degrees(min(best.limit_margin, 0.0))]
+def cell(plant: str, place: tuple[str, str, str], variant: Variant) -> Metrics | None:
+    """Run a cell of the published tables."""
+    name, law, parameters = place
+    spec = published_spec(name, plant)
+    return metrics(spec, law, spec["sets"][parameters][law], variant)
+
+
+def error(found: Metrics | None) -> float:
+    """Return the error of a run that did not fail."""
+    return math.nan if found is None else found.error.integral
+
+
+def fitted(plant: str, variant: Variant) -> float | None:
+    """Return the plant's one number, fitted to the error of K; None where runs fail on the way."""
+    place = ("spiral", "K", "best")
+    target, key = published(*place), FITTED[plant]
+
+    def distance(value: float) -> float:
+        found = cell(plant, place, variant | {key: value})
+        if found is None:
+            raise ArithmeticError
+        return found.error.integral - target
+
+    with suppress(ArithmeticError):
+        low, high = FIRST_GUESSES[plant]
+        return float(root_scalar(distance, method="secant", x0=low, x1=high, rtol=1e-3).root)
+    return None
+
+
+def limit(plant: str, variant: Variant) -> float:
+    """Return the k T at which K starts to shake, to 0.05; infinite beyond 4."""
+    low, high = 0.4, 4.0
+    spec = published_spec("spiral", plant)
+
+    def shakes(loop_gain: float) -> bool:
+        found = metrics(spec, "K", {"gain": loop_gain / PERIOD}, variant)
+        return found is None or found.hand_speed.integral > 2 * SPEED
+
+    if not shakes(high):
+        return math.inf
+    while high - low > 0.05:
+        middle = (low + high) / 2
+        low, high = (low, middle) if shakes(middle) else (middle, high)
+    return high
+
+
+def row(plant: str, label: str, variant: Variant) -> list[Any]:
+    """Fit a variant, and return its row of the table."""
+    number = None if "mode" in variant else fitted(plant, variant)  # the servos of THETA know no gravity
+    if number is not None:
+        variant = variant | {FITTED[plant]: number}
+    ratios = [error(cell(plant, place, variant)) / published(*place) for place in CELLS]
+    best = cell(plant, ("spiral", "K", "best"), variant)
+    share = math.nan if best is None else PERIOD * best.control.mean
+    if plant == SERVO:
+        beyond = math.nan if best is None else math.degrees(min(best.limit_margin, 0.0))
+        return [label, number, *ratios, share, beyond]
+    first = error(best) / published("spiral", "K", "best")
+    return [label, number, first, *ratios, share, limit(plant, variant)]
+
+
+def table(plant: str, variants: dict[str, Variant]) -> Table:
+    """Return the table of a plant's variants."""
+    columns = [Column("Variant"), Column("α" if plant == SERVO else "f", "", ".3f")]
+    cells = CELLS if plant == SERVO else (("spiral", "K", "best"), *CELLS)
+    columns += [Column(" ".join(place).removesuffix(" fixed"), "", ".2f") for place in cells]
+    columns += [Column("T mean|u|", "rad", ".3f")]
+    columns += [
+        Column("beyond limits", "°", ".0f") if plant == SERVO else Column("K shakes from k T", "", ".2f")
+    ]
+    return Table(columns, [row(plant, label, variant) for label, variant in variants.items()])
+
+
+def robust_laws() -> Table:
+    """Return what HIR does in physics with all gains times a factor, as printed and turning as fast as it moves."""
+    rows = []
+    for factor in FACTORS:
+        spec = scaled_spec("spiral", PHYSICS, factor=factor)
+        printed = spec["laws"]["HIR scaled"]
+        slow = printed["translation_gain"]
+        # The orientation's error is half an angle: twice the gain makes turning as fast as moving.
+        even = {"orientation_gain": slow | {"values": [2 * value for value in slow["values"]]}}
+        cells: list[Any] = [factor, PERIOD * slow["values"][-1]]
+        for parameters in ({}, even):
+            found = metrics(spec, "HIR scaled", parameters, {})
+            speed = math.nan if found is None else found.hand_speed.integral
+            cells += [error(found) / published("spiral", "HIR", "best")]
+            cells += [speed / published("spiral", "HIR", "best", "hand_speed")]
+        rows.append(cells)
+    names = ("Err", "L.Vel", "Err, turning as fast", "L.Vel, turning as fast")
+    columns = [Column("HIR, gains times", "", "g"), Column("k T of its position", "", ".2f")]
+    return Table([*columns, *(Column(name, "", ".2f") for name in names)], rows)
+
+
+def with_feedforward(folder: str) -> str:
+    """Write the Meka's controllers with feed-forward in their torque loops, and return the file."""
+    text = read_text(Path(controller_file.__file__).parent / "controllers" / "meka-a2.yaml")
+    path = Path(folder) / "feedforward.yaml"
+    path.write_text(text.replace("feedforward: 0}", "feedforward: 1}"), encoding="utf-8")
+    return str(path)
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the tables."""
     warnings.simplefilter("ignore")
-    columns = [Column("Variant"), Column("α", "", ".3f")]
-    columns += [Column(" ".join(cell).removesuffix(" fixed"), "", ".2f") for cell in CELLS]
-    columns += [Column("T mean|u|", "rad", ".3f"), Column("beyond limits", "°", ".0f")]
-    print(Table(columns, [row(label, variant) for label, variant in VARIANTS.items()]).markdown())
+    plant = sys.argv[1] if len(sys.argv) > 1 else PLANT
+    if plant not in PLANTS:
+        sys.exit(f"plant: one of {', '.join(PLANTS)}")
+    if plant == SERVO:
+        print(table(plant, SERVOS).markdown())
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        file = with_feedforward(folder)
+        variants = {
+            label: {"controllers": file} if "feedforward" in variant else variant
+            for label, variant in IN_PHYSICS.items()
+        }
+        print(table(plant, variants).markdown())
+    print(robust_laws().markdown())
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | Non
         kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
         raise KeyboardInterrupt(kept) from None
     _wide_console().print(study.table().rich())
-    for line in study.divergences():
+    for line in study.failures():
         print(line)
     print(f"results: {folder}")
 
@@ -223,6 +223,7 @@ def reproduce(
     name: str | None = None,
     /,
     *,
+    plant: str | None = None,
     out: Out = None,
     force: Force = False,
     jobs: int | None = None,
@@ -234,8 +235,10 @@ def reproduce(
     ----------
     name
         As pereira2016/spiral, or pereira2016 for all; without it the experiments are listed.
+    plant
+        What the Meka is: servo, or meka-physics, its compliant joints in MuJoCo; default: servo.
     out
-        New folder for the results; default: results/NAME.
+        New folder for the results; default: results/NAME, or results/NAME-PLANT for another plant than the default.
     force
         Replace earlier folders of results.
     jobs
@@ -249,17 +252,16 @@ def reproduce(
     if name is None:
         _wide_console().print(published.catalogue_table().rich())
         return
-    names = published.names(name)
-    folders = {
-        each: (out or Path("results") / name) / each if len(names) > 1 else out or Path("results") / name
-        for each in names
-    }
+    names, plant = published.names(name), plant or published.PLANT
+    top = out or Path("results") / (name if plant == published.PLANT else f"{name}-{plant}")
+    folders = {each: top / each if len(names) > 1 else top for each in names}
     for folder in folders.values():
         check_new(folder, force=force)
     for each, folder in folders.items():
         with _progress() as progress:
             done = published.reproduce(
                 each,
+                plant=plant,
                 jobs=jobs,
                 samples=published.SAMPLES if samples is None else samples,
                 progress=lambda label, count, total, show=progress: show(count, total, label),

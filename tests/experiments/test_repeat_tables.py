@@ -36,7 +36,7 @@ def test_means_show_the_labels_that_differ():
     assert headings(table) == [
         "Law",
         "Runs",
-        "Diverged",
+        "Failed",
         "Error integral [s]",
         "Control integral [rad or m]",
     ]
@@ -75,7 +75,7 @@ def test_the_set_of_a_grid_is_not_told_twice():
 
 def test_csv_of_means_has_all_digits():
     cells = list(csv.reader(io.StringIO(means_table(rows(), ["error.integral"]).csv())))
-    assert cells[0] == ["Law", "Runs", "Diverged", "Error integral [s]", "± Error integral [s]"]
+    assert cells[0] == ["Law", "Runs", "Failed", "Error integral [s]", "± Error integral [s]"]
     assert [float(cells[1][i]) for i in (3, 4)] == pytest.approx(
         [3.3, np.std(ERRORS["K"], ddof=1)], rel=1e-15
     )
@@ -88,13 +88,13 @@ def test_diverged_runs_are_counted_and_left_out():
         row("K", 8, 50.0, stopped="diverged"),
     ]
     table = means_table(broken, ["error.integral"], "Circle")
-    assert table.title == "Circle; 2 diverged runs left out"
+    assert table.title == "Circle; 2 failed runs left out"
     assert table.texts()[0] == ["K", "4", "2", "3.30 ± 0.26"]
     assert means_table(rows(), title="Circle").title == "Circle"
     everything = [row("K", i, None, stopped="diverged: u") for i in range(3)]
     assert means_table(everything, ["error.integral"]).rows[0] == ["K", 0, 3, None]
     differences = differences_table([*everything, *rows()[4:]])
-    assert differences.title.endswith("3 diverged runs left out")
+    assert differences.title.endswith("3 failed runs left out")
     assert differences.texts()[0][1:] == ["0", "–", "–", "–", "–"]
     assert repeatability_table([*everything, *rows()[4:]], ["error.integral"]).texts()[0][2:] == ["0"] + 5 * [
         "–"

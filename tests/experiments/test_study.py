@@ -131,7 +131,7 @@ def test_a_trial_that_diverges_is_a_row_and_the_others_go_on(law, when):
     else:
         assert all(51 <= row["samples"] <= 53 and row["error.integral"] > 0 for row in bad)
     assert set(bad[0]) == set(good[0])
-    (line,) = study.divergences()
+    (line,) = study.failures()
     assert line.startswith(f"bad · integrator: 3 of 3 repeats diverged at {when}")
     assert line.endswith("the command is not finite (seed 5)")
 

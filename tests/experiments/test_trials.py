@@ -39,6 +39,25 @@ def test_physics_and_records_are_longer():
     assert physics.seconds > 10 * compiled.seconds
 
 
+def test_a_compliant_arm_takes_as_long_as_it_has_ticks():
+    pytest.importorskip("mujoco")
+
+    def seconds(period, **plant):
+        start = [0, 0.63, 0, 1.57, 0, 0.63, 0]
+        changes = {
+            "robot": "meka-a2",
+            "start": start,
+            "period": period,
+            "plant": {"kind": "compliant", **plant},
+        }
+        (batch, *_) = batches(**changes)
+        return batch.seconds / (len(batch.repeats) * len(batch.case.scene.samples))
+
+    tick = (seconds(0.02) - seconds(0.008)) / 12
+    assert seconds(0.008) > 8 * tick > 0
+    assert seconds(0.008, accurate=True) > 1.3 * seconds(0.008)
+
+
 def test_rows_name_their_trials():
     for jobs in (1, 2):
         found = list(outcomes(batches(), jobs))

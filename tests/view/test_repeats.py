@@ -111,7 +111,7 @@ def test_sets_stand_in_the_order_of_the_rows():
             UnknownNameError,
             "over: unknown name 'parameter.gain'",
         ),
-        (lambda: gain_figure(rows(stopped="diverged")), ShapeError, "no run that did not diverge has"),
+        (lambda: gain_figure(rows(stopped="diverged")), ShapeError, "no run that did not fail has"),
     ],
 )
 def test_bad_input(call, kind, message):

@@ -1,7 +1,7 @@
 """Tables of repeated runs: means, differences on the same seeds, repeatability.
 
-Their input are the rows of a study, see `dqcontrol.experiments.repeats`. A run that diverged is counted, and left
-out of everything else.
+Their input are the rows of a study, see `dqcontrol.experiments.repeats`. A run that diverged or faulted is counted
+as failed, and left out of everything else.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def means_table(rows: Sequence[Row], keys: Sequence[str] = PUBLISHED, title: str
     --------
     >>> rows = [{"law": "K", "seed": i, "error.integral": 1.0 + 0.1 * i} for i in range(3)]
     >>> print(means_table(rows, ["error.integral"]).markdown(), end="")
-    | Law | Runs | Diverged | Error integral [s] |
-    |:----|-----:|---------:|-------------------:|
-    | K   |    3 |        0 |        1.10 ± 0.10 |
+    | Law | Runs | Failed | Error integral [s] |
+    |:----|-----:|-------:|-------------------:|
+    | K   |    3 |      0 |        1.10 ± 0.10 |
     """
     return _means(Repeats(rows), keys, title, lambda mean: mean.deviation)
 
@@ -68,7 +68,7 @@ def confidence_table(
     --------
     >>> rows = [{"law": "K", "seed": i, "error.integral": 1.0 + 0.1 * i} for i in range(3)]
     >>> print(confidence_table(rows, ["error.integral"]).markdown().splitlines()[-1])
-    | K   |    3 |        0 |        1.10 ± 0.25 |
+    | K   |    3 |      0 |        1.10 ± 0.25 |
     """
     caption = title or f"means ± half of their {100 * level:g} % intervals"
     return _means(Repeats(rows), keys, caption, lambda mean: mean.half_width(level))
@@ -80,8 +80,8 @@ def _means(study: Repeats, keys: Sequence[str], title: str, spread: Callable[[Me
     for group in study.groups:
         means = [study.mean(group, key) for key in keys]
         cells = [mean and PlusMinus(mean.mean, spread(mean)) for mean in means]
-        body.append([*study.labels(group), len(study.finished(group)), study.diverged(group), *cells])
-    return Table([*study.columns, Column("Runs"), Column("Diverged"), *columns], body, study.caption(title))
+        body.append([*study.labels(group), len(study.finished(group)), study.failed(group), *cells])
+    return Table([*study.columns, Column("Runs"), Column("Failed"), *columns], body, study.caption(title))
 
 
 def differences_table(

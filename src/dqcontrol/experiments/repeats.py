@@ -14,6 +14,7 @@ from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.experiments.cells import known
 from dqcontrol.experiments.statistics import Mean, mean_of
 from dqcontrol.experiments.tables import Column
+from dqcontrol.loop.record import has_failed
 
 Row = Mapping[str, Any]
 Group = tuple[str | float, ...]  # the labels of runs that are repeats of each other
@@ -82,20 +83,20 @@ class Repeats:
 
     def caption(self, title: str) -> str:
         """Return the title, with a note if runs are left out."""
-        left_out = sum(map(self.diverged, self.groups))
-        note = f"{left_out} diverged {'run' if left_out == 1 else 'runs'} left out" if left_out else ""
+        left_out = sum(map(self.failed, self.groups))
+        note = f"{left_out} failed {'run' if left_out == 1 else 'runs'} left out" if left_out else ""
         return "; ".join(filter(None, (title, note)))
 
     def finished(self, group: Group) -> list[Row]:
-        """Return the runs of a group that did not diverge."""
-        return [row for row in self.groups.get(group, ()) if not _diverged(row)]
+        """Return the runs of a group that did not fail."""
+        return [row for row in self.groups.get(group, ()) if not _failed(row)]
 
-    def diverged(self, group: Group) -> int:
-        """Return how many runs of a group diverged."""
-        return sum(map(_diverged, self.groups[group]))
+    def failed(self, group: Group) -> int:
+        """Return how many runs of a group diverged or faulted."""
+        return sum(map(_failed, self.groups[group]))
 
     def values(self, group: Group, key: str) -> list[float]:
-        """Return a number of all runs of a group that did not diverge, empty if one of them lacks it."""
+        """Return a number of all runs of a group that did not fail, empty if one of them lacks it."""
         finished = self.finished(group)
         values = [value for row in finished if (value := known(row.get(key))) is not None]
         return values if len(values) == len(finished) else []
@@ -106,7 +107,7 @@ class Repeats:
         return mean_of(values) if values else None
 
     def by_seed(self, group: Group, key: str) -> dict[Any, float]:
-        """Return a number of each run by its seed, without those that diverged or lack it."""
+        """Return a number of each run by its seed, without those that failed or lack it."""
         values: dict[Any, float] = {}
         for row in self.finished(group):
             if row["seed"] in values:
@@ -133,5 +134,5 @@ def _known(label: str | float | None) -> str | float:
     return "" if label is None else label
 
 
-def _diverged(row: Row) -> bool:
-    return str(row.get("stopped", "")).startswith("diverged")
+def _failed(row: Row) -> bool:
+    return has_failed(str(row.get("stopped", "")))

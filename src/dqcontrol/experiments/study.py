@@ -27,6 +27,7 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.tables import Table
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.loop import Record
+from dqcontrol.loop.record import has_failed
 from dqcontrol.yaml_file import parse_yaml
 
 ROWS = "runs.parquet"
@@ -67,11 +68,11 @@ class Study:
         """Whether any combination ran more than once."""
         return any(row["repeat"] for row in self.rows)
 
-    def divergences(self) -> list[str]:
-        """Say of each combination of robot, law, set and plant that left the finite numbers how often, when and why."""
+    def failures(self) -> list[str]:
+        """Say of each combination of robot, law, set and plant that diverged or faulted how often, when and why."""
         lines = []
         for label, trials in by_label(self.rows).items():
-            if gone := [row for row in trials if str(row["stopped"]).startswith("diverged")]:
+            if gone := [row for row in trials if has_failed(str(row["stopped"]))]:
                 count = f"{len(gone)} of {len(trials)} repeats " if self.is_repeated else ""
                 seed = f" (seed {gone[0]['seed']})" if self.is_repeated else ""
                 lines.append(f"{label}: {count}{gone[0]['stopped']}{seed}")

@@ -24,10 +24,14 @@ from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.experiments.setting import Case, Names, Setting
 from dqcontrol.loop import Record
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.plants.elastic_model import TICK
 
 Steps = Callable[[int, int], None]
 
-_COMPILED, _INTERPRETED, _STORED = 1.5e-6, 2e-4, 3e-4  # s a step, roughly: to run, and to write its record
+# s, roughly: a step, compiled or not; a step of a compliant arm without, and with each tick, of its joint controllers
+_COMPILED, _INTERPRETED, _COMPLIANT, _TICK = 1.5e-6, 2e-4, 5e-5, {False: 7e-6, True: 1.6e-5}  # by `accurate`
+_STORED = 3e-4  # s a step, to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
 _WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
 
@@ -79,8 +83,11 @@ class Batch:
     @property
     def seconds(self) -> float:
         """How long it takes, roughly."""
+        spec, plant = self.setting.spec, self.case.plant
         step = _COMPILED if self.case.is_compiled else _INTERPRETED
-        stored = _STORED if self.folder and self.setting.spec.keeps_records else 0.0
+        if isinstance(plant, CompliantPlant):
+            step = _COMPLIANT + _TICK[plant.accurate] * spec.period / TICK
+        stored = _STORED if self.folder and spec.keeps_records else 0.0
         return len(self.repeats) * len(self.case.scene.samples) * (step + stored)
 
     def split(self) -> Iterator[Batch]:

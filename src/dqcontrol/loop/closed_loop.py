@@ -16,9 +16,10 @@ from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, 
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
+from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
-from dqcontrol.plants.plant import CompiledPlant, LivePlant
+from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
 
@@ -83,7 +84,7 @@ def close_loop(
     -------
     Trace
         Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and
-        says so in ``stopped``.
+        says so in ``stopped``; one whose plant switched its motors off goes on, and says so too.
 
     Raises
     ------
@@ -225,8 +226,9 @@ def _interpret(
     q, measured, command = records
     realised = np.zeros((len(samples), 6)) if disturbance else None
     state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
-    done, failure = 0, None
+    done, failure, fault = 0, None, ""
     readings = Readings(plant, len(samples))
+    guarded = plant if isinstance(plant, GuardedPlant) else None
     for k, row in enumerate(samples):
         if clock:
             clock.await_step()
@@ -242,6 +244,8 @@ def _interpret(
             if disturbance is not None and realised is not None:
                 disturbance.step(law.robot.chain, k, plant.q, realised[k])
             plant.step(command[k])
+            if guarded and not fault and guarded.fault:
+                fault = f"faulted at {row[-1]:g} s: {guarded.fault}"
         except DivergedError as error:
             done, failure = k, str(error)
             break
@@ -253,7 +257,8 @@ def _interpret(
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))
     trace = _ended(done, samples, records, realised, failure)
-    return replace(trace, readings=readings.signals(len(trace.q)))
+    stopped = fault if fault and not has_failed(trace.stopped) else trace.stopped
+    return replace(trace, stopped=stopped, readings=readings.signals(len(trace.q)))
 
 
 def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:

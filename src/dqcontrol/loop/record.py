@@ -38,6 +38,11 @@ def row_norms(vectors: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
+def has_failed(stopped: str) -> bool:
+    """Return whether a run that ended so left the finite numbers, or switched its motors off and fell."""
+    return stopped.startswith(("diverged", "faulted"))
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """One run of the closed loop, N samples of a robot with n configuration variables and m inputs.
@@ -65,7 +70,8 @@ class Record:
     input_names
         m names of the inputs; the joints' names if omitted.
     stopped
-        Why the run ended: ``"duration"``, ``"settled"``, ``"diverged: …"``.
+        Why the run ended: ``"duration"``, ``"settled"``, ``"diverged at …"``; or ``"faulted at …"``: the plant switched
+        its motors off, and the run went on.
     disturbance
         Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
         m/s, inertial frame; None if there was none.

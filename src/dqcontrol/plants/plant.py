@@ -33,6 +33,16 @@ class LivePlant(Protocol):
         ...
 
 
+@runtime_checkable
+class GuardedPlant(Protocol):
+    """A live plant that switches its motors off when something is wrong."""
+
+    @property
+    def fault(self) -> str:
+        """Why it did so; empty while all is well."""
+        ...
+
+
 class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a plant."""
 

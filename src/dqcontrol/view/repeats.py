@@ -34,7 +34,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     """Plot a number of every run as a point, with mean and confidence interval, by law and set.
 
     Points stand in the order of the rows, so that a drift over the repeats shows as a slope. Every robot and plant has
-    a panel of its own. Runs that diverged are left out.
+    a panel of its own. Runs that failed are left out.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def gain_figure(
             curve = curves.setdefault(study.describe(group, others), [])
             curve.append((x, mean.mean, _half_width(mean, level)))
     if not curves:
-        raise ShapeError(f"rows: no run that did not diverge has '{key}' and '{over}'")
+        raise ShapeError(f"rows: no run that did not fail has '{key}' and '{over}'")
     figure = new_figure(7.0, 3.8)
     axes = figure.subplots()
     widths = line_widths(len(curves))

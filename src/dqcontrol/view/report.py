@@ -13,7 +13,7 @@ from dqcontrol.errors import ExistsError, FileFormatError
 from dqcontrol.experiments.metric_tables import summary_table
 from dqcontrol.experiments.metrics import Metrics
 from dqcontrol.experiments.tables import Table
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, has_failed
 
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
 _CAPTIONS = {
@@ -129,7 +129,7 @@ def write_report(
     page = _PAGE.format(
         title=escape(title),
         facts=escape(" · ".join(facts)),
-        notice=f'<p class="bad">The run {escape(stopped)}</p>\n' if stopped.startswith("diverged") else "",
+        notice=f'<p class="bad">The run {escape(stopped)}</p>\n' if has_failed(stopped) else "",
         body="\n".join(parts) + "\n",
     )
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 """What the source documents printed: their numbers and what they claim about them."""
 
-from dqcontrol.experiments.published.catalogue import SOURCE, catalogue_table, names, reproduction
+from dqcontrol.experiments.published.catalogue import PLANT, SOURCE, catalogue_table, names, reproduction
 from dqcontrol.experiments.published.published_numbers import (
     REPRODUCTIONS,
     Claim,
@@ -12,9 +12,12 @@ from dqcontrol.experiments.published.published_numbers import (
     published_cells,
     published_runs,
 )
+from dqcontrol.experiments.published.published_specs import PLANTS, published_spec
 from dqcontrol.experiments.published.reproduce import SAMPLES, Reproduced, reproduce
 
 __all__ = [
+    "PLANT",
+    "PLANTS",
     "REPRODUCTIONS",
     "SAMPLES",
     "SOURCE",
@@ -29,6 +32,7 @@ __all__ = [
     "names",
     "published_cells",
     "published_runs",
+    "published_spec",
     "reproduce",
     "reproduction",
 ]

@@ -10,6 +10,7 @@ from dqcontrol.errors import UnknownNameError, unknown_name
 from dqcontrol.experiments.tables import Column, Table
 
 SOURCE = "pereira2016"
+PLANT = "servo"  # what `reproduce` takes for the Meka unless told; see `published_specs.PLANTS`
 
 
 @dataclass(frozen=True)

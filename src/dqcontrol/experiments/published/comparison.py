@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from dqcontrol.experiments.published.published_numbers import PublishedCell
 from dqcontrol.experiments.published.results import Results
+from dqcontrol.experiments.setting import Setting
 from dqcontrol.experiments.tables import Cell, Column, Table
 
 NAMES = {
@@ -56,6 +57,39 @@ def comparison_tables(
             caption = " · ".join(part for part in (f"P16 {name}", experiment, title) if part)
             tables.append(Table(_COLUMNS, rows, caption))
     return tables
+
+
+def command_table(
+    cells: Sequence[PublishedCell], results: Results, settings: Mapping[str, Setting], title: str = ""
+) -> Table:
+    """Return the mean of T |u|, one row a law and set: on an arm that gives way at each sample, by how much it does.
+
+    Parameters
+    ----------
+    cells
+        The published ones; those of the control signal count.
+    results
+        Ours.
+    settings
+        The specs made ready, by the experiment's name in the published tables.
+    title
+        Appended to the caption.
+    """
+    rows: list[list[Cell]] = []
+    for cell in cells:
+        if cell.metric == "control":
+            setting = settings[cell.experiment]
+            unit = setting.spec.period / (results.control_unit * setting.scene.samples[-1, -1])
+            ours = results.mean(cell.law, cell.set, cell.metric, cell.experiment)
+            rows.append([cell.experiment, cell.law, cell.set, unit * cell.mean, unit * ours])
+    columns = [
+        Column("Experiment"),
+        Column("Law"),
+        Column("Set"),
+        Column("Published", "rad", ".3f"),
+        Column("Ours", "rad", ".3f"),
+    ]
+    return Table(columns, rows, " · ".join(filter(None, ("Mean of T |u|", title))))
 
 
 def _grouped(cells: Sequence[PublishedCell]) -> dict[tuple[str, str], list[PublishedCell]]:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.loop.record import has_failed
+
 METRICS = {  # of the published tables: Err., θ̇, Eff., L.Vel., L.Acc. [P16 5.2]
     "error": "error.integral",
     "control": "control.integral",
@@ -59,10 +61,10 @@ class Results:
     def values(
         self, law: str, parameters: str = "", metric: str = "error", experiment: str = ""
     ) -> NDArray[np.float64]:
-        """Return a metric of all repeats that did not diverge; published names or those of `Metrics.flat`."""
+        """Return a metric of all repeats that did not fail; published names or those of `Metrics.flat`."""
         key = self.error if metric == "error" else METRICS.get(metric, metric)
         rows = self.group(law, parameters, experiment)
-        kept = [row[key] for row in rows if not str(row["stopped"]).startswith("diverged")]
+        kept = [row[key] for row in rows if not has_failed(str(row["stopped"]))]
         unit = self.control_unit if metric == "control" else 1.0
         return unit * np.array([value for value in kept if value is not None], dtype=np.float64)
 

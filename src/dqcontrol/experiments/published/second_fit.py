@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dqcontrol.experiments.published.catalogue import spec_path
-from dqcontrol.yaml_file import parse_yaml, read_text
+from dqcontrol.experiments.published.catalogue import PLANT
+from dqcontrol.experiments.published.published_specs import published_spec
 
 FACTOR = 93.7  # `dqcontrol reproduce pereira2016/calibration` fits it
 LAWS = ("HIR", "HIRT")
@@ -18,10 +18,9 @@ SUFFIX = " scaled"
 _GAINS = ("orientation_gain", "translation_gain")
 
 
-def scaled_spec(name: str, factor: float = FACTOR) -> dict[str, Any]:
+def scaled_spec(name: str, plant: str = PLANT, *, factor: float = FACTOR) -> dict[str, Any]:
     """Return a published spec with the robust laws only, their gains scaled and their labels saying so."""
-    path = spec_path(name)
-    data = parse_yaml(str(path), read_text(path))
+    data = published_spec(name, plant)
     data["name"] = f"{data['name']}-scaled"
     data["laws"] = _scaled(data["laws"], factor)
     sets = {label: _scaled(laws, factor) for label, laws in data.pop("sets", {}).items()}

@@ -31,8 +31,11 @@ def judge(reproduction: str, evidence: Evidence) -> dict[str, Judgement]:
     return {claim.id: JUDGES[claim.id](evidence) for claim in claims(reproduction)}
 
 
-def verdict_table(reproduction: str, judgements: dict[str, Judgement]) -> Table:
-    """Return one row a claim: where it stands, what it says, the verdict, our number, and the source's own."""
+def verdict_table(reproduction: str, judgements: dict[str, Judgement], plant: str = "") -> Table:
+    """Return one row a claim: where it stands, what it says, the verdict, our number, and the source's own.
+
+    A plant is named in the caption.
+    """
     rows = [
         [claim.source, claim.quotation, judgements[claim.id].verdict, judgements[claim.id].number, claim.note]
         for claim in claims(reproduction)
@@ -45,4 +48,4 @@ def verdict_table(reproduction: str, judgements: dict[str, Judgement]) -> Table:
         Column("Our number"),
         Column("P16's own numbers"),
     ]
-    return Table(columns, rows, f"Claims of P16: {reproduction}")
+    return Table(columns, rows, " · ".join(filter(None, (f"Claims of P16: {reproduction}", plant))))

@@ -181,7 +181,7 @@ def _surface_error(evidence: Evidence) -> Judgement:
 
 
 def _against_gain(evidence: Evidence, robot: str, metric: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return √(q/r) and the metric of every cell that did not diverge."""
+    """Return √(q/r) and the metric of every cell whose run did not fail."""
     qs, rs, grid = _surface(evidence, robot, metric)
     gains = np.sqrt(np.array(qs)[:, None] / np.array(rs)[None, :])
     kept = np.isfinite(grid)

@@ -10,7 +10,6 @@ from dqcontrol.experiments.published.verdicts.evidence import (
     ROBUST,
     Evidence,
     Judgement,
-    changed,
     decides,
     listed,
     record_of,
@@ -109,7 +108,7 @@ def _first_commands(evidence: Evidence) -> Judgement:
 @decides("h-infinity-fast-at-low-rate")
 def _low_rate(evidence: Evidence) -> Judgement:
     slow = evidence.mean("HIR", "", "hand_speed") / evidence.mean("K", "", "hand_speed")
-    setting = changed("circle", ("K", "HIR"), period=0.008)
+    setting = evidence.changed("circle", ("K", "HIR"), period=0.008)
     lengths = [
         np.linalg.norm(np.diff(record_of(setting, law).position, axis=0), axis=1).sum()
         for law in ("HIR", "K")

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.published.catalogue import spec_path
+from dqcontrol.experiments.published.catalogue import PLANT
+from dqcontrol.experiments.published.published_specs import published_spec
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.loop import Record
-from dqcontrol.yaml_file import parse_yaml, read_text
 
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
@@ -53,11 +53,14 @@ class Evidence:
         The specs made ready, by the experiment's name in the published tables.
     second
         What the robust laws gave with the second fit; told beside a number, never the ground of a verdict.
+    plant
+        What the Meka is, one of `published_specs.PLANTS`.
     """
 
     ours: Results
     settings: Mapping[str, Setting]
     second: Results | None = None
+    plant: str = PLANT
     _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
 
     def mean(self, law: str, parameters: str = "", metric: str = "error", experiment: str = "") -> float:
@@ -90,6 +93,23 @@ class Evidence:
                 values = np.diff(values, axis=0) / period
         return float(np.linalg.norm(values, axis=1).max())
 
+    def changed(self, spec: str, labels: tuple[str, ...], **changes: Any) -> Setting:
+        """Return a published spec with some laws only, run once, on the same plant, with other keys changed.
+
+        A change ``laws`` overrides keys of the laws; None takes a key away.
+        """
+        data = published_spec(spec, self.plant)
+        overrides = changes.pop("laws", {})
+        data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
+        for key in ("sets", "grids", "repeats", "settle"):
+            data.pop(key, None)
+        for key, value in changes.items():
+            if value is None:
+                data.pop(key, None)
+            else:
+                data[key] = value
+        return prepare(data)
+
 
 Judge = Callable[[Evidence], Judgement]
 JUDGES: dict[str, Judge] = {}
@@ -111,25 +131,6 @@ def record_of(setting: Setting, law: str, parameters: str = "", *, plant: str | 
         if case.names.law == law and case.names.set == parameters and plant in (None, case.names.plant):
             return execute(setting, case)
     raise LookupError(f"{law} · {parameters}")
-
-
-def changed(spec: str, labels: tuple[str, ...], **changes: Any) -> Setting:
-    """Return a published spec with some laws only, run once, with other keys changed.
-
-    A change ``laws`` overrides keys of the laws; None takes a key away.
-    """
-    path = spec_path(spec)
-    data = parse_yaml(str(path), read_text(path))
-    overrides = changes.pop("laws", {})
-    data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
-    for key in ("sets", "grids", "repeats", "settle"):
-        data.pop(key, None)
-    for key, value in changes.items():
-        if value is None:
-            data.pop(key, None)
-        else:
-            data[key] = value
-    return prepare(data)
 
 
 def listed(values: list[float] | tuple[float, ...], form: str = ".3f") -> str:

@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.experiments.published.results import Row
+from dqcontrol.loop.record import has_failed
 
 
 def grid_of(rows: Sequence[Row], key: str) -> tuple[list[float], list[float], NDArray[np.float64]]:
-    """Return the values of q and r and the metric for each pair, shape (len(q), len(r)); NaN where a run diverged."""
+    """Return the values of q and r and the metric for each pair, shape (len(q), len(r)); NaN where a run failed."""
     qs, rs = (
         sorted({row[f"parameter.{name}"] for row in rows}) for name in ("error_weight", "control_weight")
     )
     grid = np.full((len(qs), len(rs)), math.nan)
     for row in rows:
-        if not str(row["stopped"]).startswith("diverged"):
+        if not has_failed(str(row["stopped"])):
             place = qs.index(row["parameter.error_weight"]), rs.index(row["parameter.control_weight"])
             grid[place] = row[key]
     return qs, rs, grid
