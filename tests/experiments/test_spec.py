@@ -74,7 +74,7 @@ UNFIT = [
     (changed(plant={"kind": "servo", "time_konstant": 1}),
      r"plant: unknown key 'time_konstant'; did you mean 'time_constant'\? \(allowed: kind, command_mode, "
      r"time_constant, sag, stiffness, delay, encoder_resolution, encoder_noise, rate_limit, position_limit, "
-     r"gravity\)$"),
+     r"gravity, base_time_constant, camera\)$"),
     (changed(plant={"kind": "integrator", "sag": 1}), r"plant: unknown key 'sag' \(allowed: kind, bias\)$"),
     (changed(reference=circle(length=1)),
      r"reference: unknown key 'length'.* \(allowed: kind, start, offset, repeat, [^()]*, plane, turns, clockwise\)$"),

@@ -55,7 +55,7 @@ def arm():
 
 
 def limits_of(plant, period=T):
-    return gain_limits(plant.linear_model(None, None, period), period)
+    return gain_limits(plant.linear_model(dqc.load_robot("iiwa7"), None, period), period)
 
 
 def delayed(transition, inputs, delay):
@@ -145,7 +145,7 @@ def test_the_first_crossing_counts():
 @pytest.mark.parametrize("angle", [0.3, 1.0, 1.5, 2.0])
 def test_rates_that_turn(angle):
     """|1 − kT| < 1 for k = |k| exp(iφ): |k| T < 2 cos φ; never monotone."""
-    limits = gain_limits(Integrator().linear_model(None, None, T), T, np.exp(1j * angle))
+    limits = gain_limits(Integrator().linear_model(dqc.load_robot("iiwa7"), None, T), T, np.exp(1j * angle))
     assert limits.stable == pytest.approx(max(2 * np.cos(angle), 0), rel=1e-6)
     assert limits.monotone == 0
 
