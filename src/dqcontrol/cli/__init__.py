@@ -1,0 +1,54 @@
+"""The command line: one file a command, thin calls into the library, errors in one line."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+
+from cyclopts import App, CycloptsError
+
+import dqcontrol
+from dqcontrol.errors import Error
+
+USER_ERROR = 2
+COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
+    "run": "Run an experiment and write its table, recordings and plots.",
+    "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+    "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
+    "compare": "Compare saved runs: one table, and plots.",
+    "evaluate": "Measure your own joint log against a reference.",
+    "export": "Write all signals of a run for other programs.",
+    "robots": "List the robots that come with dqcontrol, or show one.",
+}
+
+app = App(
+    name="dqcontrol",
+    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws.",
+    version=dqcontrol.__version__,
+    help_format="plaintext",
+    suppress_keyboard_interrupt=False,
+)
+for _name, _help in COMMANDS.items():
+    app.command(f"dqcontrol.cli.{_name}:{_name}", name=_name, help=_help)
+
+
+def main() -> None:
+    """Run the command line; a user's mistake gives one line and exit code 2."""
+    warnings.showwarning = _show_warning
+    try:
+        app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
+    except (Error, CycloptsError) as error:
+        print(f"dqcontrol: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(USER_ERROR)
+    except KeyboardInterrupt as interrupt:
+        print(f"dqcontrol: interrupted{interrupt}", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.exit(0)
+    except OSError as error:  # a full disk, a folder that went away
+        print(f"dqcontrol: {error}", file=sys.stderr)
+        sys.exit(USER_ERROR)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"dqcontrol: warning: {' '.join(str(message).split())}", file=sys.stderr)

@@ -1,0 +1,30 @@
+"""Check an experiment without running it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dqcontrol.cli.screen import console
+
+UNSTABLE = 1
+
+
+def check(spec: Path, /) -> None:
+    """Check an experiment without running it, and say how near its loops are to instability.
+
+    Ends with 1 if a loop is expected to be unstable.
+
+    Parameters
+    ----------
+    spec
+        YAML file; its keys are described in docs/experiments.md.
+    """
+    from dqcontrol.experiments import check as checked
+
+    checks = checked(spec)
+    console().print(checks.table().rich())
+    for remark in checks.remarks():
+        print(remark)
+    if checks.unstable:
+        sys.exit(UNSTABLE)

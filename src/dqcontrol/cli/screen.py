@@ -1,0 +1,44 @@
+"""What commands print on: a console for tables, and bars of progress."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+
+
+def console() -> Console:
+    """Return a console that does not squeeze tables when nobody watches."""
+    return Console() if sys.stdout.isatty() else Console(width=200)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[..., None]]:
+    """Give what shows a bar for each label on standard error, once there is one."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    bar = Progress(*columns, console=Console(stderr=True))
+    tasks: dict[str, TaskID] = {}
+
+    def report(done: float, total: int, label: str = "trials") -> None:
+        if not tasks:
+            bar.start()  # only now: an error before the first trial prints nothing else
+        if label not in tasks:
+            if done >= 1:
+                print(f"dqcontrol: goes on; {done:g} of {total} trials were finished before", file=sys.stderr)
+            tasks[label] = bar.add_task(label, total=total)
+        bar.update(tasks[label], completed=done)
+
+    try:
+        yield report
+    finally:
+        if tasks:
+            bar.stop()
