@@ -43,10 +43,10 @@ lint: $(VENV)/test
 	@$(BIN)/pyright --project pyproject.toml
 
 test: lint
-	@$(BIN)/pytest
+	@$(BIN)/pytest -n auto --maxprocesses 4
 
 test-all: lint
-	@$(BIN)/pytest -m ''
+	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
 
 bench: $(VENV)/test
 	@$(BIN)/python benchmarks/speed.py
