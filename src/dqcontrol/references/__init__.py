@@ -6,6 +6,7 @@ from dqcontrol.references.drawing_file import DrawingFile, load_drawing, parse_d
 from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
 from dqcontrol.references.points_file import load_points
+from dqcontrol.references.random_goals import random_goals
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import Sample
@@ -41,4 +42,5 @@ __all__ = [
     "load_points",
     "motion_samples",
     "parse_drawing",
+    "random_goals",
 ]
