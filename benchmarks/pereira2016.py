@@ -11,7 +11,7 @@ import time
 import warnings
 
 from dqcontrol.experiments.conduct import run_study
-from dqcontrol.experiments.published.catalogue import REPRODUCTIONS, spec_path
+from dqcontrol.experiments.published.pereira2016.catalogue import EXPERIMENTS, spec_path
 from dqcontrol.yaml_file import parse_yaml, read_text
 
 NAMES = ("lqr", "h-infinity", "circle", "spiral")
@@ -28,7 +28,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     specs = []
     for name in NAMES:
-        for spec in REPRODUCTIONS[name].specs.values():
+        for spec in EXPERIMENTS[name].specs.values():
             path = spec_path(spec)
             specs.append(parse_yaml(str(path), read_text(path)) | {"record": "metrics"})
     for spec in specs:

@@ -21,9 +21,10 @@ from typing import Any
 from scipy.optimize import root_scalar
 
 from dqcontrol.experiments.metrics import Metrics
-from dqcontrol.experiments.published import PLANT, PLANTS, published_cells, published_spec
-from dqcontrol.experiments.published.published_specs import FITTED, PHYSICS, SERVO
-from dqcontrol.experiments.published.second_fit import scaled_spec
+from dqcontrol.experiments.published.pereira2016 import PLANTS, published_cells, published_spec
+from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS, SERVO
+from dqcontrol.experiments.published.pereira2016.published_specs import FITTED
+from dqcontrol.experiments.published.pereira2016.second_fit import scaled_spec
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.tables import Column, Table
@@ -202,7 +203,7 @@ def with_feedforward(folder: str) -> str:
 def main() -> None:
     """Print the tables."""
     warnings.simplefilter("ignore")
-    plant = sys.argv[1] if len(sys.argv) > 1 else PLANT
+    plant = sys.argv[1] if len(sys.argv) > 1 else PLANTS[0]
     if plant not in PLANTS:
         sys.exit(f"plant: one of {', '.join(PLANTS)}")
     if plant == SERVO:

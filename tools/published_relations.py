@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import ttest_rel
 
-from dqcontrol.experiments.published import (
+from dqcontrol.experiments.published import PublishedCell
+from dqcontrol.experiments.published.pereira2016 import (
     REPRODUCTIONS,
-    PublishedCell,
     disagreements,
     published_cells,
     published_runs,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.experiments.published import SOURCE, names, reproduce
+from dqcontrol.experiments.published import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
 PICTURED, FIGURE = ("spiral",), "published-and-ours"
@@ -18,12 +18,12 @@ mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviation over
 def main() -> None:
     """Run everything and write the page."""
     parts = [HEAD]
-    for name in names(SOURCE):
-        parts.append(f"## {SOURCE}/{name}\n")
+    for name in names("pereira2016"):
+        parts.append(f"## {name}\n")
         done = reproduce(name)
         parts += [table.markdown() for table in done.tables]
-        if name in PICTURED:
-            done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{name}.png")
+        if (short := name.partition("/")[2]) in PICTURED:
+            done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{short}.png")
         print(name)
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 

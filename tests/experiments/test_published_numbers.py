@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from dqcontrol.errors import UnknownNameError
-from dqcontrol.experiments import published
-from dqcontrol.experiments.published import (
+from dqcontrol.experiments.published import pereira2016
+from dqcontrol.experiments.published.pereira2016 import (
     REPRODUCTIONS,
     claims,
     disagreements,
@@ -18,7 +18,7 @@ from dqcontrol.experiments.published import (
 
 LAWS = {"K", "K+FF", "LQR-R8", "LQR-DQ", "HIR", "HIRT"}
 METRICS = {"error", "control", "joint_step", "hand_speed", "hand_acceleration"}
-TABLES = Path(published.__file__).parent / "pereira2016/tables.csv"
+TABLES = Path(pereira2016.__file__).parent / "tables.csv"
 
 
 def runs_by_cell() -> dict[tuple[str, ...], list[float]]:

@@ -9,35 +9,43 @@ import pytest
 
 from dqcontrol.errors import LimitWarning, UnknownNameError
 from dqcontrol.experiments import published
-from dqcontrol.experiments.published import second_fit
-from dqcontrol.experiments.published.calibration import calibrate
-from dqcontrol.experiments.published.catalogue import REPRODUCTIONS, spec_path
+from dqcontrol.experiments.published import pereira2016
 from dqcontrol.experiments.published.comparison import comparison_tables
+from dqcontrol.experiments.published.pereira2016 import second_fit
+from dqcontrol.experiments.published.pereira2016.calibration import calibrate
+from dqcontrol.experiments.published.pereira2016.catalogue import EXPERIMENTS, spec_path
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import JUDGES
 from dqcontrol.experiments.published.results import Results
-from dqcontrol.experiments.published.verdicts.evidence import JUDGES
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.spec import read_spec
 
-SPECS = sorted({name for each in REPRODUCTIONS.values() for name in each.specs.values()})
+SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
 ON_THE_ARM = [name for name in SPECS if not name.startswith("iiwa") and name != "sampling-time"]
 
 
+def test_every_source_offers_experiments_with_plants_and_says_what_they_are():
+    for name, experiment in published.experiments().items():
+        assert name.split("/")[0] in published.SOURCES
+        assert experiment.about
+    assert set(published.SOURCES) == {name.split("/")[0] for name in published.experiments()}
+
+
 def test_every_claim_has_a_judge_and_every_judge_a_claim():
-    ids = {claim.id for name in published.REPRODUCTIONS for claim in published.claims(name)}
+    ids = {claim.id for name in pereira2016.REPRODUCTIONS for claim in pereira2016.claims(name)}
     assert ids == set(JUDGES)
 
 
 def test_every_published_cell_has_its_case():
-    for name, chosen in REPRODUCTIONS.items():
-        if name not in published.REPRODUCTIONS:
+    for name, chosen in EXPERIMENTS.items():
+        if name not in pereira2016.REPRODUCTIONS:
             continue
         cases = {
             (experiment, case.names.law, case.names.set)
             for experiment, spec in chosen.specs.items()
             for case in prepare(spec_path(spec)).cases
         }
-        for cell in published.published_cells(name):
+        for cell in pereira2016.published_cells(name):
             if name == "sampling-time":
                 assert ("", cell.law, "") in cases
             elif cell.set:
@@ -77,7 +85,7 @@ def test_the_second_fit_scales_the_robust_laws_only():
 
 
 def test_ratios_are_means_over_printed_means():
-    cells = [cell for cell in published.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
+    cells = [cell for cell in pereira2016.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
     keys = {
         metric: f"{metric}.integral"
         for metric in ("error", "control", "joint_step", "hand_speed", "hand_acceleration")
@@ -86,15 +94,17 @@ def test_ratios_are_means_over_printed_means():
     row = {"law": "K", "set": "best", "stopped": "duration"}
     rows = [{**row, **{key: factor * value for key, value in printed.items()}} for factor in (1.9, 2.1)]
     rows.append({**row, **dict.fromkeys(printed, 100.0), "stopped": "diverged at 1 s: lost"})
-    (table,) = comparison_tables(cells, Results({"": rows}))
+    (table,) = comparison_tables(cells, Results({"": rows}), "P16")
     assert table.title == "P16 5.15"
     assert [line[-1] for line in table.rows] == pytest.approx([2.0] * 5)
     assert table.rows[0][6] == pytest.approx(np.std([1.9, 2.1], ddof=1) * 1.232)
     increments = Results({"": rows}, control_unit=0.025)
     assert increments.mean("K", "best", "control") == pytest.approx(0.05 * printed["control.integral"])
     scaled = [{**line, "law": "K scaled"} for line in rows]
-    assert comparison_tables(cells, Results({"": scaled})) == []
-    assert comparison_tables(cells, Results({"": scaled}), suffix=" scaled")[0].rows[0][0] == "K scaled"
+    assert comparison_tables(cells, Results({"": scaled}), "P16") == []
+    assert (
+        comparison_tables(cells, Results({"": scaled}), "P16", suffix=" scaled")[0].rows[0][0] == "K scaled"
+    )
 
 
 def test_the_sag_in_the_specs_is_the_one_that_fits():
@@ -106,7 +116,7 @@ def test_the_sag_in_the_specs_is_the_one_that_fits():
 def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
     """Each number was printed for the robot; one cell, K with the best gain, is what the sag was fitted on."""
     setting = prepare(spec_path("spiral"))
-    printed = {(c.law, c.set): c.mean for c in published.published_cells("spiral") if c.metric == "error"}
+    printed = {(c.law, c.set): c.mean for c in pereira2016.published_cells("spiral") if c.metric == "error"}
     ratios = {}
     for case in setting.cases:
         record = execute(setting, case)
@@ -122,8 +132,11 @@ def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
 
 
 def test_names():
-    assert published.names("pereira2016") == list(REPRODUCTIONS)
-    assert published.names("pereira2016/lqr") == published.names("lqr") == ["lqr"]
+    assert published.names("pereira2016") == [f"pereira2016/{name}" for name in EXPERIMENTS]
+    assert published.names("pereira2016/lqr") == published.names("lqr") == ["pereira2016/lqr"]
+    assert published.chosen_plant("pereira2016/lqr", None) == pereira2016.PLANTS[0]
+    with pytest.raises(UnknownNameError):
+        published.reproduce("pereira2016")
     with pytest.raises(UnknownNameError, match=r"did you mean 'pereira2016/spiral'"):
         published.reproduce("pereira2016/spiral2")
     with pytest.raises(UnknownNameError, match="light-painting"):
@@ -147,7 +160,7 @@ def test_the_command_lists_and_refuses():
 
     listed = command()
     assert listed.returncode == 0
-    assert all(f"pereira2016/{name}" in listed.stdout for name in REPRODUCTIONS)
+    assert all(f"pereira2016/{name}" in listed.stdout for name in EXPERIMENTS)
     refused = command("pereira2016/spirral")
     assert refused.returncode == 2
     assert refused.stderr.strip().count("\n") == 0

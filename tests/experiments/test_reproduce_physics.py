@@ -7,20 +7,21 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import SafetyWarning, UnknownNameError
 from dqcontrol.experiments import published
-from dqcontrol.experiments.published import second_fit
-from dqcontrol.experiments.published.calibration import calibrate
-from dqcontrol.experiments.published.catalogue import REPRODUCTIONS
+from dqcontrol.experiments.published import pereira2016
 from dqcontrol.experiments.published.comparison import command_table
-from dqcontrol.experiments.published.published_specs import PHYSICS, SERVO, published_spec
+from dqcontrol.experiments.published.pereira2016 import second_fit
+from dqcontrol.experiments.published.pereira2016.calibration import calibrate
+from dqcontrol.experiments.published.pereira2016.catalogue import EXPERIMENTS, PHYSICS, SERVO
+from dqcontrol.experiments.published.pereira2016.published_specs import published_spec
+from dqcontrol.experiments.published.pereira2016.verdicts import Evidence, judge
 from dqcontrol.experiments.published.results import Results
-from dqcontrol.experiments.published.verdicts import Evidence, judge
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.plants import CompliantPlant
 
 pytest.importorskip("mujoco")
 
-SPECS = sorted({name for each in REPRODUCTIONS.values() for name in each.specs.values()})
+SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
 
 
 @pytest.mark.parametrize("name", SPECS)
@@ -53,12 +54,12 @@ def test_the_second_fit_and_further_runs_take_the_same_plant():
 
 
 def test_the_mean_of_t_u_is_the_printed_integral_over_the_duration_in_periods():
-    cells = [cell for cell in published.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
+    cells = [cell for cell in pereira2016.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
     rows = [{"law": "K", "set": "best", "stopped": "duration", "control.integral": 300.0}]
     setting = prepare(published_spec("spiral"))
     (row,) = command_table(cells, Results({"": rows}), {"": setting}).rows
     assert row[3:] == pytest.approx([0.008 * 342.94 / 23.992, 0.008 * 300.0 / 23.992])
-    printed = [cell for cell in published.published_cells("circle-and-square") if cell.law == "K"]
+    printed = [cell for cell in pereira2016.published_cells("circle-and-square") if cell.law == "K"]
     (cell,) = [each for each in printed if (each.experiment, each.metric) == ("meka circle", "control")]
     ours = Results({"meka circle": rows}, control_unit=0.025)  # here T u is what was printed
     (row,) = command_table([cell], ours, {"meka circle": prepare(published_spec("meka-circle"))}).rows
@@ -70,7 +71,7 @@ def test_one_run_of_each_predicts_the_other_cells():
     spec = published_spec("spiral", PHYSICS)
     printed = {
         (c.law, c.set, c.metric): c.mean
-        for c in published.published_cells("spiral")
+        for c in pereira2016.published_cells("spiral")
         if c.law in ("K", "LQR-DQ")
     }
     found = {}
@@ -109,7 +110,7 @@ def test_verdicts_are_given_on_all_claims_about_the_spiral():
     study = dqc.run_study(spec | {"repeats": 2})
     evidence = Evidence(Results({"": study.rows}), {"": study.setting()}, plant=PHYSICS)
     found = judge("spiral", evidence)
-    assert found.keys() == {claim.id for claim in published.claims("spiral")}
+    assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}
     assert found["feedforward-changes-nothing"].holds
     assert not found["h-infinity-best-everywhere"].holds
     assert "9 ms" in found["duration-does-not-matter"].number

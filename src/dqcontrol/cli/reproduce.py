@@ -25,15 +25,15 @@ def reproduce(
     name
         As pereira2016/spiral, or pereira2016 for all; without it the experiments are listed.
     plant
-        What the Meka is: servo, or meka-physics, its compliant joints in MuJoCo; default: servo.
+        What stands for the source's robot, one of those listed; default: the first.
     out
-        New folder for the results; default: results/NAME, or results/NAME-PLANT for another plant than the default.
+        New folder for the results; default: results/NAME, or results/NAME-PLANT with a plant.
     force
         Replace earlier folders of results.
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     samples
-        Of each real-time run of sampling-time; default: 500.
+        Of each run in real time; default: 500.
     """
     from dqcontrol.experiments import published
     from dqcontrol.experiments.output import check_new
@@ -41,9 +41,11 @@ def reproduce(
     if name is None:
         console().print(published.catalogue_table().rich())
         return
-    names, plant = published.names(name), plant or published.PLANT
-    top = out or Path("results") / (name if plant == published.PLANT else f"{name}-{plant}")
-    folders = {each: top / each if len(names) > 1 else top for each in names}
+    names = published.names(name)
+    for each in names:
+        published.chosen_plant(each, plant)  # says at once if there is none
+    top = out or Path("results") / (f"{name}-{plant}" if plant else name)
+    folders = {each: top / each.rpartition("/")[2] if len(names) > 1 else top for each in names}
     for folder in folders.values():
         check_new(folder, force=force)
     for each, folder in folders.items():

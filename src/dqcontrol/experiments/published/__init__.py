@@ -1,38 +1,28 @@
-"""What the source documents printed: their numbers and what they claim about them."""
+"""Experiments of the source documents run again, and what these printed: their numbers and their claims."""
 
-from dqcontrol.experiments.published.catalogue import PLANT, SOURCE, catalogue_table, names, reproduction
-from dqcontrol.experiments.published.published_numbers import (
-    REPRODUCTIONS,
-    Claim,
-    Disagreement,
-    PublishedCell,
-    PublishedRun,
-    claims,
-    disagreements,
-    published_cells,
-    published_runs,
+from dqcontrol.experiments.published.catalogue import (
+    SAMPLES,
+    SOURCES,
+    Experiment,
+    catalogue_table,
+    chosen_plant,
+    experiments,
+    names,
 )
-from dqcontrol.experiments.published.published_specs import PLANTS, published_spec
-from dqcontrol.experiments.published.reproduce import SAMPLES, Reproduced, reproduce
+from dqcontrol.experiments.published.printed import Claim, PublishedCell
+from dqcontrol.experiments.published.reproduce import reproduce
+from dqcontrol.experiments.published.reproduced import Reproduced
 
 __all__ = [
-    "PLANT",
-    "PLANTS",
-    "REPRODUCTIONS",
     "SAMPLES",
-    "SOURCE",
+    "SOURCES",
     "Claim",
-    "Disagreement",
+    "Experiment",
     "PublishedCell",
-    "PublishedRun",
     "Reproduced",
     "catalogue_table",
-    "claims",
-    "disagreements",
+    "chosen_plant",
+    "experiments",
     "names",
-    "published_cells",
-    "published_runs",
-    "published_spec",
     "reproduce",
-    "reproduction",
 ]

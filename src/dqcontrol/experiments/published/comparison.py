@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dqcontrol.experiments.published.published_numbers import PublishedCell
+from dqcontrol.experiments.published.printed import PublishedCell
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.setting import Setting
 from dqcontrol.experiments.tables import Cell, Column, Table
@@ -29,7 +29,7 @@ _COLUMNS = (
 
 
 def comparison_tables(
-    cells: Sequence[PublishedCell], results: Results, *, suffix: str = "", title: str = ""
+    cells: Sequence[PublishedCell], results: Results, source: str, *, suffix: str = "", title: str = ""
 ) -> list[Table]:
     """Return one table for each published table and experiment.
 
@@ -39,6 +39,8 @@ def comparison_tables(
         The published ones.
     results
         Ours.
+    source
+        Its short name, as ``"P16"``; the captions begin with it.
     suffix
         Appended to the law's label to find it in ours: a law that stands in for the published one. Only those
         laws are listed then.
@@ -54,7 +56,7 @@ def comparison_tables(
             and (row := _row(cell, results, suffix))
         ]
         if rows:
-            caption = " · ".join(part for part in (f"P16 {name}", experiment, title) if part)
+            caption = " · ".join(part for part in (f"{source} {name}", experiment, title) if part)
             tables.append(Table(_COLUMNS, rows, caption))
     return tables
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dqcontrol.experiments.published.catalogue import PLANT
-from dqcontrol.experiments.published.published_specs import published_spec
+from dqcontrol.experiments.published.pereira2016.catalogue import PLANTS
+from dqcontrol.experiments.published.pereira2016.published_specs import published_spec
 
 FACTOR = 93.7  # `dqcontrol reproduce pereira2016/calibration` fits it
 LAWS = ("HIR", "HIRT")
@@ -18,7 +18,7 @@ SUFFIX = " scaled"
 _GAINS = ("orientation_gain", "translation_gain")
 
 
-def scaled_spec(name: str, plant: str = PLANT, *, factor: float = FACTOR) -> dict[str, Any]:
+def scaled_spec(name: str, plant: str = PLANTS[0], *, factor: float = FACTOR) -> dict[str, Any]:
     """Return a published spec with the robust laws only, their gains scaled and their labels saying so."""
     data = published_spec(name, plant)
     data["name"] = f"{data['name']}-scaled"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dqcontrol.experiments.published.verdicts.evidence import LAWS, Evidence, Judgement, decides
+from dqcontrol.experiments.published.judgement import Judgement
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import LAWS, Evidence, decides
 
 PERIODS = {"8 ms": 0.008, "20 ms": 0.02}  # s
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from dqcontrol.experiments.published import second_fit
-from dqcontrol.experiments.published.catalogue import PLANT
-from dqcontrol.experiments.published.published_numbers import published_cells
-from dqcontrol.experiments.published.published_specs import FITTED, SERVO, published_spec
+from dqcontrol.experiments.published.pereira2016 import second_fit
+from dqcontrol.experiments.published.pereira2016.catalogue import PLANTS, SERVO
+from dqcontrol.experiments.published.pereira2016.published_numbers import published_cells
+from dqcontrol.experiments.published.pereira2016.published_specs import FITTED, published_spec
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.tables import Column, Table
@@ -22,7 +22,7 @@ _NAMES = {
 _BRACKETS = {"sag": (0.2, 2.0), "gravity_factor": (0.4, 1.1)}
 
 
-def calibrate(plant: str = PLANT) -> Table:
+def calibrate(plant: str = PLANTS[0]) -> Table:
     """Fit a plant's one number to the error of K, spiral, best gain; on servos also the robust laws' factor to HIR's.
 
     In physics the robust laws' loops shake before any factor brings their errors down to the printed ones.

@@ -6,18 +6,16 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.experiments.published.catalogue import PLANT, SOURCE, spec_path
+from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS, PLANTS, SERVO, spec_path
 from dqcontrol.yaml_file import parse_yaml, read_text
 
-SERVO, PHYSICS = "servo", "meka-physics"
-PLANTS = (SERVO, PHYSICS)
 FITTED = {SERVO: "sag", PHYSICS: "gravity_factor"}
 """Which number of each plant is fitted."""
 
 _MEKA = "meka-a2"
 
 
-def published_spec(name: str, plant: str = PLANT) -> dict[str, Any]:
+def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
     """Return a published experiment's spec, file names absolute; a simulated iiwa keeps its servos on any plant.
 
     Parameters
@@ -39,7 +37,7 @@ def published_spec(name: str, plant: str = PLANT) -> dict[str, Any]:
     if "file" in data["reference"]:
         data["reference"]["file"] = str(path.parent / data["reference"]["file"])
     if plant == PHYSICS and data["robot"] == _MEKA:
-        data["plant"] = _read(Path(__file__).parent / SOURCE / f"{PHYSICS}.yaml")
+        data["plant"] = _read(Path(__file__).parent / f"{PHYSICS}.yaml")
     return data
 
 

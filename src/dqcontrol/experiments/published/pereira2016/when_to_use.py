@@ -6,9 +6,9 @@ from typing import Any
 
 import msgspec
 
-from dqcontrol.experiments.published.published_numbers import published_cells
-from dqcontrol.experiments.published.verdicts import Evidence
-from dqcontrol.experiments.published.verdicts.evidence import LAWS
+from dqcontrol.experiments.published.pereira2016.published_numbers import published_cells
+from dqcontrol.experiments.published.pereira2016.verdicts import Evidence
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import LAWS
 from dqcontrol.experiments.tables import Cell, Column, Table
 from dqcontrol.laws import Law
 

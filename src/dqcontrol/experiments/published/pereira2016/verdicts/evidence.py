@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.published.catalogue import PLANT
-from dqcontrol.experiments.published.published_specs import published_spec
+from dqcontrol.experiments.published.judgement import Judgement
+from dqcontrol.experiments.published.pereira2016.catalogue import PLANTS
+from dqcontrol.experiments.published.pereira2016.published_specs import published_spec
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.setting import Setting, prepare
@@ -18,27 +19,6 @@ from dqcontrol.loop import Record
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
 START = 5.0  # s; "in the beginning of the trajectory"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """Whether a claim holds in our numbers, and the numbers.
-
-    Attributes
-    ----------
-    holds
-        None if our numbers cannot decide it.
-    number
-        What was found.
-    """
-
-    holds: bool | None
-    number: str
-
-    @property
-    def verdict(self) -> str:
-        """In words."""
-        return {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
 
 
 @dataclass(frozen=True)
@@ -54,13 +34,13 @@ class Evidence:
     second
         What the robust laws gave with the second fit; told beside a number, never the ground of a verdict.
     plant
-        What the Meka is, one of `published_specs.PLANTS`.
+        What the Meka is, one of `PLANTS`.
     """
 
     ours: Results
     settings: Mapping[str, Setting]
     second: Results | None = None
-    plant: str = PLANT
+    plant: str = PLANTS[0]
     _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
 
     def mean(self, law: str, parameters: str = "", metric: str = "error", experiment: str = "") -> float:
@@ -131,8 +111,3 @@ def record_of(setting: Setting, law: str, parameters: str = "", *, plant: str | 
         if case.names.law == law and case.names.set == parameters and plant in (None, case.names.plant):
             return execute(setting, case)
     raise LookupError(f"{law} · {parameters}")
-
-
-def listed(values: list[float] | tuple[float, ...], form: str = ".3f") -> str:
-    """Return numbers as text."""
-    return ", ".join(format(value, form) for value in values)

@@ -1,64 +1,24 @@
-"""Printed numbers and claims of [P16], read from the files in ``pereira2016``; its README says how they were checked.
+"""Printed numbers and claims of [P16], read from the files beside this one; their README says how they were checked.
 
 All metrics but ``period`` are integral norms ∫|·| dt over a run [P16 5.3], in the units of `Metrics` times s.
 """
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
-
-import msgspec
+from typing import TypeVar
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.yaml_file import read_yaml
+from dqcontrol.experiments.published.printed import Claim, PublishedCell, read_claims, read_table
 
-Reproduction = Literal[
-    "lqr", "h-infinity", "circle", "spiral", "sampling-time", "circle-and-square", "lqr-surface"
-]
-REPRODUCTIONS: tuple[str, ...] = get_args(Reproduction)
+REPRODUCTIONS = ("lqr", "h-infinity", "circle", "spiral", "sampling-time", "circle-and-square", "lqr-surface")
 """Names of the published experiments; ``lqr-surface`` is printed as pictures only and has no cells."""
 
-_FOLDER = Path(__file__).parent / "pereira2016"
+_FOLDER = Path(__file__).parent
 _LINEAR_QUADRATIC = ("LQR-R8", "LQR-DQ")
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class PublishedCell:
-    """One cell of a printed table of means.
-
-    Attributes
-    ----------
-    reproduction
-        One of `REPRODUCTIONS`.
-    table
-        Number of the table in [P16].
-    experiment
-        Robot and shape, where a table holds several; otherwise empty.
-    law
-        ``K``, ``K+FF``, ``LQR-R8``, ``LQR-DQ``, ``HIR`` or ``HIRT``.
-    set
-        Gain set or sampling time; empty for laws of which a table has one set only.
-    metric
-        ``error``, ``control`` (rad), ``joint_step`` (rad s), ``hand_speed`` (m), ``hand_acceleration`` (m/s) or
-        ``period`` (s).
-    mean, deviation
-        As printed; deviation None where none is printed.
-    """
-
-    reproduction: str
-    table: str
-    experiment: str = ""
-    law: str
-    set: str = ""
-    metric: str
-    mean: float
-    deviation: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,33 +76,6 @@ class Disagreement:
     reason: str
 
 
-class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A sentence of [P16] about its results, and what would decide it.
-
-    Attributes
-    ----------
-    id
-        Unique name in kebab case.
-    reproduction
-        The experiment that can decide it, one of `REPRODUCTIONS`.
-    source
-        Section or table of [P16].
-    quotation
-        The sentence, shortened to at most 25 words.
-    measure
-        Which number decides it, and the criterion.
-    note
-        What [P16]'s own numbers say, where they contradict the claim or cannot decide it.
-    """
-
-    id: Annotated[str, msgspec.Meta(pattern="^[a-z0-9]+(-[a-z0-9]+)*$", description="a name in kebab case")]
-    reproduction: Reproduction
-    source: str
-    quotation: str
-    measure: str
-    note: str = ""
-
-
 def published_cells(reproduction: str) -> list[PublishedCell]:
     """Return the cells of all tables of means of one experiment, in printed order.
 
@@ -153,12 +86,12 @@ def published_cells(reproduction: str) -> list[PublishedCell]:
 
     Examples
     --------
-    >>> from dqcontrol.experiments.published import published_cells
+    >>> from dqcontrol.experiments.published.pereira2016 import published_cells
     >>> cell = published_cells("spiral")[0]
     >>> cell.law, cell.set, cell.metric, cell.mean, cell.deviation
     ('K', 'ln2²', 'error', 2.43, 0.052)
     """
-    return _of(reproduction, _read("tables.csv", PublishedCell))
+    return _of(reproduction, read_table(_FOLDER / "tables.csv", PublishedCell))
 
 
 def published_runs(reproduction: str) -> list[PublishedRun]:
@@ -171,7 +104,7 @@ def published_runs(reproduction: str) -> list[PublishedRun]:
     UnknownNameError
         If there is no such experiment.
     """
-    runs = _read("runs.csv", PublishedRun)
+    runs = read_table(_FOLDER / "runs.csv", PublishedRun)
     if reproduction == "lqr":
         circles = _of("circle", runs)
         return [replace(run, reproduction="lqr") for run in circles if run.law in _LINEAR_QUADRATIC]
@@ -186,7 +119,7 @@ def disagreements(reproduction: str) -> list[Disagreement]:
     UnknownNameError
         If there is no such experiment.
     """
-    return _of(reproduction, _read("disagreements.csv", Disagreement))
+    return _of(reproduction, read_table(_FOLDER / "disagreements.csv", Disagreement))
 
 
 def claims(reproduction: str) -> list[Claim]:
@@ -197,20 +130,7 @@ def claims(reproduction: str) -> list[Claim]:
     UnknownNameError
         If there is no such experiment.
     """
-    return _of(reproduction, _read_claims())
-
-
-@cache
-def _read(name: str, kind: type[T]) -> tuple[T, ...]:
-    """Read a table of text into dataclasses; an empty field takes its default."""
-    with (_FOLDER / name).open(encoding="utf-8", newline="") as file:
-        rows = [{key: text for key, text in row.items() if text} for row in csv.DictReader(file)]
-    return msgspec.convert(rows, tuple[kind, ...], strict=False)
-
-
-@cache
-def _read_claims() -> tuple[Claim, ...]:
-    return read_yaml(_FOLDER / "claims.yaml", tuple[Claim, ...])
+    return _of(reproduction, read_claims(_FOLDER / "claims.yaml"))
 
 
 def _of(reproduction: str, entries: tuple[T, ...]) -> list[T]:

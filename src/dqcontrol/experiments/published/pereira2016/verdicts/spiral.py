@@ -6,17 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol.experiments.published.results import Results
-from dqcontrol.experiments.published.verdicts.evidence import (
+from dqcontrol.experiments.published.judgement import Judgement, listed
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
     PROPORTIONAL,
     ROBUST,
     Evidence,
-    Judgement,
     decides,
-    listed,
 )
+from dqcontrol.experiments.published.results import Results
 
 SETS = ("best", "ln2", "ln2²")
 METRICS = ("error", "control", "joint_step", "hand_speed", "hand_acceleration")

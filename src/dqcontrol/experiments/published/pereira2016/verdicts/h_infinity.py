@@ -8,8 +8,9 @@ import numpy as np
 
 from dqcontrol.experiments.attenuation import Attenuation
 from dqcontrol.experiments.attenuation_cases import verify_attenuation
+from dqcontrol.experiments.published.judgement import Judgement, listed
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import ROBUST, Evidence, decides
 from dqcontrol.experiments.published.results import Results
-from dqcontrol.experiments.published.verdicts.evidence import ROBUST, Evidence, Judgement, decides, listed
 
 SHARES = {"20 %": 0.2, "40 %": 0.4, "60 %": 0.6, "80 %": 0.8, "100 %": 1.0}
 

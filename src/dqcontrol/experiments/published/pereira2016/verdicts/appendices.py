@@ -6,14 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol.experiments.published.verdicts.evidence import (
-    PROPORTIONAL,
-    Evidence,
-    Judgement,
-    decides,
-    listed,
-)
-from dqcontrol.experiments.published.verdicts.grid import grid_of
+from dqcontrol.experiments.published.judgement import Judgement, listed
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import PROPORTIONAL, Evidence, decides
+from dqcontrol.experiments.published.pereira2016.verdicts.grid import grid_of
 
 IIWA, MEKA = ("iiwa circle", "iiwa square"), ("meka circle", "meka square")
 _ROBOTS = ("iiwa", "meka")

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dqcontrol.experiments.published.comparison import NAMES
-from dqcontrol.experiments.published.published_numbers import PublishedCell
+from dqcontrol.experiments.published.pereira2016.second_fit import SUFFIX
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import record_of
+from dqcontrol.experiments.published.pereira2016.verdicts.grid import grid_of
+from dqcontrol.experiments.published.printed import PublishedCell
+from dqcontrol.experiments.published.reproduced import Draw
 from dqcontrol.experiments.published.results import Results
-from dqcontrol.experiments.published.second_fit import SUFFIX
-from dqcontrol.experiments.published.verdicts.evidence import record_of
-from dqcontrol.experiments.published.verdicts.grid import grid_of
 from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Draw = Callable[[], "Figure"]
 
 
 def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol.experiments.published.verdicts.evidence import (
+from dqcontrol.experiments.published.judgement import Judgement, listed
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
     ROBUST,
     Evidence,
-    Judgement,
     decides,
-    listed,
     record_of,
 )
 

@@ -7,14 +7,13 @@ import time
 import numpy as np
 
 from dqcontrol.experiments.metrics import evaluate
-from dqcontrol.experiments.published.published_specs import PHYSICS
-from dqcontrol.experiments.published.verdicts.evidence import (
+from dqcontrol.experiments.published.judgement import Judgement, listed
+from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS
+from dqcontrol.experiments.published.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
     Evidence,
-    Judgement,
     decides,
-    listed,
     record_of,
 )
 from dqcontrol.experiments.setting import Setting
