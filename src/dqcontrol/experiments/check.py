@@ -18,9 +18,12 @@ from dqcontrol.experiments.stability import (
     Verdict,
     gain_limits,
     spectral_radius,
+    with_integral,
 )
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
+
+Known = dict[tuple[complex, float], GainLimits]  # by direction and integral share of the gain
 
 _WORST_FIRST: tuple[Verdict, ...] = ("unstable", "oscillatory", "drifts", "monotone")
 
@@ -123,10 +126,13 @@ class LoopCheck:
         facts = f"k T = {loop.product:.3g}{when}, limit {limits.stable:.3g}"
         if loop.verdict == "oscillatory":
             facts += f", spectral radius {loop.radius:.3g}"
-        return (
-            f"{self.names.label}: {loop.gain.loop} {loop.verdict}: {facts}; "
-            f"choose k ≤ {limits.recommended / self.period:.3g} 1/s"
-        )
+        advice = f"choose k ≤ {limits.recommended / self.period:.3g} 1/s"
+        if loop.gain.integral_share:
+            half = abs(loop.gain.value) ** 2 / 2
+            advice = (
+                f"{advice} and k_I ∝ k²" if limits.recommended else f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
+            )
+        return f"{self.names.label}: {loop.gain.loop} {loop.verdict}: {facts}; {advice}"
 
 
 @dataclass(frozen=True)
@@ -231,7 +237,7 @@ def warn_unstable(setting: Setting, *, stacklevel: int) -> None:
 def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
     """Give what is to be expected of each combination of a prepared spec."""
     period = setting.spec.period
-    plants: dict[tuple[str, str], tuple[LinearModel | None, dict[complex, GainLimits]]] = {}
+    plants: dict[tuple[str, str], tuple[LinearModel | None, Known]] = {}
     for case in setting.cases:
         place = case.names.robot, case.names.plant
         if place not in plants:
@@ -250,9 +256,10 @@ def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
             )
 
 
-def _loop(gain: LoopGain, model: LinearModel, period: float, known: dict[complex, GainLimits]) -> Loop:
-    """Return a loop with the limits of its gain's direction, which are found once for each."""
+def _loop(gain: LoopGain, model: LinearModel, period: float, known: Known) -> Loop:
+    """Return a loop with the limits of its gain's direction and integral, which are found once for each."""
     way = gain.value / abs(gain.value) if gain.value.imag else 1.0
-    if way not in known:
-        known[way] = gain_limits(model, period, way)
-    return Loop(gain, known[way], model, period)
+    share = gain.integral_share
+    if (way, share) not in known:
+        known[way, share] = gain_limits(model, period, way, share)
+    return Loop(gain, known[way, share], with_integral(model, share * abs(gain.value), period), period)

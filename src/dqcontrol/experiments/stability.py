@@ -35,11 +35,14 @@ class LoopGain:
         1/s; complex where errors oscillate even with ideal joints and a short period.
     time
         When that is, s; None if it is constant.
+    integral_share
+        k_I / k² of a law with an integral, u = −k y − k_I ∫y dt: with ideal joints its damping ratio is ½√(k²/k_I).
     """
 
     loop: str
     value: complex
     time: float | None
+    integral_share: float = 0.0
 
 
 def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
@@ -51,7 +54,9 @@ def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
     for loop, values in (("position", rates.position), ("orientation", rates.orientation)):
         if values is not None:
             k = int(np.abs(values).argmax())
-            gains.append(LoopGain(loop, complex(values[k]), k * prepared.dt if np.ptp(values) else None))
+            gain = complex(values[k])
+            share = rates.integral / abs(gain) ** 2 if gain else 0.0
+            gains.append(LoopGain(loop, gain, k * prepared.dt if np.ptp(values) else None, share))
     rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
     if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):
         gains.append(LoopGain("null space", rate, None))
@@ -85,8 +90,10 @@ class GainLimits:
         return "monotone" if product <= self.monotone * (1 + _TIE) else "oscillatory"
 
 
-def gain_limits(model: LinearModel, period: float, direction: complex = 1.0) -> GainLimits:
-    """Return the limits of the loop u = −k y, with k along a direction of the complex plane.
+def gain_limits(
+    model: LinearModel, period: float, direction: complex = 1.0, integral_share: float = 0.0
+) -> GainLimits:
+    """Return the limits of the loop u = −k y − k_I ∫y dt, with k along a direction of the complex plane.
 
     Each is the first gain, from zero on, at which its condition on the closed loop's poles fails.
 
@@ -98,6 +105,8 @@ def gain_limits(model: LinearModel, period: float, direction: complex = 1.0) -> 
         T, s.
     direction
         k/|k|: 1 for all but laws whose own loop oscillates.
+    integral_share
+        k_I / |k|², which stays as it is when k grows.
 
     Examples
     --------
@@ -111,12 +120,44 @@ def gain_limits(model: LinearModel, period: float, direction: complex = 1.0) -> 
 
     @cache
     def poles(product: float) -> NDArray[np.complex128]:
-        return model.poles(product / period * direction)
+        gain = product / period
+        return with_integral(model, integral_share * gain, period).poles(gain * direction)
 
     stable = _first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
     monotone = _first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
     damped = _first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
     return GainLimits(stable, min(monotone, stable), min(damped, stable / 2))
+
+
+def with_integral(model: LinearModel, reset_rate: float, period: float) -> LinearModel:
+    """Return a plant whose measured positions are w = y + ρ T Σy, y those of a model: a gain k on w is PI control of y.
+
+    Parameters
+    ----------
+    model
+        Of the plant, y the first entries of its state.
+    reset_rate
+        ρ = k_I / k, 1/s.
+    period
+        T, s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.experiments.stability import with_integral
+    >>> from dqcontrol.plants.linear_model import LinearModel
+    >>> ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
+    >>> with_integral(ideal, 25.0, 0.01).poles(100.0).real.round(6).tolist()  # z² − (2 − kT (1 + ρT)) z + 1 − kT
+    [0.75, 0.0]
+    """
+    if not reset_rate:
+        return model
+    m = model.inputs.shape[1]
+    weight = 1 + reset_rate * period
+    change = weight * model.transition[:m]
+    change[:, :m] -= np.eye(m)
+    transition = np.block([[np.eye(m), change], [np.zeros((len(model.transition), m)), model.transition]])
+    return LinearModel(transition, np.vstack([weight * model.inputs[:m], model.inputs]))
 
 
 def spectral_radius(poles: NDArray[np.complex128]) -> float:

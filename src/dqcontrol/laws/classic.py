@@ -8,12 +8,13 @@ import numpy as np
 
 from dqcontrol.algebra.kernels import multiply
 from dqcontrol.compile import inlined, kernel
+from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot
@@ -41,13 +42,15 @@ def _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, inverse, work, o
 
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J⁺ K vec8(x_d − x)."""
+    """Write q̇ = J⁺ (K e + k_I ∫e dt) with e = vec8(x_d − x)."""
     n = pose_jacobian.shape[1]
-    rate = work[n : n + 8]
+    rate, error = work[n : n + 8], work[n + 8 : n + 16]
     alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
     sign = short_sign(alike, parameters[HYSTERESIS], state)
     for i in range(8):
-        rate[i] = parameters[GAIN + i] * (sign * sample[i] - pose[i])
+        error[i] = sign * sample[i] - pose[i]
+        rate[i] = parameters[GAIN + i] * error[i]
+    add_integral(error, 0, 8, parameters, state, rate)
     return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
 
 
@@ -66,7 +69,7 @@ def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state,
     return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
 
 
-class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):
+class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):
     """Classic P: q̇ = J⁺ K vec8(x_d − x). [P16 2.20–2.22]
 
     |x_d − x| never grows and decays at rate k. The error is not invariant: how translation and rotation are weighed
@@ -82,6 +85,8 @@ class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-propo
     ----------
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
+    integral_gain, integral_limit
+        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis
@@ -104,7 +109,7 @@ class ClassicProportional(PoseLaw, frozen=True, kw_only=True, tag="classic-propo
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest entry of K, a bound for both: how it is shared depends on the pose."""
         largest = parameters[:, GAIN : GAIN + 8].max(axis=1)
-        return LoopRates(position=largest, orientation=largest)
+        return LoopRates(position=largest, orientation=largest, integral=self.integral_gain)
 
 
 class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):

@@ -11,6 +11,7 @@ from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     HEAD,
@@ -22,7 +23,7 @@ from dqcontrol.laws.inverses import (
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -73,19 +74,22 @@ def _angular_velocity(pose, relative, target, scratch, out):
 
 @kernel(LAW)
 def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N_d⁺ K [p_d − p ; vec4(1 − r*r_d)]."""
+    """Write q̇ = N_d⁺ (K e + k_I ∫e dt) with e = [p_d − p ; vec4(1 − r*r_d)]."""
     n = pose_jacobian.shape[1]
     preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
     target, relative, position, desired_position = own[0:7], own[8:12], own[12:15], own[16:19]
-    hand_twist, scratch = own[20:26], own[28:32]
-    sign = _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, target[3:7])
+    hand_twist, scratch, error = own[20:26], own[28:32], own[32:39]
+    sign = _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, error[3:7])
     translation(pose, position)
     translation(sample, desired_position)
     for i in range(3):
-        target[i] = parameters[GAIN + 1 + i] * (desired_position[i] - position[i])
+        error[i] = desired_position[i] - position[i]
+    for i in range(7):
+        target[i] = parameters[GAIN + 1 + i] * error[i]
+    add_integral(error, 0, 3, parameters, state, target)
+    add_integral(error, 4, 7, parameters, state, target)  # of the real part nothing is left near the target
+    for i in range(3):
         hand_twist[3 + i] = target[i]
-    for i in range(4):
-        target[3 + i] *= parameters[GAIN + 4 + i]
     _angular_velocity(pose, relative, target[3:7], scratch, hand_twist[0:3])
     status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 0.5, parameters, rest, out)
     if status != ELSEWHERE:
@@ -96,7 +100,7 @@ def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, param
     return solve(matrix, target, preferred, parameters, rest[7 * n :], out)
 
 
-class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
+class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
     """Decoupled P: q̇ = N_d⁺ K [p_d − p ; 1 − r*r_d], N_d = [J_p ; H⁻(r_d) C4 J_r]. [P16 3.1.1]
 
     Position and orientation converge independently: with ideal joints the hand moves on a straight line to a resting
@@ -113,6 +117,8 @@ class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-p
     gain
         K in 1/s: a number k for kI, or eight diagonal entries (the first is not used, three for the position, four
         for the orientation), or a `Schedule` of k.
+    integral_gain, integral_limit
+        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
     inverse
         How N_d is inverted; the default is exact away from singularities.
     hysteresis
@@ -137,7 +143,7 @@ class DecoupledProportional(PoseLaw, frozen=True, kw_only=True, tag="decoupled-p
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest of K's entries for p_d − p and for Im(r*r_d)."""
         gains = parameters[:, GAIN : GAIN + 8]
-        return LoopRates(position=gains[:, 1:4].max(axis=1), orientation=gains[:, 5:8].max(axis=1))
+        return LoopRates(gains[:, 1:4].max(axis=1), gains[:, 5:8].max(axis=1), self.integral_gain)
 
 
 @kernel(LAW)

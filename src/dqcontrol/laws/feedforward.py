@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dqcontrol.algebra.kernels import conjugate_multiply, multiply
 from dqcontrol.compile import kernel
+from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, solve_left_error
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
 
 @kernel(LAW)
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) with ẋ_d = ½ξ_d x_d."""
+    """Write q̇ = N⁺ (K vec8(e) + k_I ∫Im e dt − vec8(x*ẋ_d)) with ẋ_d = ½ξ_d x_d."""
     own = work[pose_jacobian.shape[1] :]
     error, target, velocity, half_twist = own[0:8], own[8:16], own[16:24], own[24:32]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
@@ -23,12 +24,14 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
     conjugate_multiply(pose, velocity, target)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i] - target[i]
+    for part in range(2):
+        add_integral(error, 4 * part + 1, 4 * part + 4, parameters, state, target)
     return solve_left_error(
         target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
     )
 
 
-class ProportionalFeedforward(PoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
+class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
     Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target: ideal
@@ -44,6 +47,8 @@ class ProportionalFeedforward(PoseLaw, frozen=True, kw_only=True, tag="proportio
     ----------
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
+    integral_gain, integral_limit
+        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
     inverse
         How N is inverted; the default is exact away from singularities.
     hysteresis

@@ -17,10 +17,13 @@ class LoopRates:
     position, orientation
         1/s, the largest modulus at each row of the law's parameters, shape (K,); complex where errors oscillate
         even so; None where the law leaves that part free.
+    integral
+        k_I of both, 1/s²: ė = −λe − k_I ∫e dt.
     """
 
     position: NDArray[np.inexact] | None
     orientation: NDArray[np.inexact] | None
+    integral: float = 0.0
 
 
 def largest_rates(gains: NDArray[np.float64]) -> NDArray[np.inexact]:

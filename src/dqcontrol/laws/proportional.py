@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 from dqcontrol.compile import kernel
+from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, solve_left_error
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
 
 @kernel(LAW)
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N⁺ K vec8(e)."""
+    """Write q̇ = N⁺ (K vec8(e) + k_I ∫Im e dt)."""
     own = work[pose_jacobian.shape[1] :]
     error, target = own[0:8], own[8:16]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
+    for part in range(2):  # of the real parts nothing is left near the target
+        add_integral(error, 4 * part + 1, 4 * part + 4, parameters, state, target)
     return solve_left_error(
         target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
     )
 
 
-class Proportional(PoseLaw, frozen=True, kw_only=True, tag="proportional"):
+class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional"):
     """K: q̇ = N⁺ K vec8(1 − x*x_d). [P16 3.8]
 
     The error norm decreases monotonically towards a resting target from everywhere but its antipode. Because e is
@@ -39,6 +42,8 @@ class Proportional(PoseLaw, frozen=True, kw_only=True, tag="proportional"):
     ----------
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
+    integral_gain, integral_limit
+        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
     inverse
         How N is inverted; the default is exact away from singularities.
     hysteresis
