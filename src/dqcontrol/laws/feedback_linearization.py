@@ -23,7 +23,6 @@ from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,
     Inverse,
-    hand_jacobian,
     solve,
     solve_hand_twist,
     work_size,
@@ -39,6 +38,7 @@ from dqcontrol.laws.sideways import (
     twist_jacobian_with_sideways,
 )
 from dqcontrol.robots import Robot
+from dqcontrol.robots.dexterity_step import hand_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.compile import inlined
-from dqcontrol.laws.symmetric import cholesky, cholesky_solve
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
 

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from msgspec import Meta, Struct
 
+from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
 from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, inlined
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.laws.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
+from dqcontrol.robots.dexterity_step import hand_jacobian
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 ELSEWHERE = -1  # not a failure: the law must solve with its own matrix
@@ -192,18 +193,6 @@ def solve(matrix, y, preferred, inverse, work, out):
             for i in range(n):
                 out[i] += matrix[k, i] * rhs[k]
     return _finite(out)
-
-
-@inlined
-def hand_jacobian(position, twist_jacobian, out):
-    """Write the Jacobian (6 × n) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
-    px, py, pz = position
-    for c in range(twist_jacobian.shape[1]):
-        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-        out[0, c], out[1, c], out[2, c] = x, y, z
-        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
-        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
-        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
 
 
 @inlined

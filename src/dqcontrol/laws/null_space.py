@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.heading import turn_to_best_heading
-from dqcontrol.laws.symmetric import cholesky, cholesky_solve
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
 from dqcontrol.robots.kernels import HEADING

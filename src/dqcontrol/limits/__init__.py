@@ -2,6 +2,19 @@
 
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.command_limits import CommandLimits
+from dqcontrol.limits.interventions import Intervention, list_interventions
+from dqcontrol.limits.prepared_supervisor import PreparedSupervisor
+from dqcontrol.limits.supervisor import Supervisor, WorkspaceBox
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 
-__all__ = ["CommandLimits", "ModifiedClamping", "OriginalClamping", "WeightedLeastNorm"]
+__all__ = [
+    "CommandLimits",
+    "Intervention",
+    "ModifiedClamping",
+    "OriginalClamping",
+    "PreparedSupervisor",
+    "Supervisor",
+    "WeightedLeastNorm",
+    "WorkspaceBox",
+    "list_interventions",
+]

@@ -10,12 +10,12 @@ from dqcontrol.errors import DivergedError
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,
-    hand_jacobian,
     solve,
     solve_hand_twist,
     work_size,
 )
 from dqcontrol.robots import kernels
+from dqcontrol.robots.dexterity_step import hand_jacobian
 from dqcontrol.robots.driving import advance
 from dqcontrol.robots.kernels import CHAIN
 

@@ -1,0 +1,59 @@
+"""How freely a hand can move, compiled."""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.algebra.symmetric import cholesky, diagonalise, inverse_trace
+from dqcontrol.compile import inlined
+
+
+@inlined
+def hand_jacobian(position, twist_jacobian, out):
+    """Write the Jacobian (6 × n) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
+    px, py, pz = position
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c], out[1, c], out[2, c] = x, y, z
+        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
+
+
+@inlined
+def smallest_singular_value(jacobian, beyond, gram, vectors, column):
+    """Return the smallest singular value of J (6 × n); some value ≥ ``beyond`` if it is at least that.
+
+    Parameters
+    ----------
+    jacobian
+        Any Jacobian of six rows.
+    beyond
+        What is no longer of interest: above it a Cholesky factorisation answers, below it eigenvalues.
+    gram, vectors
+        Scratch, 6 × 6 each; a corner is used for n < 6.
+    column
+        Scratch, 6.
+    """
+    n = jacobian.shape[1]
+    m = min(n, 6)
+    for attempt in range(2):
+        for i in range(m):
+            for j in range(i + 1):
+                value = 0.0
+                if n < 6:
+                    for k in range(6):
+                        value += jacobian[k, i] * jacobian[k, j]
+                else:
+                    for k in range(n):
+                        value += jacobian[i, k] * jacobian[j, k]
+                gram[i, j] = value
+        if attempt == 0 and cholesky(gram, m):
+            bound = 1.0 / math.sqrt(inverse_trace(gram, m, column))
+            if bound >= beyond:
+                return bound
+    diagonalise(gram, m, vectors)
+    least = gram[0, 0]
+    for i in range(1, m):
+        least = min(least, gram[i, i])
+    return math.sqrt(max(least, 0.0))
