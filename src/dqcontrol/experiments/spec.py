@@ -30,7 +30,7 @@ from dqcontrol.laws import (
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
-from dqcontrol.plants import CompliantPlant, Disturbance, Integrator, MujocoPlant, Servo
+from dqcontrol.plants import CompliantPlant, Disturbance, Integrator, MobilePlant, MujocoPlant, Servo
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 AnyLaw = (
@@ -48,7 +48,7 @@ AnyLaw = (
     | FeedbackLinearization
 )
 Judged = Literal["true", "measured"]
-AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant
+AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):

@@ -9,30 +9,43 @@ from dqcontrol.plants.disturbance import (
     SinusoidalTwist,
     WorstCase,
 )
+from dqcontrol.plants.gripper import Gripper, GripperEvent
 from dqcontrol.plants.integrator import Integrator
 from dqcontrol.plants.loads import EncoderLoss, Payload, Push
+from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mujoco import MujocoPlant
+from dqcontrol.plants.odometry import Odometry
 from dqcontrol.plants.own import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
+from dqcontrol.plants.scene import Basket, Cube, Scene
 from dqcontrol.plants.servo import Servo
+from dqcontrol.plants.wheeled_base import WheeledBase
 
 __all__ = [
     "BandLimitedTwist",
+    "Basket",
     "Camera",
     "CompiledPlant",
     "CompliantPlant",
     "ConstantTwist",
+    "Cube",
     "Disturbance",
     "EncoderLoss",
     "FiducialLoss",
+    "Gripper",
+    "GripperEvent",
     "Integrator",
     "LivePlant",
+    "MobilePlant",
     "MujocoPlant",
+    "Odometry",
     "OwnPlant",
     "Payload",
     "Plant",
     "Push",
+    "Scene",
     "Servo",
     "SinusoidalTwist",
+    "WheeledBase",
     "WorstCase",
 ]

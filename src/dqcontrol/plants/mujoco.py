@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco_live import LiveMujoco, per_joint
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.mujoco_servos import JointServos, mass_matrix
+from dqcontrol.plants.plant import start_configuration
+from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
-COMMAND_MODES = ("integrated", "measured")
-_NOT_NEGATIVE = (
-    "damping",
-    "armature",
-    "viscous_friction",
-    "dry_friction",
-    "encoder_resolution",
-    "encoder_noise",
-)
 
-
-class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
+class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     """Joints with masses, gravity and torque limits, held by position servos.
 
     Each servo applies τ = k_p (q* − q) − k_d q̇, clipped to the joint's effort limit. The velocity command u
@@ -88,39 +78,6 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
     True
     """
 
-    command_mode: Literal["integrated", "measured"] = "integrated"
-    bandwidth: Annotated[float, Meta(gt=0, description="Hz")] = 10.0
-    damping_ratio: Annotated[float, Meta(ge=0, description="ζ")] = 1.0
-    stiffness: Annotated[float | list[float] | None, Meta(description="k_p, N·m/rad or N/m")] = None
-    damping: Annotated[float | list[float] | None, Meta(description="k_d, N·m·s/rad or N·s/m")] = None
-    timestep: Annotated[float, Meta(gt=0, description="s")] = 1e-3
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-    gravity_compensation: Annotated[float, Meta(ge=0, le=1, description="share of the gravity torque")] = 1.0
-    armature: Annotated[float | list[float], Meta(description="kg m² or kg")] = 0.1
-    viscous_friction: Annotated[float | list[float], Meta(description="N·m·s/rad or N·s/m")] = 0.0
-    dry_friction: Annotated[float | list[float], Meta(description="N·m or N")] = 0.0
-    position_limit: bool = True
-    encoder_resolution: Annotated[float | list[float], Meta(description="rad or m")] = 0.0
-    encoder_noise: Annotated[float | list[float], Meta(description="rad or m")] = 0.0
-
-    def __post_init__(self) -> None:
-        if self.command_mode not in COMMAND_MODES:
-            raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        as_positive("plant.bandwidth", self.bandwidth)
-        as_positive("plant.timestep", self.timestep)
-        as_positive("plant.damping_ratio", self.damping_ratio, zero_allowed=True)
-        as_array("plant.gravity", self.gravity, (3,))
-        if not 0 <= as_array("plant.gravity_compensation", self.gravity_compensation, ()) <= 1:
-            raise ValueRangeError(
-                f"plant.gravity_compensation: must lie in 0 … 1, got {self.gravity_compensation:g}"
-            )
-        if self.stiffness is not None and (as_array("plant.stiffness", self.stiffness) <= 0).any():
-            raise ValueRangeError(f"plant.stiffness: must be > 0, got {self.stiffness}")
-        for field in _NOT_NEGATIVE:
-            value = getattr(self, field)
-            if value is not None and (as_array(f"plant.{field}", value) < 0).any():
-                raise ValueRangeError(f"plant.{field}: must be ≥ 0, got {value}")
-
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
         """Return the arm at rest at q0.
 
@@ -145,11 +102,12 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
             If q0, dt or a parameter does not fit the robot, its inertias do not allow physics, or its effort
             limits cannot hold it at q0.
         """
-        n = robot.configuration_size
-        start = as_array("q0", q0, (n,))
-        if start.ndim != 1:
-            raise ShapeError(f"q0: expected shape ({n},), got {start.shape}")
-        substeps = self._substeps(dt)
+        if base_coordinates(robot).any():
+            raise ValueRangeError(
+                f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; use kind 'mobile'"
+            )
+        start = start_configuration(robot, q0)
+        substeps = self.substeps(dt)
         lower, upper = robot.limits.lower, robot.limits.upper
         for i, name in enumerate(robot.joint_names):
             if not lower[i] <= start[i] <= upper[i]:
@@ -160,82 +118,28 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         data = self._balance(robot, model, start)
         return LiveMujoco(self, model, data, substeps, seed)
 
-    def _substeps(self, dt: float) -> int:
-        """Return how many time steps a control period has."""
-        period = as_positive("dt", dt)
-        count = round(period / self.timestep)
-        if count < 1 or abs(count * self.timestep - period) > 1e-9 * period:
-            near = period / max(1, math.ceil(period / self.timestep))
-            raise ValueRangeError(
-                f"plant.timestep: the control period {period:g} s must be an integer multiple of it, "
-                f"got {self.timestep:g} s ({near:.9g} would do)"
-            )
-        return count
-
     def _model(self, robot: Robot) -> Any:
         """Build the model; gains are set later, at the start configuration."""
         mujoco = import_mujoco()
         n = robot.configuration_size
         spec = skeleton(robot)
         add_inertias(spec, robot)
-        option = spec.option
-        option.timestep = self.timestep
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.gravity = self.gravity
-        # A reset after a divergence would hide it; nothing here touches anything.
-        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONTACT
-        armature = per_joint("armature", self.armature, n)
-        dry = per_joint("dry_friction", self.dry_friction, n)
+        self.add_servos(spec, robot)
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
         for i, name in enumerate(robot.joint_names):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
-            joint, effort = spec.joint(name), robot.limits.effort[i]
-            joint.armature, joint.frictionloss, joint.actgravcomp = armature[i], dry[i], True
-            # A stop that gives way by milliradians, as stiff as the time step allows.
-            joint.solref_limit, joint.solimp_limit[:2] = (4 * self.timestep, 1), (0.99, 0.999)
-            # The activation integrates the control: the target moves at the rate that the control holds.
-            servo = spec.add_actuator(
-                name=name,
-                target=name,
-                trntype=mujoco.mjtTrn.mjTRN_JOINT,
-                dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-                gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            )
-            if self.position_limit and joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE:
-                servo.actrange, servo.actlimited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
-            if np.isfinite(effort):  # of the servo, and of its sum with the gravity compensation
-                servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
-                joint.actfrcrange, joint.actfrclimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
+            spec.joint(name).actgravcomp = True
         model = compiled(spec)
         model.dof_damping.reshape(n, -1)[:, 0] = per_joint("viscous_friction", self.viscous_friction, n)
         return model
 
     def _balance(self, robot: Robot, model: Any, start: Array) -> Any:
-        """Set the servos' gains and targets for the start configuration."""
+        """Return the model's state at rest in the start configuration."""
         mujoco = import_mujoco()
-        n = model.nv
         data = mujoco.MjData(model)
         data.qpos[:] = start
         mujoco.mj_forward(model, data)
-        inertia = _mass_matrix(model, data).diagonal()
-        if self.stiffness is None:
-            stiffness = inertia * (2 * math.pi * self.bandwidth) ** 2
-        else:
-            stiffness = per_joint("stiffness", self.stiffness, n)
-        if self.damping is None:
-            damping = 2 * self.damping_ratio * np.sqrt(stiffness * inertia)
-        else:
-            damping = per_joint("damping", self.damping, n)
-        model.actuator_gainprm[:, 0] = stiffness
-        model.actuator_biasprm[:, 1] = -stiffness
-        model.actuator_biasprm[:, 2] = -damping
-        for i, name in enumerate(robot.joint_names):
-            if abs(data.qfrc_bias[i]) > robot.limits.effort[i]:
-                raise ValueRangeError(
-                    f"q0: joint {i + 1} '{name}' needs {abs(data.qfrc_bias[i]):.4g} N·m to hold gravity; "
-                    f"its effort limit is {robot.limits.effort[i]:g}"
-                )
-        data.act[:] = start + (data.qfrc_bias - data.qfrc_gravcomp) / stiffness
+        self.set_servos(robot, model, data, start, np.arange(model.nv))
         mujoco.mj_forward(model, data)
         return data
 
@@ -246,9 +150,9 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
         encoders are left out.
         """
-        h, steps, n = self.timestep, self._substeps(dt), robot.configuration_size
+        h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
         live = self.start(robot, q0, dt, 1, 0)
-        mass, unit, none = _mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
+        mass, unit, none = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
         velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
@@ -262,13 +166,3 @@ class MujocoPlant(Plant, frozen=True, kw_only=True, tag="mujoco"):
         if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
             transition += inputs @ np.hstack([unit, none, -unit]) / dt
         return LinearModel(transition, inputs)
-
-
-def _mass_matrix(model: Any, data: Any) -> Array:
-    """Return the joint-space inertia at the data's configuration, armature included, shape (n, n)."""
-    mujoco, n = import_mujoco(), model.nv
-    matrix, column = np.empty((n, n)), np.empty(n)
-    for i, unit in enumerate(np.eye(n)):
-        mujoco.mj_mulM(model, data, column, unit)
-        matrix[:, i] = column
-    return matrix

@@ -13,6 +13,7 @@ from dqcontrol.plants.mujoco_model import import_mujoco
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mujoco import MujocoPlant
+    from dqcontrol.plants.mujoco_servos import JointServos
 
 Array = NDArray[np.float64]
 
@@ -40,13 +41,8 @@ class LiveMujoco:
         self._substeps = substeps
         self._period = substeps * plant.timestep
         self._from_measured = plant.command_mode == "measured"
-        noise = per_joint("encoder_noise", plant.encoder_noise, n)
-        self._noise = noise if noise.any() else None
-        self._rng = np.random.default_rng(seed)
-        resolution = per_joint("encoder_resolution", plant.encoder_resolution, n)
-        self._stepped = np.flatnonzero(resolution)
-        self._resolution = resolution[self._stepped]
-        self._measure()
+        self._encoders = JointEncoders(plant, n, seed)
+        self._encoders.read(self.q, self.measured)
 
     @property
     def time(self) -> float:
@@ -109,12 +105,23 @@ class LiveMujoco:
                 f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
-        self._measure()
+        self._encoders.read(self.q, self.measured)
 
-    def _measure(self) -> None:
-        """Read the encoders."""
-        measured = self.measured
-        measured[:] = self.q
+
+class JointEncoders:
+    """The encoders of n joints, with the plant's noise and resolution."""
+
+    def __init__(self, plant: JointServos, n: int, seed: int) -> None:
+        noise = per_joint("encoder_noise", plant.encoder_noise, n)
+        self._noise = noise if noise.any() else None
+        self._rng = np.random.default_rng(seed)
+        resolution = per_joint("encoder_resolution", plant.encoder_resolution, n)
+        self._stepped = np.flatnonzero(resolution)
+        self._resolution = resolution[self._stepped]
+
+    def read(self, q: Array, measured: Array) -> None:
+        """Write what the encoders show at q."""
+        measured[:] = q
         if self._noise is not None:
             measured += self._noise * self._rng.standard_normal(len(measured))
         if len(self._stepped):

@@ -67,10 +67,17 @@ def skeleton(robot: Robot) -> Any:
     >>> [joint.name for joint in skeleton(arm).joints]
     ['joint_1', 'joint_2']
     """
-    mujoco = import_mujoco()
-    spec = mujoco.MjSpec()
+    spec = import_mujoco().MjSpec()
     spec.modelname = robot.name
-    parent = spec.worldbody
+    add_arm(spec.worldbody, robot)
+    spec.compiler.degree = False
+    spec.compiler.autolimits = True
+    return spec
+
+
+def add_arm(parent: Any, robot: Robot) -> None:
+    """Add the bodies, joints, hand and shapes of a `skeleton` to a body."""
+    mujoco = import_mujoco()
     draw = _Shapes(mujoco, robot)
     for i, name in enumerate(robot.joint_names):
         row, lower, upper = robot.chain[i], robot.limits.lower[i], robot.limits.upper[i]
@@ -90,9 +97,6 @@ def skeleton(robot: Robot) -> Any:
     draw.link(parent, len(robot.joint_names))
     parent.add_site(name="hand", pos=tool[4:7], quat=tool[:4], size=[1e-3] * 3, group=4)
     draw.triad(parent)
-    spec.compiler.degree = False
-    spec.compiler.autolimits = True
-    return spec
 
 
 def add_inertias(spec: Any, robot: Robot) -> None:

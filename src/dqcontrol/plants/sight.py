@@ -1,0 +1,52 @@
+"""A camera at work on a live plant: its estimate of x, y and φ, sample by sample."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.plants.camera import Camera
+from dqcontrol.plants.plant import whole_periods
+
+Array = NDArray[np.float64]
+
+
+class Sight:
+    """What a `Camera` says about one base, for a number of periods.
+
+    Attributes
+    ----------
+    pose
+        Its estimate of x, y and φ, shape (3,), m and rad, updated in place.
+    """
+
+    def __init__(self, camera: Camera, start: Array, dt: float, steps: int, seed: int) -> None:
+        late = whole_periods("plant.camera.delay", camera.delay, dt)
+        self._plan = camera.schedule(dt, late, steps, 1, seed)
+        self.pose: Array = start.copy()
+        self._shown = deque([start.copy()] * (late + 1), maxlen=late + 1)
+        self._k = 0
+
+    @property
+    def age(self) -> float:
+        """Time since the last frame arrived, s."""
+        return float(self._plan.age[min(self._k, len(self._plan.age) - 1)])
+
+    @property
+    def share(self) -> float:
+        """Share of the base's commands that is still obeyed."""
+        return float(self._plan.share[min(self._k, len(self._plan.share) - 1)])
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the periods that were asked for are over."""
+        return self._k >= len(self._plan.age)
+
+    def look(self, true: Array) -> None:
+        """Take the frame of the next sample, at which the base is at ``true``."""
+        self._k += 1
+        self._shown.append(true.copy())
+        if self._plan.arrives[self._k]:
+            self.pose += self._plan.weight * (self._shown[0] + self._plan.errors[self._k] - self.pose)
