@@ -12,8 +12,6 @@ HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/
 
 from __future__ import annotations
 
-import math
-
 from dqcontrol.compile import inlined
 
 
@@ -22,7 +20,7 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, out):
     """Write u = J_h⁺ y and return True, or return False where tr (J_h J_hᵀ)⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; the Cholesky factor has reciprocal pivots.
+    trace bounds 1/σ²min from above; J_h J_hᵀ = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
 '''
@@ -40,32 +38,38 @@ def lines() -> list[str]:
     text.append("    a5 = twist_jacobian[5, c] - px * a1 + py * a0")
     for i in range(SIZE):
         text += [f"    g{i}{j} += a{i} * a{j}" for j in range(i + 1)]
-    for j in range(SIZE):
-        text.append(f"pivot = g{j}{j}" + "".join(f" - g{j}{k} * g{j}{k}" for k in range(j)))
-        text += ["if not pivot > 1e-14:", "    return False", f"g{j}{j} = 1.0 / math.sqrt(pivot)"]
+    for j in range(SIZE):  # L D Lᵀ: row j of L in its place, 1/D on the diagonal
+        text += [f"c{k} = g{j}{k}" for k in range(j)]
+        text += [f"g{j}{k} = c{k} * g{k}{k}" for k in range(j)]
+        text.append(f"pivot = g{j}{j}" + "".join(f" - c{k} * g{j}{k}" for k in range(j)))
+        text += ["if not pivot > 1e-14:", "    return False", f"g{j}{j} = 1.0 / pivot"]
         for i in range(j + 1, SIZE):
-            inner = f"g{i}{j}" + "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
-            text.append(f"g{i}{j} = ({inner}) * g{j}{j}")
-    text.append("trace = " + " + ".join(f"g{j}{j} * g{j}{j}" for j in range(SIZE)))
-    for j in range(SIZE):
-        for i in range(j + 1, SIZE):
-            terms = " + ".join(f"g{i}{k} * " + (f"g{k}{k}" if k == j else f"h{k}{j}") for k in range(j, i))
-            text.append(f"h{i}{j} = -({terms}) * g{i}{i}")
-    for j in range(SIZE - 1):
-        text.append("trace += " + " + ".join(f"h{i}{j} * h{i}{j}" for i in range(j + 1, SIZE)))
-    text += ["if not trace * limit <= 1.0:", "    return False"]
+            terms = "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
+            text += [f"g{i}{j} = g{i}{j}{terms}"] if j else []
+    text += trace_test()
     for i in range(SIZE):
-        text.append(f"y{i} = (y[{i}]" + "".join(f" - g{i}{k} * y{k}" for k in range(i)) + f") * g{i}{i}")
+        text.append(f"y{i} = y[{i}]" + "".join(f" - g{i}{k} * y{k}" for k in range(i)))
     for i in reversed(range(SIZE)):
-        text.append(
-            f"y{i} = (y{i}" + "".join(f" - g{k}{i} * y{k}" for k in range(i + 1, SIZE)) + f") * g{i}{i}"
-        )
+        text.append(f"y{i} = y{i} * g{i}{i}" + "".join(f" - g{k}{i} * y{k}" for k in range(i + 1, SIZE)))
     text += ["y0 += py * y5 - pz * y4", "y1 += pz * y3 - px * y5", "y2 += px * y4 - py * y3"]
     text.append("for c in range(n):")
     text.append("    out[c] = (")
     text += [f"        {'+ ' if i else ''}twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
     text += ["    )", "return True"]
     return text
+
+
+def trace_test() -> list[str]:
+    """Return what compares tr (L D Lᵀ)⁻¹ with the limit."""
+    text = ["trace = " + " + ".join(f"g{j}{j}" for j in range(SIZE))]
+    for j in range(SIZE):  # column j of L⁻¹
+        for i in range(j + 1, SIZE):
+            terms = "".join(f" - g{i}{k} * h{k}{j}" for k in range(j + 1, i))
+            text.append(f"h{i}{j} = -g{i}{j}{terms}")
+        if j < SIZE - 1:
+            terms = " + ".join(f"h{i}{j} * h{i}{j} * g{i}{i}" for i in range(j + 1, SIZE))
+            text.append(f"trace += {terms}")
+    return [*text, "if not trace * limit <= 1.0:", "    return False"]
 
 
 def generate() -> str:

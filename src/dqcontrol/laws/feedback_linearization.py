@@ -38,7 +38,7 @@ from dqcontrol.laws.sideways import (
     twist_jacobian_with_sideways,
 )
 from dqcontrol.robots import Robot
-from dqcontrol.robots.dexterity_step import hand_jacobian
+from dqcontrol.robots.kernels import hand_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference

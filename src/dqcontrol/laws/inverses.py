@@ -10,7 +10,7 @@ from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, i
 from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, inlined
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.dexterity_step import hand_jacobian
+from dqcontrol.robots.kernels import hand_jacobian, position
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 ELSEWHERE = -1  # not a failure: the law must solve with its own matrix
@@ -206,11 +206,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
     n = twist_jacobian.shape[1]
     if n < 6 or inverse[0] == DAMPED:
         return ELSEWHERE
-    w, i, j, k = pose[0], -pose[1], -pose[2], -pose[3]
-    dw, di, dj, dk = pose[4], pose[5], pose[6], pose[7]
-    px = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    py = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    px, py, pz = position(pose)
     if inverse[0] == BY_MANIPULABILITY:
         matrix = work[0 : 6 * n].reshape(6, n)
         hand_jacobian((px, py, pz), twist_jacobian, matrix)

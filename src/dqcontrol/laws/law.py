@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -126,7 +128,12 @@ class PreparedLaw:
         self.work: Array = np.zeros(law.work_size(robot))
         self.preferred = self.work[: robot.input_size]
         self.preference_work: Array = np.zeros(WORK_SIZE)
-        self.kinematics = Kinematics(robot.input_size)
+        self.kinematics = kinematics = Kinematics(robot.input_size)
+        self._views = kinematics.pose, kinematics.pose_jacobian, kinematics.twist_jacobian
+
+    @cached_property
+    def _command(self) -> Callable[..., int]:
+        return self.kernel.compiled if isinstance(self.kernel, Kernel) else self.kernel
 
     def initial_state(self, q: ArrayLike) -> Array:
         """Return the state before the first sample."""
@@ -179,23 +186,16 @@ class PreparedLaw:
 
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
         """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
-        kinematics = self.robot.kinematics(q, self.kinematics)
+        self.robot.kinematics(q, self.kinematics)
+        pose, pose_jacobian, twist_jacobian = self._views
         if self.preference is not no_preference:
             self.preference(
-                q, kinematics.twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
+                q, twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
             )
-        asked = (
-            q,
-            kinematics.pose,
-            kinematics.pose_jacobian,
-            kinematics.twist_jacobian,
-            sample,
-            self.parameters[min(k, self._last)],
-            state,
-            self.work,
-        )
+        parameters = self.parameters[min(k, self._last)]
+        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, self.work
         if self.position_limit is law_alone:
-            status = self.kernel(*asked, out)
+            status = self._command(*asked, out)
         else:
             own = self.position_limit_parameters, self.position_limit_work
             if isinstance(self.kernel, Kernel):

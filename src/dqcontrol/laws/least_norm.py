@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from dqcontrol.compile import inlined
 
 
@@ -12,7 +10,7 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, out):
     """Write u = J_h⁺ y and return True, or return False where tr (J_h J_hᵀ)⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; the Cholesky factor has reciprocal pivots.
+    trace bounds 1/σ²min from above; J_h J_hᵀ = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
     g00 = 0.0
@@ -50,77 +48,102 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, out):
     pivot = g00
     if not pivot > 1e-14:
         return False
-    g00 = 1.0 / math.sqrt(pivot)
-    g10 = (g10) * g00
-    g20 = (g20) * g00
-    g30 = (g30) * g00
-    g40 = (g40) * g00
-    g50 = (g50) * g00
-    pivot = g11 - g10 * g10
+    g00 = 1.0 / pivot
+    c0 = g10
+    g10 = c0 * g00
+    pivot = g11 - c0 * g10
     if not pivot > 1e-14:
         return False
-    g11 = 1.0 / math.sqrt(pivot)
-    g21 = (g21 - g20 * g10) * g11
-    g31 = (g31 - g30 * g10) * g11
-    g41 = (g41 - g40 * g10) * g11
-    g51 = (g51 - g50 * g10) * g11
-    pivot = g22 - g20 * g20 - g21 * g21
+    g11 = 1.0 / pivot
+    g21 = g21 - g20 * g10
+    g31 = g31 - g30 * g10
+    g41 = g41 - g40 * g10
+    g51 = g51 - g50 * g10
+    c0 = g20
+    c1 = g21
+    g20 = c0 * g00
+    g21 = c1 * g11
+    pivot = g22 - c0 * g20 - c1 * g21
     if not pivot > 1e-14:
         return False
-    g22 = 1.0 / math.sqrt(pivot)
-    g32 = (g32 - g30 * g20 - g31 * g21) * g22
-    g42 = (g42 - g40 * g20 - g41 * g21) * g22
-    g52 = (g52 - g50 * g20 - g51 * g21) * g22
-    pivot = g33 - g30 * g30 - g31 * g31 - g32 * g32
+    g22 = 1.0 / pivot
+    g32 = g32 - g30 * g20 - g31 * g21
+    g42 = g42 - g40 * g20 - g41 * g21
+    g52 = g52 - g50 * g20 - g51 * g21
+    c0 = g30
+    c1 = g31
+    c2 = g32
+    g30 = c0 * g00
+    g31 = c1 * g11
+    g32 = c2 * g22
+    pivot = g33 - c0 * g30 - c1 * g31 - c2 * g32
     if not pivot > 1e-14:
         return False
-    g33 = 1.0 / math.sqrt(pivot)
-    g43 = (g43 - g40 * g30 - g41 * g31 - g42 * g32) * g33
-    g53 = (g53 - g50 * g30 - g51 * g31 - g52 * g32) * g33
-    pivot = g44 - g40 * g40 - g41 * g41 - g42 * g42 - g43 * g43
+    g33 = 1.0 / pivot
+    g43 = g43 - g40 * g30 - g41 * g31 - g42 * g32
+    g53 = g53 - g50 * g30 - g51 * g31 - g52 * g32
+    c0 = g40
+    c1 = g41
+    c2 = g42
+    c3 = g43
+    g40 = c0 * g00
+    g41 = c1 * g11
+    g42 = c2 * g22
+    g43 = c3 * g33
+    pivot = g44 - c0 * g40 - c1 * g41 - c2 * g42 - c3 * g43
     if not pivot > 1e-14:
         return False
-    g44 = 1.0 / math.sqrt(pivot)
-    g54 = (g54 - g50 * g40 - g51 * g41 - g52 * g42 - g53 * g43) * g44
-    pivot = g55 - g50 * g50 - g51 * g51 - g52 * g52 - g53 * g53 - g54 * g54
+    g44 = 1.0 / pivot
+    g54 = g54 - g50 * g40 - g51 * g41 - g52 * g42 - g53 * g43
+    c0 = g50
+    c1 = g51
+    c2 = g52
+    c3 = g53
+    c4 = g54
+    g50 = c0 * g00
+    g51 = c1 * g11
+    g52 = c2 * g22
+    g53 = c3 * g33
+    g54 = c4 * g44
+    pivot = g55 - c0 * g50 - c1 * g51 - c2 * g52 - c3 * g53 - c4 * g54
     if not pivot > 1e-14:
         return False
-    g55 = 1.0 / math.sqrt(pivot)
-    trace = g00 * g00 + g11 * g11 + g22 * g22 + g33 * g33 + g44 * g44 + g55 * g55
-    h10 = -(g10 * g00) * g11
-    h20 = -(g20 * g00 + g21 * h10) * g22
-    h30 = -(g30 * g00 + g31 * h10 + g32 * h20) * g33
-    h40 = -(g40 * g00 + g41 * h10 + g42 * h20 + g43 * h30) * g44
-    h50 = -(g50 * g00 + g51 * h10 + g52 * h20 + g53 * h30 + g54 * h40) * g55
-    h21 = -(g21 * g11) * g22
-    h31 = -(g31 * g11 + g32 * h21) * g33
-    h41 = -(g41 * g11 + g42 * h21 + g43 * h31) * g44
-    h51 = -(g51 * g11 + g52 * h21 + g53 * h31 + g54 * h41) * g55
-    h32 = -(g32 * g22) * g33
-    h42 = -(g42 * g22 + g43 * h32) * g44
-    h52 = -(g52 * g22 + g53 * h32 + g54 * h42) * g55
-    h43 = -(g43 * g33) * g44
-    h53 = -(g53 * g33 + g54 * h43) * g55
-    h54 = -(g54 * g44) * g55
-    trace += h10 * h10 + h20 * h20 + h30 * h30 + h40 * h40 + h50 * h50
-    trace += h21 * h21 + h31 * h31 + h41 * h41 + h51 * h51
-    trace += h32 * h32 + h42 * h42 + h52 * h52
-    trace += h43 * h43 + h53 * h53
-    trace += h54 * h54
+    g55 = 1.0 / pivot
+    trace = g00 + g11 + g22 + g33 + g44 + g55
+    h10 = -g10
+    h20 = -g20 - g21 * h10
+    h30 = -g30 - g31 * h10 - g32 * h20
+    h40 = -g40 - g41 * h10 - g42 * h20 - g43 * h30
+    h50 = -g50 - g51 * h10 - g52 * h20 - g53 * h30 - g54 * h40
+    trace += h10 * h10 * g11 + h20 * h20 * g22 + h30 * h30 * g33 + h40 * h40 * g44 + h50 * h50 * g55
+    h21 = -g21
+    h31 = -g31 - g32 * h21
+    h41 = -g41 - g42 * h21 - g43 * h31
+    h51 = -g51 - g52 * h21 - g53 * h31 - g54 * h41
+    trace += h21 * h21 * g22 + h31 * h31 * g33 + h41 * h41 * g44 + h51 * h51 * g55
+    h32 = -g32
+    h42 = -g42 - g43 * h32
+    h52 = -g52 - g53 * h32 - g54 * h42
+    trace += h32 * h32 * g33 + h42 * h42 * g44 + h52 * h52 * g55
+    h43 = -g43
+    h53 = -g53 - g54 * h43
+    trace += h43 * h43 * g44 + h53 * h53 * g55
+    h54 = -g54
+    trace += h54 * h54 * g55
     if not trace * limit <= 1.0:
         return False
-    y0 = (y[0]) * g00
-    y1 = (y[1] - g10 * y0) * g11
-    y2 = (y[2] - g20 * y0 - g21 * y1) * g22
-    y3 = (y[3] - g30 * y0 - g31 * y1 - g32 * y2) * g33
-    y4 = (y[4] - g40 * y0 - g41 * y1 - g42 * y2 - g43 * y3) * g44
-    y5 = (y[5] - g50 * y0 - g51 * y1 - g52 * y2 - g53 * y3 - g54 * y4) * g55
-    y5 = (y5) * g55
-    y4 = (y4 - g54 * y5) * g44
-    y3 = (y3 - g43 * y4 - g53 * y5) * g33
-    y2 = (y2 - g32 * y3 - g42 * y4 - g52 * y5) * g22
-    y1 = (y1 - g21 * y2 - g31 * y3 - g41 * y4 - g51 * y5) * g11
-    y0 = (y0 - g10 * y1 - g20 * y2 - g30 * y3 - g40 * y4 - g50 * y5) * g00
+    y0 = y[0]
+    y1 = y[1] - g10 * y0
+    y2 = y[2] - g20 * y0 - g21 * y1
+    y3 = y[3] - g30 * y0 - g31 * y1 - g32 * y2
+    y4 = y[4] - g40 * y0 - g41 * y1 - g42 * y2 - g43 * y3
+    y5 = y[5] - g50 * y0 - g51 * y1 - g52 * y2 - g53 * y3 - g54 * y4
+    y5 = y5 * g55
+    y4 = y4 * g44 - g54 * y5
+    y3 = y3 * g33 - g43 * y4 - g53 * y5
+    y2 = y2 * g22 - g32 * y3 - g42 * y4 - g52 * y5
+    y1 = y1 * g11 - g21 * y2 - g31 * y3 - g41 * y4 - g51 * y5
+    y0 = y0 * g00 - g10 * y1 - g20 * y2 - g30 * y3 - g40 * y4 - g50 * y5
     y0 += py * y5 - pz * y4
     y1 += pz * y3 - px * y5
     y2 += px * y4 - py * y3

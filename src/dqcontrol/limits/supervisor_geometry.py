@@ -7,7 +7,8 @@ from dqcontrol.compile import OK, inlined
 from dqcontrol.limits.braking import braked
 from dqcontrol.limits.interventions import HELD, SLOWED
 from dqcontrol.limits.supervisor_layout import BOX, DT, HOLD, HOLDING, SLOW
-from dqcontrol.robots.dexterity_step import hand_jacobian, smallest_singular_value
+from dqcontrol.robots.dexterity_step import smallest_singular_value
+from dqcontrol.robots.kernels import hand_jacobian
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 

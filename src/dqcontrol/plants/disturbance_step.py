@@ -15,9 +15,8 @@ from dqcontrol.laws.inverses import (
     work_size,
 )
 from dqcontrol.robots import kernels
-from dqcontrol.robots.dexterity_step import hand_jacobian
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kernels import CHAIN
+from dqcontrol.robots.kernels import CHAIN, hand_jacobian
 
 Array = NDArray[np.float64]
 

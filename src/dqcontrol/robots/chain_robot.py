@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import WRONG_SIZE, Kernel
+from dqcontrol.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import kernels
 
@@ -21,22 +21,30 @@ class Kinematics:
     ----------
     data
         The buffer, shape (8 + 14 m,).
-    pose
-        End pose, shape (8,), inertial frame.
-    pose_jacobian
-        J with vec8(ẋ) = J u, shape (8, m).
-    twist_jacobian
-        J_w with vec6(ξ) = J_w u, ξ = ω + ε(ṗ + p × ω) inertial, shape (6, m).
     """
 
-    __slots__ = ("data", "pose", "pose_jacobian", "twist_jacobian")
+    __slots__ = ("_input_size", "data")
 
     def __init__(self, input_size: int) -> None:
-        m = input_size
-        self.data: Array = np.zeros(8 + 14 * m)
-        self.pose = self.data[:8]
-        self.pose_jacobian = self.data[8 : 8 + 8 * m].reshape(8, m)
-        self.twist_jacobian = self.data[8 + 8 * m :].reshape(6, m)
+        self.data: Array = np.empty(8 + 14 * input_size)
+        self._input_size = input_size
+
+    @property
+    def pose(self) -> Array:
+        """End pose, shape (8,), inertial frame."""
+        return self.data[:8]
+
+    @property
+    def pose_jacobian(self) -> Array:
+        """J with vec8(ẋ) = J u, shape (8, m)."""
+        m = self._input_size
+        return self.data[8 : 8 + 8 * m].reshape(8, m)
+
+    @property
+    def twist_jacobian(self) -> Array:
+        """J_w with vec6(ξ) = J_w u, ξ = ω + ε(ṗ + p × ω) inertial, shape (6, m)."""
+        m = self._input_size
+        return self.data[8 + 8 * m :].reshape(6, m)
 
 
 class ChainRobot:
@@ -54,7 +62,7 @@ class ChainRobot:
 
     def fkm(self, q: ArrayLike) -> Array:
         """Return the end pose, shape (…, 8), inertial frame. [P16 3.13]."""
-        return self._map(kernels.forward, self._rows("q", q), 8)
+        return self._map(kernels.forward, q, self.configuration_size, 8)
 
     def frames(self, q: ArrayLike) -> Array:
         """Return the poses of all joint frames after their screws, then the end pose: shape (…, n + 1, 8).
@@ -62,7 +70,7 @@ class ChainRobot:
         The axis of each joint is the z axis of its frame; the frame of a base is that of its last coordinate, φ.
         """
         n = self.configuration_size
-        flat = self._map(kernels.forward, self._rows("q", q), 8 * (n + 1))
+        flat = self._map(kernels.forward, q, n, 8 * (n + 1))
         return flat.reshape(*flat.shape[:-1], n + 1, 8)
 
     def kinematics(self, q: Array, out: Kinematics | None = None) -> Kinematics:
@@ -90,7 +98,7 @@ class ChainRobot:
         if out is None:
             out = Kinematics(self.input_size)
         try:
-            status = kernels.kinematics(self.chain, q, out.data)
+            status = kernels.kinematics.compiled(self.chain, q, out.data)
         except TypeError:  # a list, integers, several configurations
             values = as_array("q", q)
             status = WRONG_SIZE if values.ndim != 1 else kernels.kinematics(self.chain, values, out.data)
@@ -111,8 +119,7 @@ class ChainRobot:
 
     def translation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_p, shape (…, 3, m), with ṗ = J_p u in m/s, inertial frame."""
-        pose, _, twist = self._jacobians(q)
-        return twist[..., 3:6, :] - _cross_columns(_position(pose), twist[..., 0:3, :])
+        return self.hand_jacobian(q)[..., 3:6, :]
 
     def rotation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_r, shape (…, 4, m), with vec4(ṙ) = J_r u."""
@@ -120,10 +127,7 @@ class ChainRobot:
 
     def hand_jacobian(self, q: ArrayLike) -> Array:
         """Return the Jacobian of [ω ; ṗ], shape (…, 6, m): rad/s and m/s of the end, inertial axes."""
-        pose, _, twist = self._jacobians(q)
-        hand = twist.copy()
-        hand[..., 3:6, :] -= _cross_columns(_position(pose), twist[..., 0:3, :])
-        return hand
+        return self._jacobians(q, kernels.hand_kinematics)[2]
 
     def pose_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ/dt, shape (…, 8, m), so that vec8(ẍ) = J u̇ + (dJ/dt) u.
@@ -154,21 +158,22 @@ class ChainRobot:
         """Return dJ_r/dt, shape (…, 4, m), so that vec4(r̈) = J_r u̇ + (dJ_r/dt) u."""
         return self._rates(q, u)[2][..., :4, :]
 
-    def _jacobians(self, q: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return pose, pose Jacobian and twist Jacobian."""
-        m = self.input_size
-        flat = self._map(kernels.kinematics, self._rows("q", q), 8 + 14 * m)
-        pose, jacobians = flat[..., :8], flat[..., 8:]
-        return pose, _matrix(jacobians[..., : 8 * m], 8, m), _matrix(jacobians[..., 8 * m :], 6, m)
+    def _jacobians(self, q: ArrayLike, function: Kernel = kernels.kinematics) -> tuple[Array, Array, Array]:
+        """Return pose, pose Jacobian, and twist Jacobian or what else the function puts in its place."""
+        n, m = self.configuration_size, self.input_size
+        flat = self._map(function, q, n, 8 + 14 * m)
+        pose, jacobian, twist = flat[..., :8], flat[..., 8 : 8 + 8 * m], flat[..., 8 + 8 * m :]
+        return pose, _matrix(jacobian, 8, m), _matrix(twist, 6, m)
 
     def _rates(self, q: ArrayLike, u: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return pose, twist Jacobian, and the rates of pose and twist Jacobian."""
-        m = self.input_size
+        n, m = self.configuration_size, self.input_size
         values, speeds = self._rows("q", q), self._inputs("u", u)
         if values.shape[:-1] != speeds.shape[:-1]:
             raise ShapeError(f"u: expected shape {(*values.shape[:-1], m)} as q has, got {speeds.shape}")
-        flat = self._map(kernels.kinematics, values, 8 + 14 * m)
-        rates = self._map(kernels.jacobian_rates, np.concatenate([flat, speeds], axis=-1), 14 * m)
+        flat = self._map(kernels.kinematics, values, n, 8 + 14 * m)
+        motion = np.concatenate([flat, speeds], axis=-1)
+        rates = self._map(kernels.jacobian_rates, motion, 8 + 15 * m, 14 * m)
         twist = _matrix(flat[..., 8 + 8 * m :], 6, m)
         return flat[..., :8], twist, _matrix(rates[..., : 8 * m], 8, m), _matrix(rates[..., 8 * m :], 6, m)
 
@@ -178,13 +183,19 @@ class ChainRobot:
     def _inputs(self, field: str, value: ArrayLike) -> Array:
         return as_array(field, value, (self.input_size,))
 
-    def _map(self, function: Kernel, values: Array, size: int) -> Array:
-        rows = np.ascontiguousarray(values.reshape(-1, values.shape[-1]))
+    def _map(self, function: Kernel, values: ArrayLike, columns: int, size: int) -> Array:
+        """Return what a chain function makes of each row, shape (…, size)."""
+        if type(values) is np.ndarray and values.ndim == 1 and values.dtype == np.float64:
+            out = np.empty(size)  # one row: called directly, ten times faster than as a batch
+            if function.compiled(self.chain, values, out) == OK:
+                return out
+        array = as_array("q", values, (columns,))
+        rows = np.ascontiguousarray(array.reshape(-1, columns))
         out = np.empty((len(rows), size))
         status = kernels.batch(function.pointer, self.chain, rows, out)
         if status:
-            self._raise(status, values)
-        return out.reshape(*values.shape[:-1], size)
+            self._raise(status, array)
+        return out.reshape(*array.shape[:-1], size)
 
     def _raise(self, status: int, q: Any) -> None:
         if status == WRONG_SIZE:

@@ -9,18 +9,6 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def hand_jacobian(position, twist_jacobian, out):
-    """Write the Jacobian (6 × n) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
-    px, py, pz = position
-    for c in range(twist_jacobian.shape[1]):
-        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-        out[0, c], out[1, c], out[2, c] = x, y, z
-        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
-        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
-        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
-
-
-@inlined
 def smallest_singular_value(jacobian, beyond, gram, vectors, column):
     """Return the smallest singular value of J (6 × n); some value ≥ ``beyond`` if it is at least that.
 

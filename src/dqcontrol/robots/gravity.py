@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.compile import NOT_FINITE, OK, READ, READ2, STATUS, WRITE2, WRONG_SIZE, inlined, kernel
-from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw
+from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _half, _screw
 from dqcontrol.robots.limits import Inertia
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2)
@@ -45,7 +45,10 @@ def gravity_torque(chain, bodies, q, gravity, out):
                 else:
                     rx, ry, rz = sx - mass * px, sy - mass * py, sz - mass * pz
                     out[i] = gx * (ry * zz - rz * zy) + gy * (rz * zx - rx * zz) + gz * (rx * zy - ry * zx)
-            w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i])
+            sine, cosine = _half(q[i])
+            w, x, y, z, px, py, pz = _screw(
+                w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
+            )
             m, cx, cy, cz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
             tx, ty, tz = 2.0 * (y * cz - z * cy), 2.0 * (z * cx - x * cz), 2.0 * (x * cy - y * cx)
             sign = -m if taking else m

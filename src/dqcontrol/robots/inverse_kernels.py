@@ -11,7 +11,7 @@ import math
 
 from dqcontrol.algebra.kernels import half_angle, quaternion_product, translation
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
-from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw
+from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _half, _screw
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start
 # report of a pose: position error (m), orientation error (rad), iterations, starts
@@ -39,7 +39,8 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
         zx, zy, zz = _axis(w, x, y, z)
         jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = zx, zy, zz
         jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = px, py, pz
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i])
+        sine, cosine = _half(q[i])
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     for i in range(n):
         zx, zy, zz = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]

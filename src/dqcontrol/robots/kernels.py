@@ -27,6 +27,7 @@ from dqcontrol.compile import (
     kernel,
     types,
 )
+from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 
@@ -62,12 +63,47 @@ def _axis(w, x, y, z):
 
 
 @inlined
-def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle):
-    """Move a frame along or about its z axis."""
+def _half(angle):
+    """Return sin and cos of half an angle."""
+    half = 0.5 * angle
+    return sine_cosine(half) if abs(half) <= FARTHEST else (math.sin(half), math.cos(half))
+
+
+@inlined
+def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
+    """Move a frame along or about its z axis, given sine and cosine of half the angle."""
     if kind != REVOLUTE:
         return w, x, y, z, px + zx * angle, py + zy * angle, pz + zz * angle
-    c, s = math.cos(0.5 * angle), math.sin(0.5 * angle)
-    return w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s, px, py, pz
+    return (
+        w * cosine - z * sine,
+        x * cosine + y * sine,
+        y * cosine - x * sine,
+        z * cosine + w * sine,
+        px,
+        py,
+        pz,
+    )
+
+
+@inlined
+def _halves(q, room):
+    """Write sines, then cosines, of all half angles; return where the cosines begin, and NaN unless q is finite."""
+    n = q.shape[0]
+    padded = (n + 3) // 4 * 4
+    check, farthest = 0.0, 0.0
+    half = room[2 * padded : 3 * padded]
+    for i in range(n):
+        half[i] = 0.5 * q[i]
+        check += 0.0 * q[i]
+        farthest = max(farthest, abs(half[i]))
+    for i in range(n, padded):
+        half[i] = 0.0
+    if farthest <= FARTHEST:
+        sines_cosines(half, padded, room)
+    else:
+        for i in range(n):
+            room[i], room[padded + i] = math.sin(half[i]), math.cos(half[i])
+    return padded, check
 
 
 @inlined
@@ -106,7 +142,8 @@ def forward(chain, q, out):
         check += 0.0 * angle
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
         zx, zy, zz = _axis(w, x, y, z)
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle)
+        sine, cosine = _half(angle)
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle, sine, cosine)
         if every:
             _store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
@@ -114,9 +151,8 @@ def forward(chain, q, out):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@kernel(CHAIN)
-def kinematics(chain, q, out):
-    """Write the end pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
+@inlined
+def _kinematics(chain, q, out):
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
     if q.shape[0] != n or out.shape[0] != 8 + 14 * m:
@@ -124,11 +160,9 @@ def kinematics(chain, q, out):
     pose_jacobian = out[8 : 8 + 8 * m].reshape(8, m)
     twist_jacobian = out[8 + 8 * m :].reshape(6, m)
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    check = 0.0
+    cosines, check = _halves(q, out)  # where the pose and its Jacobian come later
     j = 0
     for i in range(n):
-        angle = q[i]
-        check += 0.0 * angle
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
         zx, zy, zz = _axis(w, x, y, z)
         kind = chain[i, 7]
@@ -146,7 +180,8 @@ def kinematics(chain, q, out):
             elif kind == SIDEWAYS:
                 j -= 1  # the column of φ takes its place
         j += 1
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle)
+        sine, cosine = out[i], out[cosines + i]
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[0:8])
     w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
@@ -163,6 +198,47 @@ def kinematics(chain, q, out):
         pose_jacobian[6, i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
         pose_jacobian[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def kinematics(chain, q, out):
+    """Write the end pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
+    return _kinematics(chain, q, out)
+
+
+@inlined
+def hand_jacobian(position, twist_jacobian, out):
+    """Write the Jacobian (6 × m) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
+    px, py, pz = position
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c], out[1, c], out[2, c] = x, y, z
+        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
+
+
+@kernel(CHAIN)
+def hand_kinematics(chain, q, out):
+    """Write the end pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the hand's [ω ; ṗ]."""
+    status = _kinematics(chain, q, out)
+    if status == OK:
+        m = (out.shape[0] - 8) // 14
+        jacobian = out[8 + 8 * m :].reshape(6, m)
+        hand_jacobian(position(out), jacobian, jacobian)
+    return status
+
+
+@inlined
+def position(pose):
+    """Return p of x = r + ε½pr."""
+    w, x, y, z = pose[0], -pose[1], -pose[2], -pose[3]
+    dw, dx, dy, dz = pose[4], pose[5], pose[6], pose[7]
+    return (
+        2.0 * (dw * x + dx * w + dy * z - dz * y),
+        2.0 * (dw * y - dx * z + dy * w + dz * x),
+        2.0 * (dw * z + dx * y - dy * x + dz * w),
+    )
 
 
 @inlined
