@@ -23,6 +23,11 @@ COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec e
     "limit_margin": Column("limit margin", "rad", ".3g"),
 }
 
+TOUCHED = {  # shown where an obstacle is
+    "peak_contact": Column("peak contact", "N", ".3g"),
+    "recovery_time": Column("recovery", "s", ".3g"),
+}
+
 MEANS = (
     "position.settled_rms",
     "position.settled_peak",
@@ -44,8 +49,11 @@ def summary(runs: Mapping[str, Run], title: str = "") -> Table:
 
 def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -> Table:
     """Return the same of labels with rows as of `Study.rows`."""
-    lines = [[label, *(row[key] for key in COMPARED), row["stopped"]] for label, row in rows]
-    return Table([Column("run"), *COMPARED.values(), Column("ended by")], lines, title)
+    rows = list(rows)
+    touched = any(row.get("peak_contact") is not None for _, row in rows)
+    columns = COMPARED | TOUCHED if touched else COMPARED
+    lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
+    return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
 
 
 def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> None:

@@ -49,6 +49,8 @@ METRIC_COLUMNS: dict[str, Column] = {
     "orientation_overshoot": Column("Orientation overshoot"),
     "limit_margin": Column("Limit margin", "rad or m"),
     "limit_joint": Column("Nearest to limit"),
+    "peak_contact": Column("Contact force peak", "N"),
+    "recovery_time": Column("Recovery time", "s"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 

@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.experiments.contact import peak_contact, recovery_time
+from dqcontrol.experiments.margins import least_margin
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.robots.limits import Limits
 
@@ -116,6 +118,10 @@ class Metrics:
         Least distance of any joint from its nearest limit, rad or m; negative if crossed; NaN without limits.
     limit_joint
         The joint that comes so near; empty without limits.
+    peak_contact
+        Largest force of an obstacle on the hand, N; NaN without obstacles.
+    recovery_time
+        From the end of the last contact until the hand is back where it was, s; see `contact.recovery_time`.
     """
 
     duration: float
@@ -137,6 +143,8 @@ class Metrics:
     orientation_overshoot: float
     limit_margin: float
     limit_joint: str
+    peak_contact: float
+    recovery_time: float
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
@@ -196,7 +204,7 @@ def evaluate(
         control = row_norms(record.command[:-1])
         effort = math.sqrt(np.sum(control**2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
-        margin, joint = _margin(record, limits)
+        margin, joint = least_margin(record, limits)
         return Metrics(
             duration=record.duration,
             samples=len(record),
@@ -217,6 +225,8 @@ def evaluate(
             orientation_overshoot=_overshoot(record.rotation_error),
             limit_margin=margin,
             limit_joint=joint,
+            peak_contact=peak_contact(record),
+            recovery_time=recovery_time(record),
         )
 
 
@@ -266,22 +276,6 @@ def _overshoot(error: Array) -> float:
     if not size > _RESTING:
         return math.nan
     return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
-
-
-def _margin(record: Record, limits: Limits | None) -> tuple[float, str]:
-    """Return the least distance from a joint limit and that joint's name."""
-    if limits is None:
-        return math.nan, ""
-    if len(limits.lower) != record.q.shape[1]:
-        raise ShapeError(
-            f"limits: expected {record.q.shape[1]} as in the record's q, got {len(limits.lower)}"
-        )
-    q = np.ascontiguousarray(record.q.T)  # NumPy is slow along a long axis of short rows
-    margins = np.minimum(q.min(axis=1) - limits.lower, limits.upper - q.max(axis=1))
-    if np.isnan(margins).any() or np.isinf(margins).all():
-        return math.nan, ""
-    nearest = int(margins.argmin())
-    return float(margins[nearest]), record.joint_names[nearest]
 
 
 def _jsonable(value: Any) -> Any:

@@ -14,6 +14,7 @@ from dqcontrol.plants.integrator import Integrator
 from dqcontrol.plants.loads import EncoderLoss, Payload, Push
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mujoco import MujocoPlant
+from dqcontrol.plants.obstacle import Obstacle
 from dqcontrol.plants.odometry import Odometry
 from dqcontrol.plants.own import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
@@ -38,6 +39,7 @@ __all__ = [
     "LivePlant",
     "MobilePlant",
     "MujocoPlant",
+    "Obstacle",
     "Odometry",
     "OwnPlant",
     "Payload",

@@ -13,6 +13,7 @@ from dqcontrol.plants.compliant_arm import assemble
 from dqcontrol.plants.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.joint_table import MODES
 from dqcontrol.plants.loads import EncoderLoss, Payload, Push
+from dqcontrol.plants.obstacle import Obstacle
 from dqcontrol.plants.plant import Plant
 
 if TYPE_CHECKING:
@@ -69,6 +70,8 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Forces from outside.
     payload
         A mass at the hand that the controllers do not know.
+    obstacles
+        Padded balls in the hand's way.
     encoder_losses
         When which encoder is silent.
     gravity
@@ -105,6 +108,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
     payload: Payload | None = None
+    obstacles: Annotated[list[Obstacle], Meta(max_length=100)] = []
     encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
 

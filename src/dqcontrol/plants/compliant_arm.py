@@ -14,6 +14,7 @@ from dqcontrol.plants.elastic_model import TICK, elastic_model, joint_inertia, s
 from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, static_state
 from dqcontrol.plants.joint_table import LOWER, MODES, UPPER
 from dqcontrol.plants.mujoco_model import import_mujoco
+from dqcontrol.plants.obstacle import steps_per_touch
 from dqcontrol.plants.plant import start_configuration
 from dqcontrol.robots.robot import Robot
 
@@ -76,7 +77,10 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
     load = data.qfrc_bias[:n].copy()
     data.qpos[n:] = (start + load / actuation.stiffness)[elastic]
     inertia = joint_inertia(model, data)
-    steps = steps_per_tick(inertia, robot, actuation, plant.accurate)
+    steps = max(
+        steps_per_tick(inertia, robot, actuation, plant.accurate),
+        steps_per_touch(plant.obstacles, model, data, n),
+    )
     model.opt.timestep = TICK / steps
     mujoco.mj_forward(model, data)
     moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)

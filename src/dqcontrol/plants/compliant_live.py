@@ -23,6 +23,7 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.loads import loss_table, payload_table, push_table
+from dqcontrol.plants.obstacle import obstacle_table
 from dqcontrol.plants.wrist import LiveWrist
 
 if TYPE_CHECKING:
@@ -78,6 +79,9 @@ class LiveCompliant:
         self._physics = (physics_step(), model._address, data._address)
         links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
         hand, payload = model.body("hand").id, model.body("payload").id
+        self._touched = model.body("contact").id
+        obstacles = obstacle_table(plant.obstacles, self._touched)
+        self._contact = np.zeros(4 if len(obstacles) else 0)
         self._tables = (
             arm.constants,
             arm.state,
@@ -90,6 +94,8 @@ class LiveCompliant:
             loss_table(plant.encoder_losses, n),
             push_table(plant.pushes, {"hand": payload, **links}),
             payload_table(plant.payload),
+            obstacles,
+            self._contact,
             np.array([payload, hand, *links.values(), 0], dtype=np.float64),  # 0: the world
             model.body_mass,
             model.body_subtreemass,
@@ -103,7 +109,7 @@ class LiveCompliant:
             wrist.memory,
             wrist.filtered,
         )
-        self.channels = _channels(robot.joint_names)
+        self.channels = _channels(robot.joint_names, bool(plant.obstacles))
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
@@ -203,6 +209,7 @@ class LiveCompliant:
 
     def _advance(self, ticks: int, from_measured: bool) -> None:
         self._draw()
+        self._contact[:] = 0.0
         if advance(*self._physics, ticks, self._arm.steps, self._moves, from_measured, *self._tables):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
@@ -224,11 +231,13 @@ class LiveCompliant:
         self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
         self._wrist.read(self._rng, other[0:6])
         if self._pushed:
-            self.data.xfrc_applied[:, :3].sum(axis=0, out=other[6:9])
+            forces = self.data.xfrc_applied[:, :3]
+            np.subtract(forces.sum(axis=0), forces[self._touched], out=other[6:9])
         other[9], other[10] = shared[of.PAYLOAD], shared[of.MODE]
+        other[11:] = self._contact[:3]
 
 
-def _channels(joints: tuple[str, ...]) -> tuple[Channel, ...]:
+def _channels(joints: tuple[str, ...], contact: bool) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveCompliant.readings`."""
     axes = ("x", "y", "z")
     return (
@@ -238,4 +247,5 @@ def _channels(joints: tuple[str, ...]) -> tuple[Channel, ...]:
         Channel("push", axes, "N"),
         Channel("payload", (), "kg"),
         Channel("mode", (), ""),
+        *([Channel("contact", axes, "N")] if contact else []),
     )

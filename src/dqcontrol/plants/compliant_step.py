@@ -25,6 +25,7 @@ from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.joint_controller import control, sense
 from dqcontrol.plants.mujoco_model import import_mujoco
+from dqcontrol.plants.obstacle import touch
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
 PHYSICS_STEP = types.void(types.intp, types.intp)  # void mj_step(const mjModel *, mjData *)
@@ -48,6 +49,8 @@ ADVANCE = STATUS(
     READ2,  # times without encoder: from, until, joint
     READ2,  # pushes: from, until, body, force
     READ2,  # payloads: from, until, mass
+    READ2,  # obstacles, rows of `obstacle`
+    WRITE,  # largest force of contact yet, and its norm
     READ,  # bodies that carry the payload, itself first
     WRITE,  # masses of the model
     WRITE,  # masses of its subtrees
@@ -134,6 +137,8 @@ def advance(
     losses,
     pushes,
     payloads,
+    obstacles,
+    contact,
     carriers,
     mass,
     subtree_mass,
@@ -175,7 +180,9 @@ def advance(
         for i in range(n):
             motors[i] = state[i, of.MOTOR_TORQUE]
         load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces)
-        for _ in range(steps):
+        for step in range(steps):
+            if obstacles.shape[0] > 0:
+                touch(obstacles, (shared[of.TICKS] + step / steps) * TICK, chain, qpos, qvel, forces, contact)
             physics(model, data)
         shared[of.TICKS] += 1.0
         total = 0.0

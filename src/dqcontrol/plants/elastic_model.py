@@ -20,7 +20,7 @@ TICK = 1e-3  # s, of the joint controllers
 INTEGRATORS = {False: "IMPLICITFAST", True: "RK4"}  # by `accurate`
 # Radians a step of the fastest spring; beyond, the integrator is blunt or unstable.
 _MOST_PHASE = {False: 1.0, True: 1.2}
-_MOST_STEPS = 16  # a tick
+MOST_STEPS = 16  # a tick
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +164,8 @@ def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
     # Of no mass before a payload is taken; pushes act on it, at the tool's point.
     payload = body.add_body(name="payload")
     payload.explicitinertial, payload.mass, payload.inertia = True, 0.0, np.zeros(3)
+    contact = body.add_body(name="contact")  # takes the forces of obstacles, apart from the pushes
+    contact.explicitinertial, contact.mass, contact.inertia = True, 0.0, np.zeros(3)
     body.add_site(name="wrist")
     for kind in ("force", "torque"):
         spec.add_sensor(
@@ -207,9 +209,9 @@ def steps_per_tick(inertia: Array, robot: Robot, actuation: Actuation, accurate:
     squares, modes = np.linalg.eigh(root @ stretch.T @ (stiffness[:, None] * stretch) @ root.T)
     phase = TICK * float(np.sqrt(squares[-1]))
     steps = math.ceil(phase / _MOST_PHASE[accurate])
-    if steps > _MOST_STEPS:
+    if steps > MOST_STEPS:
         worst = joints[int(np.abs(stretch @ root.T @ modes[:, -1]).argmax())]
-        most = actuation.stiffness[worst] * (_MOST_STEPS * _MOST_PHASE[accurate] / phase) ** 2
+        most = actuation.stiffness[worst] * (MOST_STEPS * _MOST_PHASE[accurate] / phase) ** 2
         raise ValueRangeError(
             f"plant.springs: joint {worst + 1} '{robot.joint_names[worst]}' has "
             f"{actuation.stiffness[worst]:g} N·m/rad; for what it moves that is too stiff by far: "

@@ -87,11 +87,17 @@ def payload_table(payload: Payload | None) -> Array:
     """Return the rows [from, until, mass], shape (N, 3), or name what does not fit."""
     if payload is None:
         return np.zeros((0, 3))
-    start = as_positive("plant.payload.from", payload.begin, zero_allowed=True)
-    end = np.inf if payload.until is None else as_positive("plant.payload.until", payload.until)
-    if end <= start:
-        raise ValueRangeError(f"plant.payload.until: must be after 'from', {start:g} s, got {end:g} s")
+    start, end = span("plant.payload", payload.begin, payload.until)
     return np.array([[start, end, as_positive("plant.payload.mass", payload.mass)]])
+
+
+def span(field: str, begin: float, until: float | None) -> tuple[float, float]:
+    """Return when something begins and ends, s, or say that it does not."""
+    start = as_positive(f"{field}.from", begin, zero_allowed=True)
+    end = np.inf if until is None else as_positive(f"{field}.until", until)
+    if end <= start:
+        raise ValueRangeError(f"{field}.until: must be after 'from', {start:g} s, got {end:g} s")
+    return start, end
 
 
 def loss_table(losses: list[EncoderLoss], joints: int) -> Array:

@@ -1,0 +1,41 @@
+"""Numbers that judge what happens when something touches the hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.loop.record import Record, row_norms
+
+RECOVERED = 2e-3  # m
+
+
+def _contact(record: Record) -> NDArray[np.float64] | None:
+    """Return the size of the force on the hand, the largest since each sample before, N; None without obstacles."""
+    signal = record.readings.get("contact")
+    return row_norms(signal.values) if signal is not None and signal.values.shape[1] == 3 else None
+
+
+def peak_contact(record: Record) -> float:
+    """Return the largest force of an obstacle on the hand, N; NaN without obstacles."""
+    force = _contact(record)
+    return math.nan if force is None else float(force.max())
+
+
+def recovery_time(record: Record) -> float:
+    """Return how long after the last contact the hand is back, s.
+
+    It is back once its distance |p_d − p| stays, to the end of the run, within 2 mm of what it was at the last sample
+    before the first contact. NaN without contact, or if it never is.
+    """
+    force = _contact(record)
+    touched = np.flatnonzero(force > 0) if force is not None else np.zeros(0, dtype=np.intp)
+    if not len(touched):
+        return math.nan
+    first, last = int(touched[0]), int(touched[-1])
+    error = record.position_error
+    outside = np.flatnonzero(~(error <= error[max(first - 1, 0)] + RECOVERED))  # NaN is outside
+    back = max(last, int(outside[-1]) if len(outside) else 0) + 1
+    return float(record.time[back] - record.time[last]) if back < len(record) else math.nan
