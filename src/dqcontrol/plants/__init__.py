@@ -11,12 +11,13 @@ from dqcontrol.plants.disturbance import (
 )
 from dqcontrol.plants.gripper import Gripper, GripperEvent
 from dqcontrol.plants.integrator import Integrator
-from dqcontrol.plants.loads import EncoderLoss, Payload, Push
+from dqcontrol.plants.loads import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.obstacle import Obstacle
 from dqcontrol.plants.odometry import Odometry
 from dqcontrol.plants.own import OwnPlant
+from dqcontrol.plants.payload_compensation import PayloadCompensation
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
 from dqcontrol.plants.scene import Basket, Cube, Scene
 from dqcontrol.plants.servo import Servo
@@ -43,6 +44,7 @@ __all__ = [
     "Odometry",
     "OwnPlant",
     "Payload",
+    "PayloadCompensation",
     "Plant",
     "Push",
     "Scene",
@@ -50,4 +52,5 @@ __all__ = [
     "SinusoidalTwist",
     "WheeledBase",
     "WorstCase",
+    "WristFault",
 ]

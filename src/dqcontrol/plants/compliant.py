@@ -12,8 +12,9 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.plants.compliant_arm import assemble
 from dqcontrol.plants.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.joint_table import MODES
-from dqcontrol.plants.loads import EncoderLoss, Payload, Push
+from dqcontrol.plants.loads import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.obstacle import Obstacle
+from dqcontrol.plants.payload_compensation import PayloadCompensation
 from dqcontrol.plants.plant import Plant
 
 if TYPE_CHECKING:
@@ -70,10 +71,14 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Forces from outside.
     payload
         A mass at the hand that the controllers do not know.
+    payload_compensation
+        That they weigh it with the wrist sensor, and carry it.
     obstacles
         Padded balls in the hand's way.
     encoder_losses
         When which encoder is silent.
+    wrist_fault
+        When the wrist sensor reads something else than what it bears.
     gravity
         m/s², base frame.
 
@@ -108,8 +113,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
     payload: Payload | None = None
+    payload_compensation: PayloadCompensation | None = None
     obstacles: Annotated[list[Obstacle], Meta(max_length=100)] = []
     encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
+    wrist_fault: WristFault | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
 
     def __post_init__(self) -> None:

@@ -12,9 +12,10 @@ from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.plants.controller_file import ControllerFile, load_controllers
 from dqcontrol.plants.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.joint_table import LOWER, MODES, UPPER
+from dqcontrol.plants.joint_table import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.obstacle import steps_per_touch
+from dqcontrol.plants.payload_compensation import PayloadScale
 from dqcontrol.plants.plant import start_configuration
 from dqcontrol.robots.robot import Robot
 
@@ -40,6 +41,8 @@ class Arm:
         Table of the controllers' model of gravity, shape (n, 4).
     rotors
         Which coordinate of the model is each joint's motor, shape (n,).
+    scale
+        What weighs the payload; None if nothing does.
     ticks, steps
         Ticks of the joint controllers in a period, and steps of the physics in a tick.
     """
@@ -52,6 +55,7 @@ class Arm:
     state: Array
     bodies: Array
     rotors: Array
+    scale: PayloadScale | None
     ticks: int
     steps: int
 
@@ -90,8 +94,16 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
     state = static_state(robot, constants, MODES[plant.mode], start, load, plant.gravity_factor)
     rotors = np.arange(n, dtype=np.float64)
     rotors[elastic] = n + np.arange(np.count_nonzero(elastic))
-    bodies = gravity_bodies(robot, hand)
-    return Arm(robot, file, model, data, constants, state, bodies, rotors, ticks, steps)
+    bodies, scale = gravity_bodies(robot, hand), None
+    if plant.payload_compensation is not None:
+        if plant.mode not in WITH_GRAVITY:
+            raise ValueRangeError(
+                f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
+                f"got {plant.mode}"
+            )
+        period = ticks * TICK
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
+    return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, steps)
 
 
 def _start(robot: Robot, q0: ArrayLike) -> Array:

@@ -70,7 +70,8 @@ class LiveCompliant:
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
         self._told, self._pushed = False, bool(plant.pushes)
-        self._wrist = wrist = LiveWrist(arm.file.wrist_sensor)
+        self._wrist = wrist = LiveWrist(arm.file.wrist_sensor, plant.wrist_fault)
+        self._scale = arm.scale
         self._draw()
         settle(
             arm.constants, arm.state, data.qpos, data.qvel, arm.rotors, self._noise[0],
@@ -109,7 +110,7 @@ class LiveCompliant:
             wrist.memory,
             wrist.filtered,
         )
-        self.channels = _channels(robot.joint_names, bool(plant.obstacles))
+        self.channels = _channels(robot.joint_names, bool(plant.obstacles), bool(arm.scale))
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
@@ -229,15 +230,19 @@ class LiveCompliant:
         self.measured[:] = state[:, of.ANGLE]
         self._joint_readings[0] = self.data.qpos[self._rotors]
         self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
-        self._wrist.read(self._rng, other[0:6])
+        self._wrist.read(self.time, self._rng, other[0:6])
         if self._pushed:
             forces = self.data.xfrc_applied[:, :3]
             np.subtract(forces.sum(axis=0), forces[self._touched], out=other[6:9])
         other[9], other[10] = shared[of.PAYLOAD], shared[of.MODE]
-        other[11:] = self._contact[:3]
+        if len(self._contact):
+            other[11:14] = self._contact[:3]
+        if self._scale:
+            self._scale.weigh(self.measured, other[0:6])
+            other[-1] = self._scale.mass
 
 
-def _channels(joints: tuple[str, ...], contact: bool) -> tuple[Channel, ...]:
+def _channels(joints: tuple[str, ...], contact: bool, weighed: bool) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveCompliant.readings`."""
     axes = ("x", "y", "z")
     return (
@@ -248,4 +253,5 @@ def _channels(joints: tuple[str, ...], contact: bool) -> tuple[Channel, ...]:
         Channel("payload", (), "kg"),
         Channel("mode", (), ""),
         *([Channel("contact", axes, "N")] if contact else []),
+        *([Channel("payload_estimate", (), "kg")] if weighed else []),
     )

@@ -109,5 +109,6 @@ MODES = {
     "THETA_MJ": 6,
     "THETA_GC_MJ": 7,
 }
+WITH_GRAVITY = ("TORQUE_GC", "THETA_GC", "THETA_GC_MJ")
 STALE, ENCODER_LOST, OVERLOAD = 1, 2, 3
 FAULTS = {STALE: "no command", ENCODER_LOST: "encoder lost", OVERLOAD: "motor too hot"}

@@ -1,4 +1,4 @@
-"""What pushes and hangs on an arm, and which encoders fail, over time."""
+"""What pushes and hangs on an arm, and which sensors fail, over time."""
 
 from __future__ import annotations
 
@@ -68,6 +68,22 @@ class EncoderLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     time: Seconds
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
     joint: Annotated[int, Meta(ge=1, le=1000, description="number, from 1")]
+
+
+class WristFault(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A wrist sensor that reads the same for a while, whatever it bears; its torques are 0.
+
+    Parameters
+    ----------
+    time, duration
+        s.
+    force
+        N, axes of the tool.
+    """
+
+    time: Seconds
+    duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
+    force: tuple[Newtons, Newtons, Newtons] = (0.0, 0.0, 0.0)
 
 
 def push_table(pushes: list[Push], bodies: dict[str, int]) -> Array:
