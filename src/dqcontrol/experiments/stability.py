@@ -55,7 +55,7 @@ def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
         if values is not None:
             k = int(np.abs(values).argmax())
             gain = complex(values[k])
-            share = rates.integral / abs(gain) ** 2 if gain else 0.0
+            share = rates.integral / abs(gain) / abs(gain) if gain else 0.0  # its square may overflow
             gains.append(LoopGain(loop, gain, k * prepared.dt if np.ptp(values) else None, share))
     rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
     if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):
