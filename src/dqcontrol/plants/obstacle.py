@@ -15,7 +15,7 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.loads import Seconds, span
 from dqcontrol.plants.mujoco_model import import_mujoco
-from dqcontrol.robots.kernels import _axis, _fixed, _screw
+from dqcontrol.robots.kernels import _axis, _fixed, _half, _screw
 
 Array = NDArray[np.float64]
 
@@ -125,7 +125,8 @@ def hand_motion(chain, q, velocity):
         vx += velocity[i] * (py * zz - pz * zy)
         vy += velocity[i] * (pz * zx - px * zz)
         vz += velocity[i] * (px * zy - py * zx)
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i])
+        sine, cosine = _half(q[i])
+        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     return px, py, pz, vx + oy * pz - oz * py, vy + oz * px - ox * pz, vz + ox * py - oy * px
 
