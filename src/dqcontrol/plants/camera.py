@@ -8,9 +8,9 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.errors import ValueRangeError, as_array, as_positive
 
 Array = NDArray[np.float64]
 
@@ -159,18 +159,31 @@ class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         used = seen & (arrival <= steps)
         arrives, errors = np.zeros(steps + 1, dtype=bool), np.zeros((steps + 1, 3 * bases))
         arrives[arrival[used]] = True
-        errors[arrival[used]] = self._errors(count, bases, seed)[used]
+        errors[arrival[used]] = self._errors(count, bases, [seed])[used]
         last = np.maximum.accumulate(np.where(arrives, np.arange(steps + 1), 0))
         age: Array = dt * (np.arange(steps) - last[:steps]).astype(np.float64)
         share: Array = np.clip(1 - (age - self.timeout - _SNAP) / self.stopping_time, 0.0, 1.0)
         weight = -math.expm1(-1 / (self.rate * self.filter_time)) if self.filter_time else 1.0
         return CameraSchedule(arrives, errors, age, share, delay, weight)
 
-    def _errors(self, count: int, bases: int, seed: int) -> Array:
+    def glance(self, poses: ArrayLike, seed: int) -> Array:
+        """Return what one frame shows of things that stand still, x, y and φ, shape (N, 3), m and rad.
+
+        Parameters
+        ----------
+        poses
+            Where they are, shape (N, 3).
+        seed
+            Of noise and outliers; the frames of a run with the same seed have others.
+        """
+        true = as_array("poses", poses, (None, 3))
+        return true + self._errors(1, len(true), [seed, 1]).reshape(-1, 3)
+
+    def _errors(self, count: int, bases: int, seed: list[int]) -> Array:
         """Draw the error of each frame, shape (count, 3 b)."""
-        noise = np.random.default_rng([seed, 3]).standard_normal((count, bases, 3))
+        noise = np.random.default_rng([*seed, 3]).standard_normal((count, bases, 3))
         chance, direction, side = (
-            np.random.default_rng([seed, 4]).random((count, bases, 3)).transpose(2, 0, 1)
+            np.random.default_rng([*seed, 4]).random((count, bases, 3)).transpose(2, 0, 1)
         )
         errors = noise * [self.position_noise, self.position_noise, self.angle_noise]
         angle = 2 * math.pi * direction

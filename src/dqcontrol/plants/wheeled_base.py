@@ -89,7 +89,7 @@ class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     caster_distance: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.13
     caster_gap: Annotated[float, Meta(ge=0, le=0.1, description="m")] = 0.001
     rolling_resistance: Annotated[float, Meta(ge=0, le=100, description="N·m")] = 0.005
-    wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] = 0.6
+    wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] = 0.3
     wheel_time_constant: Annotated[float, Meta(gt=0, le=10, description="s")] = 0.02
     ticks: Annotated[float, Meta(gt=0, le=1e7, description="counts a turn")] = 508.8
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -62,12 +62,25 @@ def offscreen(width: int, height: int) -> Iterator[None]:
 
 def render(model: Any, scene: Any, width: int, height: int) -> NDArray[np.uint8]:
     """Return the picture of a scene, shape (height, width, 3), inside of `offscreen`."""
+    with renderer(model, width, height) as draw:
+        return draw(scene)
+
+
+@contextlib.contextmanager
+def renderer(model: Any, width: int, height: int) -> Iterator[Callable[[Any], NDArray[np.uint8]]]:
+    """Give a function that draws scenes of a model one after the other, as `render` does, inside of `offscreen`."""
     mujoco = import_mujoco()
     context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
     rectangle = mujoco.MjrRect(0, 0, width, height)
-    mujoco.mjr_render(rectangle, scene, context)
-    pixels = np.empty((height, width, 3), dtype=np.uint8)
-    mujoco.mjr_readPixels(pixels, None, rectangle, context)
-    context.free()
-    return pixels[::-1]
+
+    def draw(scene: Any) -> NDArray[np.uint8]:
+        mujoco.mjr_render(rectangle, scene, context)
+        pixels = np.empty((height, width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, rectangle, context)
+        return pixels[::-1]
+
+    try:
+        yield draw
+    finally:
+        context.free()

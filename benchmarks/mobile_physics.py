@@ -1,0 +1,83 @@
+"""Mobile manipulators in physics: speed against real time, drift of odometry, cubes that end in baskets.
+
+Speeds are in processor time, of one core, and include the whole loop: law, MuJoCo and the record.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+import dqcontrol as dqc
+from dqcontrol.experiments.pick_and_drop import pick_and_drop
+from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
+
+SEED = 20261209
+PERIOD = 0.02
+START = np.array([0, 0, 0, 0, -0.504, 1.397, 0, 0])
+SCENES = 20
+
+
+def speeds() -> tuple[float, float]:
+    """Return simulated seconds a second of a drive, and of an errand with gripper, cube, basket and camera."""
+    robot = dqc.load_robot("little-john")
+    target = dqc.references.SetPoint(robot.fkm(robot.integrate(START, [0.2, 0.1, 0, 0, 0, 0, 0], 5.0)))
+    law, plant = dqc.laws.FeedbackLinearization(stiffness=4.0, damping=4.0), MobilePlant()
+    dqc.simulate(robot, target, law, plant, START, PERIOD, duration=1.0)
+    start = time.process_time()
+    dqc.simulate(robot, target, law, plant, START, PERIOD, duration=10.0)
+    drive = 10.0 / (time.process_time() - start)
+    pick_and_drop()  # compiles
+    start = time.process_time()
+    done = pick_and_drop()
+    return drive, done.record.time[-1] / (time.process_time() - start)
+
+
+def square(base: WheeledBase) -> tuple[float, float, float]:
+    """Return error of odometry (m, rad) and largest slip (m/s) after a square of 1 m sides, driven as commanded."""
+    robot = dqc.load_robot("little-john")
+    live = MobilePlant(base=base).start(robot, START, PERIOD, 0, 0)
+    slip = 0.0
+    for _ in range(4):
+        for v, omega, seconds in ((0.25, 0.0, 4.0), (0.0, np.pi / 4, 2.0)):
+            for _ in range(round(seconds / PERIOD)):
+                live.step(np.array([v, omega, 0, 0, 0, 0, 0]))
+                slip = max(slip, float(np.abs(live.readings[4:7]).max()))
+    error = live.odometry - live.q[:3]
+    return float(np.hypot(*error[:2])), abs(float(error[2])), slip
+
+
+def errands() -> int:
+    """Return how many cubes of random scenes end in their baskets."""
+    rng = np.random.default_rng(SEED)
+    done = 0
+    for seed in range(SCENES):
+        angle, far, way = rng.uniform(-0.6, 0.6), rng.uniform(0.7, 1.2), rng.uniform(0.6, 1.2)
+        cube = far * np.array([np.cos(angle), np.sin(angle)])
+        turn = angle + rng.choice([-1, 1]) * rng.uniform(0.3, 2.2)
+        basket = cube + way * np.array([np.cos(turn), np.sin(turn)])
+        scene = (
+            Cube(position=(cube[0], cube[1]), yaw=rng.uniform(-3, 3)),
+            Basket(position=(basket[0], basket[1])),
+        )
+        done += pick_and_drop(*scene, seed=seed).is_in_basket
+    return done
+
+
+def main() -> None:
+    """Print all figures."""
+    drive, errand = speeds()
+    print(f"little-john drives:                        {drive:6.0f} × real time")
+    print(f"little-john picks and drops, with camera:  {errand:6.0f} × real time")
+    for friction in (0.8, 0.2, 0.1):
+        far, turned, slip = square(WheeledBase(friction=friction))
+        print(
+            f"odometry after a square of 4 m, friction {friction:g}: off by {1e3 * far:.0f} mm and "
+            f"{np.degrees(turned):.1f}°, slip up to {slip:.2f} m/s"
+        )
+    print(f"cubes in baskets, random scenes (seed {SEED}): {errands()} of {SCENES}")
+
+
+if __name__ == "__main__":
+    main()
