@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol import references as shapes
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -120,6 +121,10 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             rotation = _rotation(f"{where}.transform.quaternion", by.quaternion)
             position = as_array(f"{where}.transform.position", by.position, (3,))
             reference = shapes.Transformed(reference, algebra.pose(rotation, position))
+        return reference
+
+    def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
+        """Return the reference that `build` returned, or what a robot at its start configuration makes of it."""
         return reference
 
     def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:

@@ -12,6 +12,7 @@ from dqcontrol import references as shapes
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.reference_base import Array, Part, ReferenceSpec, Vector
 from dqcontrol.references.text_file import read_text
+from dqcontrol.robots import Robot
 
 __all__ = ["AnyReference", "Part"]
 
@@ -29,6 +30,23 @@ class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
 
     def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         return shapes.SetPoint(start, math.inf if self.duration is None else self.duration)
+
+
+class DriveToSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drive-to"):
+    """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
+
+    share: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
+
+    def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
+        """Return the way from the start configuration to the reference's pose."""
+        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.share)
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        if where != "reference":
+            raise ValueRangeError(
+                f"{where}: drive-to starts where the robot does, so it is no part of a sequence"
+            )
+        return shapes.SetPoint(start)
 
 
 class CircleSpec(ReferenceSpec, frozen=True, kw_only=True, tag="circle"):
@@ -156,6 +174,7 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
 
 AnyReference = (
     SetPointSpec
+    | DriveToSpec
     | CircleSpec
     | SpiralSpec
     | SquareSpec

@@ -200,6 +200,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path) -> Scene:
             f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
         )
     reference = spec.reference.build(robot.fkm(start), folder)
+    reference = spec.reference.of_robot(reference, robot, start)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
     if spec.settle > samples[-1, -1]:
         raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")

@@ -14,10 +14,12 @@ from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.laws import (
+    Cascade,
     ClassicProportional,
     ClassicWholeBody,
     DecoupledProportional,
     FeedbackLinearization,
+    GuidedProportional,
     HInfinity,
     HInfinityTracking,
     LinearQuadraticDQ,
@@ -46,6 +48,8 @@ AnyLaw = (
     | LinearQuadraticDQ
     | ClassicWholeBody
     | FeedbackLinearization
+    | Cascade
+    | GuidedProportional
 )
 Judged = Literal["true", "measured"]
 AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant

@@ -1,10 +1,12 @@
 """Control laws: frozen parameters, each with one compiled function."""
 
+from dqcontrol.laws.cascade import Cascade
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
+from dqcontrol.laws.guided import GuidedProportional
 from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
@@ -23,12 +25,14 @@ from dqcontrol.laws.whole_body import ClassicWholeBody
 
 __all__ = [
     "BestHeading",
+    "Cascade",
     "ClassicProportional",
     "ClassicWholeBody",
     "DampedInverse",
     "DecoupledProportional",
     "FeedbackLinearization",
     "FilteredInverse",
+    "GuidedProportional",
     "HInfinity",
     "HInfinityTracking",
     "JointCentring",

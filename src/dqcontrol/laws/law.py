@@ -50,6 +50,10 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
         """Return how many numbers are kept from sample to sample."""
         return 1
 
+    def initial_state(self, robot: Robot, q: Array) -> Array:
+        """Return the state before the first sample, at configuration q."""
+        return np.zeros(self.state_size(robot))
+
     def horizon(self, reference: Reference | None) -> float:
         """Return the time after which the parameters no longer change, s."""
         return 0.0
@@ -122,7 +126,9 @@ class PreparedLaw:
         position = limits.position
         self.position_limit = position.kernel if position else law_alone
         self.position_limit_parameters = position.parameters(robot, dt) if position else np.zeros(0)
-        self.state_size = law.state_size(robot) + (position.memory(robot) if position else 0)
+        self._law = law
+        self._memory = position.memory(robot) if position else 0
+        self.state_size = law.state_size(robot) + self._memory
         self.position_limit_work: Array = np.zeros(robot.input_size + self.state_size)
         self._last = len(parameters) - 1
         self.work: Array = np.zeros(law.work_size(robot))
@@ -136,8 +142,20 @@ class PreparedLaw:
         return self.kernel.compiled if isinstance(self.kernel, Kernel) else self.kernel
 
     def initial_state(self, q: ArrayLike) -> Array:
-        """Return the state before the first sample."""
-        return np.zeros(self.state_size)
+        """Return the state before the first sample.
+
+        Parameters
+        ----------
+        q
+            Measured configuration, shape (n,), rad or m.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q has the wrong size, or is not finite.
+        """
+        values = as_array("q", q, (self.robot.configuration_size,))
+        return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory)])
 
     def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
         """Return the inputs u for one sample.
