@@ -74,6 +74,48 @@ def test_position_limits_are_those_of_the_coordinate_that_an_input_moves(kind):
         assert over < (free.q[:, 7] - body.limits.upper[7]).max() / 2
 
 
+def test_a_thousand_random_runs_of_bodies_never_leave_the_limits():
+    """And with K a sample in which no joint at a limit is driven outwards is commanded as if there were no limits."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED + 1)
+    drive, arm = dqc.DifferentialDrive(0.05, 0.2, rim_speed=0.5), dqc.load_robot("ax18")
+    bodies = [dqc.load_robot("little-john"), dqc.load_robot("youbot"), dqc.WholeBody([arm, drive, arm])]
+    laws = [
+        Proportional(gain=5.0, null_space=dqc.laws.BestHeading()),
+        dqc.laws.FeedbackLinearization(stiffness=16.0, damping=4.0),
+        dqc.laws.Cascade(stiffness=16.0, damping=4.0),
+        dqc.laws.ClassicWholeBody(gain=5.0),
+    ]
+    limited = released = 0
+    for k in range(1000):
+        body, law = bodies[k % 3], laws[rng.integers(4)]
+        lower, upper, moved = body.limits.lower, body.limits.upper, body.input_coordinates
+        start = rng.uniform(np.maximum(lower, -3), np.minimum(upper, 3))
+        goal = dqc.references.SetPoint(body.fkm(start + rng.uniform(-1.5, 1.5, len(start))))
+        limits = CommandLimits(position=ModifiedClamping(), velocity=k % 2 == 1)
+        run = dqc.simulate(body, goal, law, dqc.plants.Integrator(), start, T, 1.0, limits=limits)
+        assert len(run) == 101, run.stopped
+        assert np.maximum(run.q - upper, lower - run.q).max() <= 0.0
+        if law is not laws[0] or k % 2 == 1 or k > 200:
+            continue
+        free = law.prepare(body, None, T)
+        state = free.initial_state(start)
+        for q, u in zip(run.q, run.command, strict=True):
+            wanted = free.command(q, goal.at(0.0), state)
+            outwards = ((q >= upper - 1e-6)[moved] & (wanted > 0)) | (
+                (q <= lower + 1e-6)[moved] & (wanted < 0)
+            )
+            limited += outwards.any()
+            if not outwards.any():
+                released += limited > 0
+                least, most = ((lower - q) / T)[moved], ((upper - q) / T)[moved]
+                assert u == pytest.approx(np.clip(wanted, least, most), rel=1e-9)
+            else:
+                assert (u[outwards] == 0).all()
+    assert limited > 100
+    assert released > 100
+
+
 def test_the_whole_run_of_a_body_keeps_its_rims():
     body = dqc.load_robot("little-john")
     far = body.integrate(START, [0.5, 0.8, 0, 0, 0, 0, 0], 2.0)

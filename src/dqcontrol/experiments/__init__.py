@@ -21,6 +21,7 @@ from dqcontrol.experiments.saved import load_rows, load_run, load_runs, load_stu
 from dqcontrol.experiments.spec import Spec, read_spec
 from dqcontrol.experiments.study import Study
 from dqcontrol.experiments.tables import Column, PlusMinus, Table
+from dqcontrol.experiments.task_range import TaskRange, task_range
 
 __all__ = [
     "Attenuation",
@@ -36,6 +37,7 @@ __all__ = [
     "Spec",
     "Study",
     "Table",
+    "TaskRange",
     "attenuation",
     "attenuation_table",
     "certificate",
@@ -58,5 +60,6 @@ __all__ = [
     "run_study_to",
     "summary",
     "summary_table",
+    "task_range",
     "verify_attenuation",
 ]

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.experiments.task_range import task_range
 from dqcontrol.laws import FeedbackLinearization
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 from dqcontrol.robots import Robot, WholeBody
 
@@ -33,8 +34,7 @@ class Certificate:
     matrosov
         W₂ = ⟨ξ̃, log x̃⟩, whose rate is −k_p |log x̃|² where ξ̃ = 0, shape (N,), 1/s. [S17 4.41–4.43]
     outside_range
-        How much of the twist ξ_b + T U lies outside the range of J, shape (N,), m/s and rad/s: its part along
-        directions of the hand with singular values below the threshold of `certificate`.
+        How much of the twist ξ_b + T U lies outside the range of J, shape (N,), m/s and rad/s; see `task_range`.
     smallest_singular_value
         Of the Jacobian of the hand's [ω ; ṗ], shape (N,).
     """
@@ -108,7 +108,7 @@ def certificate(
         + algebra.cross_twist(desired, error_twist)
     )
     period = np.diff(record.time, append=2 * record.time[-1] - record.time[-2])[:, None]
-    outside, smallest = _outside_range(moved, record, twist + period * acceleration, threshold)
+    asked = task_range(moved, record, twist + period * acceleration, threshold)
     kinetic = (error_twist**2).sum(axis=1)
     return Certificate(
         time=record.time,
@@ -116,8 +116,8 @@ def certificate(
         pose_part=law.stiffness * (log**2).sum(axis=1),
         predicted_rate=-2 * law.damping * kinetic,
         matrosov=(error_twist * log).sum(axis=1),
-        outside_range=outside,
-        smallest_singular_value=smallest,
+        outside_range=asked.outside,
+        smallest_singular_value=asked.smallest_singular_value,
     )
 
 
@@ -126,14 +126,3 @@ def _what_moved(robot: Robot, record: Record) -> tuple[Robot, Array]:
     if isinstance(robot, WholeBody) and robot.form == "unconstrained":
         return robot.in_form("constrained"), robot.feasible_inputs(record.q, record.command)
     return robot, record.command
-
-
-def _outside_range(robot: Robot, record: Record, body_twist: Array, threshold: float) -> tuple[Array, Array]:
-    """Return the norm of body twists outside the range of the hand's Jacobian, and its smallest singular value."""
-    left, values, _ = np.linalg.svd(robot.hand_jacobian(record.q))
-    rotation = np.hstack([record.pose[:, :4], np.zeros((len(record), 4))])
-    hand_twist = algebra.adjoint_twist(rotation, body_twist)
-    components = np.einsum("kij,ki->kj", left, hand_twist)
-    count = values.shape[1]  # fewer than six inputs leave directions without any singular value
-    lost = np.hstack([values < threshold, np.ones((len(values), 6 - count), dtype=bool)])
-    return row_norms(np.where(lost, components, 0.0)), np.where(count < 6, 0.0, values[:, -1])

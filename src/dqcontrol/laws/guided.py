@@ -20,34 +20,37 @@ from dqcontrol.robots import Robot
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-_PULL = GAIN + 8  # then the drives, q_r and u_r
+_PULL = GAIN + 8
+_SHARE = GAIN + 9  # then the drives, q_r and u_r
+
+_STEERING = 4.0  # 1/m²: how sharply a drive beside its line turns towards it
+_HANDOVER = 1.0  # s
 
 
 @inlined
-def towards(planned, q, pull, drives, out):
-    """Write z = α Gᵀ (q_r − q) with q̇ = G u; headings of drives count modulo a turn."""
+def along_plan(q, planned, inputs, pull, drives, out):
+    """Write what drives and joints add to their planned inputs so as to come back to their plan."""
     i, k = 0, 0
     for j in range(out.shape[0]):
         if k < drives.shape[0] and int(drives[k, 0]) == j:
-            x, y = planned[i] - q[i], planned[i + 1] - q[i + 1]
-            out[j] = pull * (x * math.cos(q[i + 2]) + y * math.sin(q[i + 2]))
-            i += 2
-        elif k < drives.shape[0] and int(drives[k, 0]) == j - 1:
-            turn = planned[i] - q[i]
-            out[j] = pull * math.atan2(math.sin(turn), math.cos(turn))
-            i, k = i + 1, k + 1
-        else:
+            x, y, turn = planned[i] - q[i], planned[i + 1] - q[i + 1], planned[i + 2] - q[i + 2]
+            c, s = math.cos(q[i + 2]), math.sin(q[i + 2])
+            out[j] = pull * (x * c + y * s)
+            out[j + 1] = pull * math.sin(turn) + _STEERING * inputs[j] * (y * c - x * s)
+            i, k = i + 3, k + 1
+        elif k == 0 or int(drives[k - 1, 0]) != j - 1:
             out[j] = pull * (planned[i] - q[i])
             i += 1
 
 
 @kernel(LAW)
 def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write u = u_r + z + N⁺ (K vec8(e) − N z)."""
+    """Write u = u_r + z + w N⁺ (K vec8(e) − N z)."""
     n, m = q.shape[0], out.shape[0]
     last = parameters.shape[0] - n - m
-    drives = parameters[_PULL + 1 : last].reshape((last - _PULL - 1) // 2, 2)
-    towards(parameters[last : last + n], q, parameters[_PULL], drives, work[0:m])
+    drives = parameters[_SHARE + 1 : last].reshape((last - _SHARE - 1) // 2, 2)
+    inputs, share = parameters[last + n :], parameters[_SHARE]
+    along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
     own = work[m:]
     error, target = own[0:8], own[8:16]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
@@ -57,18 +60,21 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
         target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
     )
     for i in range(m):
-        out[i] += parameters[last + n + i]
+        out[i] = inputs[i] + share * out[i] + (1.0 - share) * work[i]
     return status
 
 
 class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proportional"):
-    """K for goals anywhere, along a `DriveTo` reference: u = u_r + z + N⁺ (K vec8(e) − N z), z = α Gᵀ (q_r − q).
+    """K for goals anywhere, along a `DriveTo` reference: u = u_r + z + w N⁺ (K vec8(1 − x*x_d) − N z).
 
-    u_r are the planned inputs of the robot, their means from each sample to the next, and q_r are the planned
-    configurations; G are the directions that inputs give them, q̇ = G u. On its way e = 1 − x*x_d is 0 and u = u_r
-    whatever J is: the twist asked for, J u_r, lies in the range of J by construction. So singularities are passed as
-    planned, joints stay within their limits, and the command starts from rest. Feedback only has to remove what
-    disturbs: the hand's error as in `Proportional`, and in what the hand leaves free that of the configuration.
+    u_r are the planned inputs of the robot, their means from each sample to the next. z leads back to the planned
+    configuration q_r: α (q_r − q) for joints, and for drives, whose plan is e_x ahead, e_y to the left and turned by
+    e_φ, v = α e_x and ω = α sin e_φ + 4/m² v_r e_y [Kanayama 1990]. w is 0 on the way and grows to 1 in the second
+    after it: then z moves only what the hand leaves free, and the hand's error is removed as by `Proportional`.
+
+    So what is asked of the hand on the way, J (u_r + z), lies in the range of J by construction: singularities are
+    passed as planned, joints stay within their limits, and the command starts from rest, however far the goal. Only the
+    rest of the error, at a goal configuration that was chosen far from singularities, is left to N⁺.
 
     Choice: laws without a plan are for goals that move, or change while the robot drives. k as for `Proportional`.
 
@@ -99,7 +105,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return inverse, hysteresis, gains, pull and drives, and the plan at each sample.
+        """Return inverse, hysteresis, gains, pull, the hand's share, drives, and the plan at each sample.
 
         Raises
         ------
@@ -110,10 +116,12 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
             raise Error(f"law: guided-proportional follows a drive-to reference, planned for {robot.name}")
         if self.null_space is not None:
             raise Error("null_space: leave it out, guided-proportional follows its plan")
-        steps = math.ceil(reference.duration / dt) + 1
+        steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
         check_steps("plan", steps)
         times = dt * np.arange(steps)
         own = self.parameter_rows(robot, times)
-        head = [as_positive("pull", self.pull), *drive_table(robot).ravel()]
+        pull = np.full(steps, as_positive("pull", self.pull))
+        share = np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0)
+        drives = np.tile(drive_table(robot).ravel(), (steps, 1))
         plan = reference.configurations(times), reference.mean_inputs(times, dt)
-        return np.hstack([np.broadcast_to(own, (steps, own.shape[1])), np.tile(head, (steps, 1)), *plan])
+        return np.hstack([np.broadcast_to(own, (steps, own.shape[1])), np.c_[pull, share], drives, *plan])

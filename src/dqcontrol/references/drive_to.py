@@ -52,7 +52,7 @@ class DriveTo(Reference):
     >>> robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
     >>> way = dqc.references.DriveTo(robot, start, [-1, 2, 3, 0.5, -0.5, 0.5, 0.5, 0])
     >>> round(way.duration, 2), way.configurations([way.duration])[0].round(9).tolist()
-    (23.69, [-1.0, 2.0, 3.0, 0.5, -0.5, 0.5, 0.5, 0.0])
+    (20.94, [-1.0, 2.0, 3.0, 0.5, -0.5, 0.5, 0.5, 0.0])
     """
 
     robot: Robot

@@ -16,6 +16,7 @@ from dqcontrol.view.repeats import gain_figure, repeats_figure
 from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
 from dqcontrol.view.surfaces import surface, surface_figure
+from dqcontrol.view.task_range import range_condition
 
 __all__ = [
     "compare_criteria",
@@ -30,6 +31,7 @@ __all__ = [
     "lyapunov",
     "path_3d",
     "pose_coefficients",
+    "range_condition",
     "repeats_figure",
     "save_comparison",
     "save_plots",

@@ -1,0 +1,113 @@
+"""The way to a goal: twists of what the robot can do, exact ends, speeds within their share."""
+
+import math
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.references import DriveTo, random_goals
+
+START = np.array([0.3, -0.2, 0.5, 0, -0.9, 0.9, 0.9, 0])
+SEED = 20261201
+
+
+def bodies():
+    drive = dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4)
+    return {
+        "little-john": dqc.load_robot("little-john"),
+        "unconstrained": dqc.load_robot("little-john").in_form("unconstrained"),
+        "two drives": dqc.WholeBody([drive, dqc.load_robot("ax18"), drive, dqc.load_robot("ax18")]),
+        "holonomic": dqc.WholeBody([dqc.HolonomicBase(speed=0.3, turn_rate=1.0), dqc.load_robot("ax18")]),
+        "arm": dqc.load_robot("iiwa7"),
+    }
+
+
+def ways(count=3):
+    found = []
+    for name, robot in bodies().items():
+        rng = np.random.default_rng([SEED, len(name)])
+        for _ in range(count):
+            start, goal = rng.uniform(-1.4, 1.4, (2, robot.configuration_size))
+            found.append(pytest.param(DriveTo(robot, start, goal), id=name))
+    return found
+
+
+@pytest.mark.parametrize("way", ways())
+def test_inputs_move_the_robot_along_the_configurations_to_the_goal(way):
+    """Exactly, where a sample does not hold both a turn and a drive; in all by the period's square."""
+    robot, period = way.robot, way.duration / 4000
+    times = period * np.arange(4001)
+    planned, inputs = way.configurations(times), way.mean_inputs(times, period)
+    q = planned[0]
+    np.testing.assert_allclose(q, way.start)
+    for k in range(4000):
+        q = robot.integrate(q, inputs[k], period)
+        if k % 500 == 499:
+            np.testing.assert_allclose(q, planned[k + 1], atol=1e-6)
+    away = q - way.goal
+    for first in robot.drives[:, 0].astype(int):
+        away[first + 2] = math.remainder(away[first + 2], math.tau)
+    np.testing.assert_allclose(away, 0, atol=1e-6)
+
+
+@pytest.mark.parametrize("way", ways(1))
+def test_twists_and_rates_are_derivatives(way):
+    times, h = np.linspace(0.05, 0.95, 40) * way.duration, 1e-5
+    behind, here, ahead = (way.motion(times + d) for d in (-h, 0, h))
+    moved = algebra.multiply(ahead[:, :8], algebra.conjugate(behind[:, :8]))
+    np.testing.assert_allclose(here[:, 8:14], algebra.log_screw(moved) / h, atol=1e-7)
+    np.testing.assert_allclose(here[:, 14:20], (ahead - behind)[:, 8:14] / (2 * h), atol=1e-6)
+    jacobian, u = way.robot.twist_jacobian(way.configurations(times)), way.mean_inputs(times - h, 2 * h)
+    np.testing.assert_allclose(here[:, 8:14], np.einsum("kij,kj->ki", jacobian, u), atol=1e-7)
+
+
+@pytest.mark.parametrize("way", ways(1))
+def test_speeds_stay_within_their_share_from_rest_to_rest(way):
+    times = np.linspace(0, way.duration, 2001)
+    u = way.mean_inputs(times, 1e-4)
+    share = (np.abs(u) / way.robot.limits.velocity).max()
+    assert 0.1 < share <= 0.5 + 1e-9
+    assert np.abs(u[[0, -1]]).max() < 1e-5
+
+
+def test_joints_stay_within_their_limits_and_the_hand_arrives():
+    robot = dqc.load_robot("little-john")
+    for goal in robot.fkm(random_goals(robot, START, 20, reach=1.5, seed=SEED)):
+        way = DriveTo.pose(robot, START, goal)
+        q = way.configurations(np.linspace(0, way.duration, 500))
+        assert ((q >= robot.limits.lower) & (q <= robot.limits.upper)).all()
+        arrived = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(q[-1])), goal))
+        np.testing.assert_allclose(arrived, [1, 0, 0, 0, 0, 0, 0, 0], atol=2e-6)
+
+
+def test_it_backs_up_where_that_turns_less():
+    robot = dqc.load_robot("little-john")
+    behind = np.array([-1.0, 0.1, 0.1, *START[3:]])
+    way = DriveTo(robot, np.zeros(8), behind)
+    v = way.mean_inputs(np.linspace(0, way.duration, 200), 0.01)[:, 0]
+    assert v.min() < -0.1
+    assert v.max() <= 0
+
+
+def test_staying_takes_no_time():
+    robot = dqc.load_robot("little-john")
+    way = DriveTo(robot, START, START)
+    assert way.duration == 0
+    np.testing.assert_allclose(way.at(1.0).pose, robot.fkm(START))
+    assert not way.at(0.0).twist.any()
+
+
+def test_bad_input():
+    robot = dqc.load_robot("little-john")
+    with pytest.raises(Error, match=r"goal: expected shape \(…, 8\)"):
+        DriveTo(robot, START, np.zeros(7))
+    with pytest.raises(Error, match="share: must be > 0, got 0"):
+        DriveTo(robot, START, START, share=0)
+    with pytest.raises(ValueRangeError, match="pose: little-john does not get there: unreachable"):
+        DriveTo.pose(robot, START, algebra.pose([1, 0, 0, 0], [0, 0, 3.0]))
+    unlimited = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1), dqc.load_robot("ax18")])
+    with pytest.raises(ValueRangeError, match=r"robot: v of .* has no velocity limit to plan with"):
+        DriveTo(unlimited, START, START + np.eye(8)[0])
