@@ -210,6 +210,7 @@ def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
         "errors.png",
         "pose.png",
         "joints.png",
+        "margins.png",
         "inputs.png",
     ]
     assert first[0].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"

@@ -12,6 +12,7 @@ from dqcontrol.view.plots import (
     joint_angles,
     pose_coefficients,
 )
+from dqcontrol.view.readings import limit_margins, readings
 from dqcontrol.view.repeats import gain_figure, repeats_figure
 from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
@@ -28,10 +29,12 @@ __all__ = [
     "gain_figure",
     "histogram",
     "joint_angles",
+    "limit_margins",
     "lyapunov",
     "path_3d",
     "pose_coefficients",
     "range_condition",
+    "readings",
     "repeats_figure",
     "save_comparison",
     "save_plots",

@@ -21,8 +21,10 @@ _CAPTIONS = {
     "errors": "Error norm, distance and angle between the hand and its desired pose.",
     "pose": "Coefficients of the end pose.",
     "joints": "Configuration; limits in the titles, dashed where they are near.",
+    "margins": "Distance of each joint from its nearest limit, as a share of half its range.",
     "inputs": "Commanded inputs and their norm.",
     "disturbance": "Twist that the disturbance gave the hand, inertial axes.",
+    "readings": "Forces that the plant sensed.",
 }
 _PAGE = """<!DOCTYPE html>
 <html lang="en">

@@ -14,6 +14,7 @@ from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
+from dqcontrol.view.readings import has_readings, limit_margins, readings
 
 FORMATS = ("pdf", "png", "svg")
 
@@ -27,7 +28,9 @@ def save_plots(
     input_units: Sequence[str] | None = None,
     formats: Sequence[str] = ("png",),
 ) -> list[Path]:
-    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``; ``inputs``, ``disturbance`` if any.
+    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``.
+
+    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance`` and ``readings`` (of forces).
 
     Parameters
     ----------
@@ -61,10 +64,17 @@ def save_plots(
 
     folder = Path(folder)
     names = ["path", "errors", "pose", "joints"]
+    if (
+        limits is not None
+        and (np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)).any()
+    ):
+        names.append("margins")
     if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
         names.append("inputs")
     if record.disturbance is not None:
         names.append("disturbance")
+    if has_readings(record):
+        names.append("readings")
     for kind in formats:
         if kind not in FORMATS:
             raise unknown_name("formats", kind, FORMATS)
@@ -76,8 +86,10 @@ def save_plots(
         "errors": lambda: errors(record),
         "pose": lambda: pose_coefficients(record),
         "joints": lambda: joint_angles(record, limits, joint_units),
+        "margins": lambda: limit_margins(record, limits or Limits.none(record.q.shape[1])),
         "inputs": lambda: control_signals(record, input_units),
         "disturbance": lambda: disturbance(record),
+        "readings": lambda: readings(record),
     }
     figures = [draw[name]() for name in names]
     folder.mkdir(parents=True, exist_ok=True)
