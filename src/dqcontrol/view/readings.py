@@ -10,7 +10,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.margins import joint_margins
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
-from dqcontrol.view.style import COLOURS, LIMIT, LINES, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import LIMIT, legend_below, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,8 +93,7 @@ def limit_margins(record: Record, limits: Limits) -> Figure:
     figure = new_figure(7.0, 3.2)
     axes = figure.subplots()
     for i in shown:
-        style = {"color": COLOURS[i % len(COLOURS)], "linestyle": LINES[i // len(COLOURS) % len(LINES)]}
-        axes.plot(record.time, margins[i] / half[i], label=record.joint_names[i], **style)
+        axes.plot(record.time, margins[i] / half[i], label=record.joint_names[i], **line_style(int(i)))
     axes.axhline(0.0, color=LIMIT, ls="--", lw=1.1)
     axes.set_ylim(bottom=min(-0.03, axes.get_ylim()[0]), top=max(axes.get_ylim()[1], 0.1))
     axes.set_ylabel("margin / half range")
