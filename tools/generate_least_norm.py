@@ -16,11 +16,14 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, limit, out):
-    """Write u = J_h⁺ y and return True, or return False where tr (J_h J_hᵀ)⁻¹ · limit > 1.
+def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
+    """Write u = J_hᵀ (J_h J_hᵀ + W)⁻¹ y and return True, or return False where tr (J_h J_hᵀ + W)⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; J_h J_hᵀ = L D Lᵀ, with 1/D in place of D.
+    trace bounds 1/σ²min from above; J_h J_hᵀ + W = L D Lᵀ, with 1/D in place of D.
+
+    W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
+    pose at half the distance d from the hand; see `solve_hand_twist`.
     """
     n = twist_jacobian.shape[1]
 '''
@@ -29,8 +32,7 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, out):
 def lines() -> list[str]:
     """Return the body of the function."""
     text: list[str] = []
-    for i in range(SIZE):
-        text.append(" = ".join(f"g{i}{j}" for j in range(i + 1)) + " = 0.0")
+    text += damping_lines()
     text.append("for c in range(n):")
     text.append("    a0, a1, a2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]")
     text.append("    a3 = twist_jacobian[3, c] - py * a2 + pz * a1")
@@ -56,6 +58,23 @@ def lines() -> list[str]:
     text.append("    out[c] = (")
     text += [f"        {'+ ' if i else ''}twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
     text += ["    )", "return True"]
+    return text
+
+
+def damping_lines() -> list[str]:
+    """Return the start of the sums: the lower triangle of W."""
+    d = ("dx", "dy", "dz")
+    cross = {(3, 1): "-dz", (3, 2): "dy", (4, 0): "dz", (4, 2): "-dx", (5, 0): "-dy", (5, 1): "dx"}
+    text = ["far = 1.0 + dx * dx + dy * dy + dz * dz"]
+    for i in range(SIZE):
+        for j in range(i + 1):
+            if i < 3:
+                value = f"{1.0 if i == j else 0.0} - {d[i]} * {d[j]} / far"
+            elif j >= 3:
+                value = f"{'far' if i == j else '0.0'} - {d[i - 3]} * {d[j - 3]}"
+            else:
+                value = cross.get((i, j), "0.0")
+            text.append(f"g{i}{j} = damping * ({value})")
     return text
 
 

@@ -16,7 +16,7 @@ TOOL = Path(__file__).parents[2] / "tools/generate_least_norm.py"
 
 @njit
 def solved(jacobian, position, twist, limit, out):
-    return least_norm(jacobian, position[0], position[1], position[2], twist, limit, out)
+    return least_norm(jacobian, position[0], position[1], position[2], twist, limit, 0.0, 0.0, 0.0, 0.0, out)
 
 
 def test_the_file_is_what_the_tool_writes():

@@ -9,10 +9,10 @@ import numpy as np
 from dqcontrol.algebra.kernels import multiply
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_hand_twist
+from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_pose_rate
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
+from dqcontrol.laws.nearest_twist import nearest_twist
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
@@ -25,16 +25,13 @@ def _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, inverse, work, o
     """Write out = z + J⁺ (rate − J z); rate is overwritten."""
     n = pose_jacobian.shape[1]
     preferred, twist, rest = work[0:n], work[n + 32 : n + 38], work[n + SCRATCH :]
-    smallest = smallest_singular_value(nearest_twist(rate, pose, twist))
-    w, i, j, k = pose[0], -pose[1], -pose[2], -pose[3]
-    dw, di, dj, dk = pose[4], pose[5], pose[6], pose[7]
-    px = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    py = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    dx, dy, dz = nearest_twist(rate, pose, twist)
+    px, py, pz = 2.0 * dx, 2.0 * dy, 2.0 * dz
     twist[3] += twist[1] * pz - twist[2] * py  # ṗ = v + ω × p
     twist[4] += twist[2] * px - twist[0] * pz
     twist[5] += twist[0] * py - twist[1] * px
-    status = solve_hand_twist(pose, twist_jacobian, twist, preferred, smallest, inverse, rest, out)
+    offset = -dx, -dy, -dz  # moving the twist to the hand takes p, twice this, away
+    status = solve_pose_rate(pose, twist_jacobian, twist, preferred, offset, inverse, rest, out)
     if status != ELSEWHERE:
         return status
     return solve(pose_jacobian, rate, preferred, inverse, rest, out)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from msgspec import Meta, Struct
@@ -206,11 +207,35 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
     n = twist_jacobian.shape[1]
     if n < 6 or inverse[0] == DAMPED:
         return ELSEWHERE
-    px, py, pz = position(pose)
+    p = position(pose)
     if inverse[0] == BY_MANIPULABILITY:
         matrix = work[0 : 6 * n].reshape(6, n)
-        hand_jacobian((px, py, pz), twist_jacobian, matrix)
+        hand_jacobian(p, twist_jacobian, matrix)
         return solve(matrix, hand_twist, preferred, inverse, work[6 * n :], out)
+    bound = inverse[1] / smallest
+    return _least_norm(p, twist_jacobian, hand_twist, preferred, bound * bound, 0.0, (0.0, 0.0, 0.0), out)
+
+
+@inlined
+def solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, offset, inverse, work, out):
+    """Write `solve_hand_twist` for a C that takes t to vec8(½ξx), ξ = ω + ε(ṗ + ω × d), x = P + εdP, d the offset.
+
+    With damping, Nᵀ(NNᵀ + λ²I)⁻¹y = J_hᵀ (J_h J_hᵀ + λ²(CᵀC)⁻¹)⁻¹ t, and 4 CᵀC = [[(1 + d²) I, [d]×], [−[d]×, I]].
+    """
+    dx, dy, dz = offset
+    square = dx * dx + dy * dy + dz * dz
+    if inverse[0] == DAMPED:
+        damping = 4.0 * inverse[1] * inverse[1]
+        return _least_norm(position(pose), twist_jacobian, hand_twist, preferred, 0.0, damping, offset, out)
+    smallest = 0.25 * (math.sqrt(square + 4.0) - math.sqrt(square))  # half that of [[1, 0], [|d|, 1]]
+    return solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, work, out)
+
+
+@inlined
+def _least_norm(position, twist_jacobian, hand_twist, preferred, limit, damping, offset, out):
+    """Write z + J_h⁺ (t − J_h z), damped or not; hand_twist is overwritten."""
+    px, py, pz = position
+    n = twist_jacobian.shape[1]
     for c in range(n):
         z = preferred[c]
         if z != 0.0:
@@ -221,8 +246,8 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
             hand_twist[3] -= z * (twist_jacobian[3, c] - py * x2 + pz * x1)
             hand_twist[4] -= z * (twist_jacobian[4, c] - pz * x0 + px * x2)
             hand_twist[5] -= z * (twist_jacobian[5, c] - px * x1 + py * x0)
-    bound = inverse[1] / smallest
-    if not least_norm(twist_jacobian, px, py, pz, hand_twist, bound * bound, out):
+    dx, dy, dz = offset
+    if not least_norm(twist_jacobian, px, py, pz, hand_twist, limit, damping, dx, dy, dz, out):
         return ELSEWHERE
     for c in range(n):
         out[c] += preferred[c]

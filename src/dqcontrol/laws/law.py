@@ -130,7 +130,7 @@ class PreparedLaw:
         self._memory = position.memory(robot) if position else 0
         self.state_size = law.state_size(robot) + self._memory
         self.position_limit_work: Array = np.zeros(robot.input_size + self.state_size)
-        self._last = len(parameters) - 1
+        self._last, self._row = len(parameters) - 1, parameters[0]
         self.work: Array = np.zeros(law.work_size(robot))
         self.preferred = self.work[: robot.input_size]
         self.preference_work: Array = np.zeros(WORK_SIZE)
@@ -185,22 +185,28 @@ class PreparedLaw:
         DivergedError
             If the result is not finite.
         """
+        m = self.robot.input_size
         if out is None:
-            out = np.empty(self.robot.input_size)
-        elif out.shape != (self.robot.input_size,):
-            raise ShapeError(f"out: expected shape ({self.robot.input_size},), got {out.shape}")
-        if type(state) is not np.ndarray or state.dtype != np.float64 or state.shape != (self.state_size,):
-            raise Error(
-                f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}"
-            )
+            out = np.empty(m)
+        elif len(out) != m:
+            raise ShapeError(f"out: expected shape ({m},), got {out.shape}")
+        if type(state) is not np.ndarray or len(state) != self.state_size:
+            self._refuse(state)
         data = sample.data
         row = 0 if self._last == 0 else max(round(data.item(TIME) / self.dt), 0)
         try:
             self.step(q, data, row, state, out)
         except TypeError:  # a list, integers
+            if state.dtype != np.float64 or state.ndim != 1:
+                self._refuse(state)
             values = as_array("q", q, (self.robot.configuration_size,))
             self.step(values, data, row, state, out)
         return out
+
+    def _refuse(self, state: object) -> None:
+        raise Error(
+            f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}"
+        )
 
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
         """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
@@ -210,11 +216,11 @@ class PreparedLaw:
             self.preference(
                 q, twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
             )
-        parameters = self.parameters[min(k, self._last)]
-        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, self.work
+        row = self._row if self._last == 0 else self.parameters[min(k, self._last)]
         if self.position_limit is law_alone:
-            status = self._command(*asked, out)
+            status = self._command(q, pose, pose_jacobian, twist_jacobian, sample, row, state, self.work, out)
         else:
+            asked = q, pose, pose_jacobian, twist_jacobian, sample, row, state, self.work
             own = self.position_limit_parameters, self.position_limit_work
             if isinstance(self.kernel, Kernel):
                 status = self.position_limit(self.kernel.pointer, *asked, *own, out)

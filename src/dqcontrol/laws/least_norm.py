@@ -6,19 +6,38 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, limit, out):
-    """Write u = J_h⁺ y and return True, or return False where tr (J_h J_hᵀ)⁻¹ · limit > 1.
+def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
+    """Write u = J_hᵀ (J_h J_hᵀ + W)⁻¹ y and return True, or return False where tr (J_h J_hᵀ + W)⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; J_h J_hᵀ = L D Lᵀ, with 1/D in place of D.
+    trace bounds 1/σ²min from above; J_h J_hᵀ + W = L D Lᵀ, with 1/D in place of D.
+
+    W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
+    pose at half the distance d from the hand; see `solve_hand_twist`.
     """
     n = twist_jacobian.shape[1]
-    g00 = 0.0
-    g10 = g11 = 0.0
-    g20 = g21 = g22 = 0.0
-    g30 = g31 = g32 = g33 = 0.0
-    g40 = g41 = g42 = g43 = g44 = 0.0
-    g50 = g51 = g52 = g53 = g54 = g55 = 0.0
+    far = 1.0 + dx * dx + dy * dy + dz * dz
+    g00 = damping * (1.0 - dx * dx / far)
+    g10 = damping * (0.0 - dy * dx / far)
+    g11 = damping * (1.0 - dy * dy / far)
+    g20 = damping * (0.0 - dz * dx / far)
+    g21 = damping * (0.0 - dz * dy / far)
+    g22 = damping * (1.0 - dz * dz / far)
+    g30 = damping * (0.0)
+    g31 = damping * (-dz)
+    g32 = damping * (dy)
+    g33 = damping * (far - dx * dx)
+    g40 = damping * (dz)
+    g41 = damping * (0.0)
+    g42 = damping * (-dx)
+    g43 = damping * (0.0 - dy * dx)
+    g44 = damping * (far - dy * dy)
+    g50 = damping * (-dy)
+    g51 = damping * (dx)
+    g52 = damping * (0.0)
+    g53 = damping * (0.0 - dz * dx)
+    g54 = damping * (0.0 - dz * dy)
+    g55 = damping * (far - dz * dz)
     for c in range(n):
         a0, a1, a2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
         a3 = twist_jacobian[3, c] - py * a2 + pz * a1

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 from dqcontrol.compile import inlined
 
 
 @inlined
 def nearest_twist(rate, x, out):
-    """Write the twist ξ = ω + εv that minimises |vec8(½ξx − rate)| and return |D|² of x = P + εD.
+    """Write the twist ξ = ω + εv that minimises |vec8(½ξx − rate)| and return d = D P* of x = P + εD.
 
-    With a = 2 rate_P P*, b = 2 rate_D P*, d = D P* (right products with P* keep norms): ω ≈ Im a, −ω·d ≈ Re b,
+    With a = 2 rate_P P*, b = 2 rate_D P* (right products with P* keep norms): ω ≈ Im a, −ω·d ≈ Re b,
     v = Im b − ω × d, which is one rank-one correction of ω.
     """
     pw, px, py, pz = x[0], -x[1], -x[2], -x[3]
@@ -35,10 +33,4 @@ def nearest_twist(rate, x, out):
     out[3] = bx - (ay * dz - az * dy)
     out[4] = by - (az * dx - ax * dz)
     out[5] = bz - (ax * dy - ay * dx)
-    return square
-
-
-@inlined
-def smallest_singular_value(square):
-    """Return the smallest singular value of ξ ↦ vec8(½ξx), from |D|² of x: half that of [[1, 0], [|D|, 1]]."""
-    return 0.25 * (math.sqrt(square + 4.0) - math.sqrt(square))
+    return dx, dy, dz

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dqcontrol.algebra.kernels import conjugate_multiply, rotate
 from dqcontrol.compile import inlined
-from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
+from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_pose_rate
 from dqcontrol.laws.law import SCRATCH
-from dqcontrol.laws.nearest_twist import nearest_twist, smallest_singular_value
+from dqcontrol.laws.nearest_twist import nearest_twist
 
 
 @inlined
@@ -54,15 +54,16 @@ def solve_left_error(target, error, pose, pose_jacobian, twist_jacobian, desired
     """Write out = z + N⁺ (target − N z) with the preferred motion z; target and error are overwritten."""
     n = pose_jacobian.shape[1]
     preferred, scratch, rest = work[0:n], work[n + 32 : n + SCRATCH], work[n + SCRATCH :]
-    body_twist, hand_twist = scratch[0:6], scratch[6:12]
+    body_twist, hand_twist, offset = scratch[0:6], scratch[6:12], scratch[12:15]
     for i in range(8):  # N u = −½ξ_b x_e with x_e = 1 − e
         target[i] = -target[i]
         error[i] = -error[i]
     error[0] += 1.0
-    smallest = smallest_singular_value(nearest_twist(target, error, body_twist))
+    rotate(pose, nearest_twist(target, error, body_twist), offset)
     rotate(pose, body_twist[0:3], hand_twist[0:3])
     rotate(pose, body_twist[3:6], hand_twist[3:6])
-    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
+    d = offset[0], offset[1], offset[2]
+    status = solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, d, inverse, rest, out)
     if status != ELSEWHERE:
         return status
     for i in range(8):
