@@ -19,6 +19,7 @@ from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.contact import peak_contact, recovery_time
 from dqcontrol.experiments.margins import least_margin
 from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.robots.limits import Limits
 
 Array = NDArray[np.float64]
@@ -104,7 +105,8 @@ class Metrics:
     joint_path_length
         Σ|q(k+1) − q(k)|₂, rad; independent of T.
     effort
-        √∫|u|² dt, rad/√s [S17 Table 5.1]; there u holds the wheels' speeds.
+        √∫|u|² dt, rad/√s (and m/√s for prismatic joints and holonomic bases); of differential drives u holds the speeds
+        of the wheels in place of v and ω. [S17 Table 5.1]
     settling_time
         Time from the start after which the error stays in its band, s; NaN if it ends outside.
     settling_band
@@ -202,7 +204,8 @@ def evaluate(
         velocity = np.diff(record.position, axis=0) / intervals[:, None]
         acceleration = np.diff(velocity, axis=0) / between[:, None]
         control = row_norms(record.command[:-1])
-        effort = math.sqrt(np.sum(control**2 * intervals))
+        actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
+        effort = math.sqrt(np.sum(row_norms(actuators[:-1]) ** 2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = least_margin(record, limits)
         return Metrics(

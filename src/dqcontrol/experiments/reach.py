@@ -1,4 +1,4 @@
-"""Whether an arm can reach a reference, asked before it moves."""
+"""Whether a robot can reach a reference, asked before it moves."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.references.sample import POSE, TIME
-from dqcontrol.robots import Robot, describe
+from dqcontrol.robots import Robot, WholeBody, describe
+from dqcontrol.robots.whole_body import base_coordinates, placed
 
 Array = NDArray[np.float64]
 
@@ -20,16 +21,17 @@ _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is reached
 
 
 def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
-    """Raise if a reference leaves what the arm can reach; warn if it leaves what it can within its joint limits.
+    """Raise if a reference leaves what the robot can reach; warn if it leaves what it can within its joint limits.
 
-    First the distance from the first axis is held against the length of the stretched arm, then poses along the
-    reference are solved for. Each can be reached by itself then; whether without a jump between them is for the run
-    to show. An arm of fewer than six joints cannot reach most poses exactly: only positions count there.
+    First the distance from the first axis is held against the length of the stretched arm, unless it stands on a base
+    that drives; then poses along the reference are solved for. Each can be reached by itself then; whether without a
+    jump between them, and by driving as a base can, is for the run to show. A robot whose hand cannot move in all six
+    directions cannot reach most poses exactly: only positions count there.
 
     Parameters
     ----------
     robot
-        The arm.
+        The arm or whole body.
     q0
         Start configuration, shape (n,).
     samples
@@ -40,21 +42,15 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
     ReachError
         With the time and the distance missing.
     """
-    far = (
-        np.linalg.norm(algebra.translation(samples[:, POSE]) - _shoulder(robot), axis=1)
-        - describe(robot).reach
-    )
-    if robot.joint_types[0] == "revolute" and far.max() > 0:
-        raise ReachError(
-            f"reference: at t = {samples[int(far.argmax()), TIME]:.3g} s the desired position is {far.max():.3g} m "
-            f"out of reach of {robot.name}"
-        )
+    drives = bool(base_coordinates(robot).any())
+    if not drives and robot.joint_types[0] == "revolute":
+        _check_length(robot, samples)
     chosen = samples[np.unique(np.linspace(0, len(samples) - 1, _POSES).astype(int))]
     found = robot.solve(
         chosen[:, POSE],
-        q0,
+        _driven_near(robot, q0, chosen[:, POSE]) if drives else q0,
         position_tolerance=_POSITION,
-        orientation_tolerance=_ORIENTATION if robot.configuration_size >= 6 else np.inf,
+        orientation_tolerance=_ORIENTATION if _turns_freely(robot) else np.inf,
         restarts=_RESTARTS,
     )
     for i in [i for i, reason in enumerate(found.reason) if reason.startswith("unreachable")]:
@@ -69,6 +65,34 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
             LimitWarning,
             stacklevel=4,
         )
+
+
+def _check_length(robot: Robot, samples: Array) -> None:
+    """Raise if a position is farther from the first axis than the stretched arm is long."""
+    distance = np.linalg.norm(algebra.translation(samples[:, POSE]) - _shoulder(robot), axis=1)
+    far = distance - describe(robot).reach
+    if far.max() > 0:
+        raise ReachError(
+            f"reference: at t = {samples[int(far.argmax()), TIME]:.3g} s the desired position is {far.max():.3g} m "
+            f"out of reach of {robot.name}"
+        )
+
+
+def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
+    """Return q0 for each pose, a base that stands on the floor driven as far as the hand has to go."""
+    starts = np.tile(q0, (len(poses), 1))
+    first = next(placed(robot.parts))[0] if isinstance(robot, WholeBody) else 0
+    if base_coordinates(robot)[first]:
+        way = algebra.translation(poses) - algebra.translation(robot.fkm(q0))
+        starts[:, first : first + 2] += way[:, :2]
+    return starts
+
+
+def _turns_freely(robot: Robot) -> bool:
+    """Return whether the hand can move in all six directions in general, where drives may stand as they need."""
+    free = robot.in_form("unconstrained") if isinstance(robot, WholeBody) else robot
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, robot.configuration_size)
+    return bool(np.linalg.matrix_rank(free.twist_jacobian(q), tol=1e-6) == 6)
 
 
 def _shoulder(robot: Robot) -> Array:

@@ -118,19 +118,15 @@ class Run:
         """
         from dqcontrol.loop.export import export_record
 
-        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
         notes = {"spec": self.spec, "label": self.label}
-        return export_record(
-            self.record, path, joint_units=units, input_units=units, notes=notes, force=force
-        )
+        return export_record(self.record, path, **_units(self.robot), notes=notes, force=force)
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         from dqcontrol.view import save_plots, write_report
 
         self.write_data(folder)
-        units = ["rad" if kind == "revolute" else "m" for kind in self.robot.joint_types]
-        save_plots(self.record, folder, self.robot.limits, joint_units=units, input_units=units)
+        save_plots(self.record, folder, self.robot.limits, **_units(self.robot), robot=self.robot)
         write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
 
     def write_data(self, folder: Path) -> None:
@@ -140,6 +136,12 @@ class Run:
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
         )
+
+
+def _units(robot: Robot) -> dict[str, list[str]]:
+    """Return the units of coordinates and inputs as exports and figures take them."""
+    kinds = {"joint_units": robot.joint_types, "input_units": robot.input_types}
+    return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
 
 
 def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:

@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from dqcontrol.plants.channels import Channel, SensingPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import WholeBody
+
+ACTUATORS = "actuator_command"
 
 
 class Signal(NamedTuple):
@@ -70,3 +74,34 @@ def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
 
 def _signal(channel: Channel, values: NDArray[np.float64]) -> Signal:
     return Signal(channel.name, channel.parts, (channel.unit,) * channel.size, values)
+
+
+def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.float64]) -> dict[str, Signal]:
+    """Return u_f by its name, if the robot has differential drives: its command as wheel and joint speeds. [S17 4.27]
+
+    Parameters
+    ----------
+    robot
+        Of whom the command is.
+    q, command
+        Configurations and inputs, shapes (N, n) and (N, m); u_f is NaN where one is not finite.
+    """
+    if not isinstance(robot, WholeBody) or not len(robot.drives):
+        return {}
+    driven = robot.in_form("constrained")
+    finite = np.isfinite(q).all(axis=1) & np.isfinite(command).all(axis=1)
+    values = np.full((len(q), driven.input_size), np.nan)
+    inputs = command[finite]
+    if robot.form == "unconstrained":
+        inputs = robot.feasible_inputs(q[finite], inputs)
+    values[finite] = driven.wheel_speeds(inputs)
+    parts, units = (
+        list(driven.input_names),
+        ["m/s" if kind == "prismatic" else "rad/s" for kind in driven.input_types],
+    )
+    for k, (first, *_) in enumerate(driven.drives):
+        j = int(first) - k
+        prefix = parts[j].removesuffix("v")
+        parts[j], parts[j + 1] = f"{prefix}right_wheel", f"{prefix}left_wheel"
+        units[j] = units[j + 1] = "rad/s"
+    return {ACTUATORS: Signal(ACTUATORS, tuple(parts), tuple(units), values)}

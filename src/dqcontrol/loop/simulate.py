@@ -12,6 +12,7 @@ from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import Stop, close_loop
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.signals import actuator_command
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant
 from dqcontrol.references import Reference
@@ -154,7 +155,7 @@ def follow(
         input_names=robot.input_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
-        readings=trace.readings,
+        readings=trace.readings | actuator_command(robot, trace.q, trace.command),
     )
 
 

@@ -1,5 +1,7 @@
 """Figures and reports of runs. matplotlib is imported when the first figure is made."""
 
+from dqcontrol.view.base_paths import base_path, superimposed
+from dqcontrol.view.compared import compare_inputs, compare_joints, compare_poses
 from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.histograms import histogram
@@ -20,9 +22,13 @@ from dqcontrol.view.surfaces import surface, surface_figure
 from dqcontrol.view.task_range import range_condition
 
 __all__ = [
+    "base_path",
     "compare_criteria",
     "compare_errors",
+    "compare_inputs",
+    "compare_joints",
     "compare_paths",
+    "compare_poses",
     "control_signals",
     "disturbance",
     "errors",
@@ -38,6 +44,7 @@ __all__ = [
     "repeats_figure",
     "save_comparison",
     "save_plots",
+    "superimposed",
     "surface",
     "surface_figure",
     "write_report",

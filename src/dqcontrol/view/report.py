@@ -18,6 +18,8 @@ from dqcontrol.loop.record import Record, has_failed
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
 _CAPTIONS = {
     "path": "Path of the hand over the desired one.",
+    "base": "Where the base went, seen from above; arrows are its headings at equal times.",
+    "motion": "The robot at several times, later ones stronger.",
     "errors": "Error norm, distance and angle between the hand and its desired pose.",
     "pose": "Coefficients of the end pose.",
     "joints": "Configuration; limits in the titles, dashed where they are near.",

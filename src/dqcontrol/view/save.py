@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
 from dqcontrol.errors import ExistsError, unknown_name
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.robot import Robot
+from dqcontrol.view.base_paths import base_path, has_base, superimposed
 from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.paths import compare_paths, path_3d
@@ -27,10 +30,13 @@ def save_plots(
     joint_units: Sequence[str] | None = None,
     input_units: Sequence[str] | None = None,
     formats: Sequence[str] = ("png",),
+    robot: Robot | None = None,
 ) -> list[Path]:
     """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``.
 
     And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance`` and ``readings`` (of forces).
+
+    Of a robot that drives also ``base``, where its base went, and ``motion``, the robot at several times.
 
     Parameters
     ----------
@@ -44,6 +50,8 @@ def save_plots(
         As for `control_signals`.
     formats
         Any of ``"png"``, ``"svg"``, ``"pdf"``.
+    robot
+        Of whom the run is; needed for ``base`` and ``motion``.
 
     Returns
     -------
@@ -75,6 +83,8 @@ def save_plots(
         names.append("disturbance")
     if has_readings(record):
         names.append("readings")
+    if robot is not None and has_base(robot):
+        names += ["base", "motion"]
     for kind in formats:
         if kind not in FORMATS:
             raise unknown_name("formats", kind, FORMATS)
@@ -90,6 +100,8 @@ def save_plots(
         "inputs": lambda: control_signals(record, input_units),
         "disturbance": lambda: disturbance(record),
         "readings": lambda: readings(record),
+        "base": lambda: base_path(cast(Robot, robot), {"": record}),
+        "motion": lambda: superimposed(cast(Robot, robot), {"": record}),
     }
     figures = [draw[name]() for name in names]
     folder.mkdir(parents=True, exist_ok=True)
