@@ -24,7 +24,7 @@ _NAMES = ("$w$", "$i$", "$j$", "$k$")
 
 @styled
 def compare_poses(records: Mapping[str, Record]) -> Figure:
-    """Plot the eight coefficients of the hand's pose of several runs over the first run's desired one. [S17 Fig. 5.2]
+    """Plot the eight coefficients of the hand's pose of several runs over the longest run's desired one. [S17 Fig. 5.2]
 
     Signs follow the desired pose, which itself does not jump, so that x and −x, which are one pose, look it.
 
@@ -33,8 +33,9 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
     ShapeError
         If there is no run.
     """
-    first = _first(records)
-    desired = _without_jumps(first.desired_pose)
+    _first(records)
+    longest = max(records.values(), key=len)
+    desired = _without_jumps(longest.desired_pose)
     figure = new_figure(_WIDTH, 6.2)
     grid = figure.subplots(4, 2, sharex=True)
     for n, (label, record) in enumerate(records.items()):
@@ -43,7 +44,7 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
             grid[i % 4, i // 4].plot(record.time, pose[:, i], label=label, **line_style(n))
     for i in range(8):
         axes = grid[i % 4, i // 4]
-        axes.plot(first.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
+        axes.plot(longest.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
         axes.set_ylabel(_NAMES[i % 4] + (" [m]" if i > 3 else ""))
         at_least(axes, 1e-3)
     grid[0, 0].set_title("primary part")

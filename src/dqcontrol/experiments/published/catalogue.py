@@ -13,7 +13,7 @@ from dqcontrol.experiments.tables import Column, Table
 if TYPE_CHECKING:
     from dqcontrol.experiments.published.reproduced import Reproduced
 
-SOURCES = ("pereira2016",)
+SOURCES = ("pereira2016", "silva2017")
 SAMPLES = 500  # of each run in real time
 
 Progress = Callable[[str, float, int], None]  # what is run, how much of it is done, and how much it is in all
