@@ -1,0 +1,42 @@
+"""Draw the picture of docs/mobile-bases.md: `python tools/update_mobile_bases.py`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.experiments import Run, run_study
+from dqcontrol.view.style import line_style, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROOT = Path(__file__).parents[1]
+
+
+@styled
+def lost_camera(runs: dict[str, Run]) -> Figure:
+    """Plot the speed of the base and the age of the last frame."""
+    figure = new_figure(7.0, 3.6)
+    speed, age = figure.subplots(2, 1, sharex=True)
+    for i, (label, run) in enumerate(runs.items()):
+        record = run.record
+        moved = np.hypot(*np.diff(record.q[:, :2], axis=0).T) / np.diff(record.time)
+        speed.plot(record.time[:-1], moved, label=label.rpartition(" · ")[2], **line_style(i))
+        age.plot(record.time, record.readings["camera_age"].values[:, 0], **line_style(i))
+    for axes in (speed, age):
+        axes.axvspan(4, 10, color="#dddddd", lw=0, zorder=0)
+        axes.set_xlim(0, 25)
+    speed.set_ylabel("base [m/s]")
+    speed.legend()
+    age.set_ylabel("last frame [s ago]")
+    age.set_xlabel("time [s]")
+    figure.align_ylabels()
+    return figure
+
+
+if __name__ == "__main__":
+    study = run_study(ROOT / "examples/lost-camera.yaml", jobs=1)
+    lost_camera(dict(study.runs)).savefig(ROOT / "docs/pictures/lost-camera.png")
