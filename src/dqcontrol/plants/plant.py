@@ -115,3 +115,7 @@ class CompiledPlant:
         if status:
             raise DivergedError("the plant left the finite numbers")
         self._step += 1
+
+    def rewind(self) -> None:
+        """Use the noise again from its start, for a plant that goes on for longer than it was started for."""
+        self._step = 0

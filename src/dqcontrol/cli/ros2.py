@@ -1,0 +1,103 @@
+"""Controllers and simulated robots as ROS 2 nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from dqcontrol.cli.options import Force, Out
+
+ros2 = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
+
+Interface = Annotated[
+    Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
+]
+Network = Annotated[bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")]
+RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
+
+
+@ros2.command
+def controller(
+    spec: Path,
+    /,
+    *ros_arguments: RosArguments,
+    name: str = "dqcontrol",
+    follow: Literal["spec", "pose", "twist"] = "spec",
+    interface: Interface = "velocity",
+    autostart: bool = False,
+    out: Out = None,
+    force: Force = False,
+    network: Network = False,
+) -> None:
+    """Drive a robot behind ROS 2 topics; see docs/ros2.md.
+
+    Parameters
+    ----------
+    spec
+        YAML file of one run: its robot, law and reference.
+    name
+        Of the node.
+    follow
+        What the hand follows: the spec's reference, poses or twists from topics.
+    autostart
+        Start with the first joint states; end when the reference has ended or the robot was stopped.
+    """
+    from dqcontrol.errors import Error
+    from dqcontrol.experiments.output import check_new
+    from dqcontrol.ros2 import middleware
+
+    if out:
+        check_new(out, force=force)
+    with middleware.ros(ros_arguments, network=network):
+        from dqcontrol.ros2.controller import ControllerNode
+
+        node = ControllerNode(spec, name=name, source=follow, interface=interface, autostart=autostart)
+        try:
+            middleware.spin(node, ended=lambda: node.ended)
+        except KeyboardInterrupt:
+            node.retire()
+            middleware.spin(node, ended=lambda: node.ended)
+    if out and node.following:
+        run = node.following.tracer.run(node.following.loaded, node.outcome or "interrupted")
+        run.save(out, force=force)
+        print(f"results: {out}")
+    if node.outcome not in ("", "duration", "interrupted"):
+        raise Error(f"{name}: stopped: {node.outcome}")
+
+
+@ros2.command
+def robot(
+    spec: Path,
+    /,
+    *ros_arguments: RosArguments,
+    name: str = "robot",
+    interface: Interface = "velocity",
+    wrench_node: str | None = None,
+    network: Network = False,
+) -> None:
+    """Simulate a robot behind ROS 2 topics; see docs/ros2.md.
+
+    Parameters
+    ----------
+    spec
+        YAML file of one run: its robot, start and plant.
+    name
+        Of the node.
+    wrench_node
+        Name of another node that publishes the wrench, of plants that have one.
+    """
+    from dqcontrol.ros2 import middleware
+    from dqcontrol.ros2.loading import load
+
+    middleware.check_installed()
+    loaded = load(spec)
+    with middleware.ros(ros_arguments, network=network):
+        from rclpy.node import Node
+
+        from dqcontrol.ros2.robot import RobotNode
+
+        extra = [Node(wrench_node)] if wrench_node else []
+        node = RobotNode(loaded, name=name, interface=interface, wrench_node=(extra or [None])[0])
+        middleware.spin(node, *extra)

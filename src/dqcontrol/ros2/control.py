@@ -1,0 +1,163 @@
+"""The closed loop as messages come and go: law and supervisor, and the states that a controller is in."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import DivergedError, Error, ValueRangeError
+from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.limits.prepared_supervisor import END, GO, STOP
+from dqcontrol.ros2.targets import Target
+
+Array = NDArray[np.float64]
+
+
+class Phase(Enum):
+    """What a controller is doing."""
+
+    UNCONFIGURED = "unconfigured"  # the spec is not loaded
+    INACTIVE = "inactive"  # says nothing to the robot
+    ACTIVE = "active"  # follows
+    STOPPING = "stopping"  # brakes
+    STOPPED = "stopped"  # holds the robot until it is reset
+
+
+class Control:
+    """A law, its target and the supervisor that all its commands go through.
+
+    Attributes
+    ----------
+    phase
+        What it is doing.
+    reason
+        Why it stopped, or what the supervisor does now; empty while nothing is to be said.
+    desired
+        Last sample of the target, shape (21,).
+    is_commanding
+        Whether each step has a command for the robot.
+    wanted, command
+        What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
+    """
+
+    def __init__(self, law: PreparedLaw, target: Target, supervisor: PreparedSupervisor) -> None:
+        self.law, self.target, self.supervisor = law, target, supervisor
+        self.robot = law.robot
+        self.phase, self.reason = Phase.INACTIVE, ""
+        m = self.robot.input_size
+        self.wanted, self.command = np.zeros(m), np.zeros(m)
+        self.desired: Array = np.zeros(21)
+        self._measured = np.zeros(self.robot.configuration_size)
+        self._request = GO
+        self._law_state = self._state = np.zeros(0)
+        self.is_commanding = False
+
+    @property
+    def position(self) -> Array:
+        """The position command, shape (m,), rad or m."""
+        return self.supervisor.position(self._state)
+
+    @property
+    def rate(self) -> Array:
+        """The rate of the position command, shape (m,), rad/s or m/s."""
+        return self.supervisor.rate(self._state)
+
+    def activate(self, measured: Array) -> None:
+        """Begin to follow from a robot at rest at measured joints, shape (n,), rad or m.
+
+        Raises
+        ------
+        Error
+            If it is not inactive.
+        ValueRangeError
+            If a joint is beyond its limits.
+        """
+        if self.phase is not Phase.INACTIVE:
+            raise Error(f"activate: the controller is {self.phase.value}, not inactive")
+        self._state = self.supervisor.start(measured)
+        self._law_state = self.law.initial_state(measured)
+        self._measured[:] = measured
+        self.wanted[:], self.command[:], self._request = 0.0, 0.0, GO
+        self.target.start(self.robot.fkm(measured))
+        self.phase, self.reason, self.is_commanding = Phase.ACTIVE, "", True
+
+    def deactivate(self) -> None:
+        """Stop softly, then say no more.
+
+        Raises
+        ------
+        Error
+            If it is not active.
+        """
+        if self.phase is not Phase.ACTIVE:
+            raise Error(f"deactivate: the controller is {self.phase.value}, not active")
+        self._request, self.phase = END, Phase.STOPPING
+
+    def emergency_stop(self) -> None:
+        """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start."""
+        self._request = STOP
+        if self.phase is Phase.INACTIVE:
+            self.phase, self.reason = Phase.STOPPED, "emergency stop"
+        elif self.phase is not Phase.STOPPED:
+            self.phase = Phase.STOPPING
+
+    def reset(self) -> None:
+        """Be inactive after a stop.
+
+        Raises
+        ------
+        Error
+            If it is not stopped.
+        """
+        if self.phase is not Phase.STOPPED:
+            raise Error(f"reset: the controller is {self.phase.value}, not stopped")
+        self.phase, self.reason, self.is_commanding = Phase.INACTIVE, "", False
+
+    def step(self, time: float, measured: Array | None, age: float) -> None:
+        """Find the command of one period, while there is one to be found.
+
+        Parameters
+        ----------
+        time
+            Since the start, s.
+        measured
+            Joints, shape (n,), rad or m; None if none came: the law is not asked then.
+        age
+            Of the last measurement, s.
+        """
+        if not self.is_commanding:
+            return
+        if self.phase is Phase.ACTIVE and self.target.is_over(time):
+            self.deactivate()
+        if measured is not None:
+            self._measured[:] = measured
+            self._ask_law(time)
+        request, self._request = self._request, GO
+        rests = self.supervisor.step(
+            self._measured, self.wanted, self._state, age, request, self.command
+        )
+        self._follow_supervisor(rests)
+
+    def _ask_law(self, time: float) -> None:
+        pose = self.robot.kinematics(self._measured, self.law.kinematics).pose
+        self.desired = self.target.sample(time, pose.copy())
+        row = max(round(time / self.law.dt), 0)
+        try:
+            self.law.step(self._measured, self.desired, row, self._law_state, self.wanted)
+        except (DivergedError, ValueRangeError):
+            self.wanted[:] = math.nan  # the supervisor stops, and says why
+
+    def _follow_supervisor(self, rests: bool) -> None:
+        words = self.supervisor.reasons(self._state)
+        if not self.supervisor.is_stopped(self._state):
+            self.reason = ", ".join(words)
+            return
+        if self.phase in (Phase.ACTIVE, Phase.STOPPING):
+            self.reason, self.phase = ", ".join(words), Phase.STOPPING
+            if rests:
+                self.is_commanding = words != ("soft stop",)
+                self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE

@@ -1,0 +1,119 @@
+"""A spec as the parts of a controller or of a simulated robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.experiments.spec import AnyLaw
+from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import PreparedSupervisor, Supervisor
+from dqcontrol.limits.prepared_supervisor import GO
+from dqcontrol.robots import Robot
+from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.ros2.targets import ByTwist, Sampled, Speeds, Target, ToPose
+
+Array = NDArray[np.float64]
+
+SILENCE = 0.05  # s: default of the time after which nothing heard means a stop
+
+
+@dataclass
+class Loaded:
+    """A spec of one run, and what may be changed of it while it runs.
+
+    Attributes
+    ----------
+    setting, case
+        The spec, and its one combination.
+    law, supervisor
+        Their parameters as they are now.
+    speeds
+        Limits of what poses and twists ask for.
+    """
+
+    setting: Setting
+    case: Case
+    law: AnyLaw
+    supervisor: Supervisor
+    speeds: Speeds
+
+    @property
+    def robot(self) -> Robot:
+        """The arm."""
+        return self.case.scene.robot
+
+    @property
+    def period(self) -> float:
+        """Control period, s."""
+        return self.setting.spec.period
+
+    @property
+    def command_mode(self) -> str:
+        """What the plant's servos move from: their last target, or the measured joints."""
+        return getattr(self.case.plant, "command_mode", "integrated")
+
+    def target(self, source: str) -> Target:
+        """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
+        if source == "spec":
+            return Sampled(self.case.scene.samples, self.period)
+        return ToPose(self.speeds) if source == "pose" else ByTwist(self.speeds)
+
+    def prepared_law(self, source: str) -> PreparedLaw:
+        """Return the law ready to run."""
+        reference = self.case.scene.reference if source == "spec" else None
+        return self.law.prepare(self.robot, reference, self.period, self.setting.spec.limits)
+
+    def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
+        """Return the supervisor ready to run, for a robot that takes velocities or positions."""
+        return self.supervisor.prepare(self.robot, self.period, self._mode(interface))
+
+    def limits_alone(self, interface: str) -> tuple[PreparedSupervisor, bool]:
+        """Return a supervisor that only keeps velocity, acceleration and position limits, as a robot itself does.
+
+        The second is whether its inputs are counted from the measured joints.
+        """
+        limits = msgspec.structs.replace(
+            self.supervisor, ramp=0.0, slow_below=0.0, hold_below=0.0, tracking_error=1e9, jerk=None, workspace=None
+        )
+        mode = self._mode(interface)
+        return limits.prepare(self.robot, self.period, mode), mode == "measured"
+
+    def _mode(self, interface: str) -> Literal["integrated", "measured"]:
+        return "measured" if interface != "velocity" and self.command_mode == "measured" else "integrated"
+
+
+def load(source: str | Path) -> Loaded:
+    """Load a spec that describes one run of an arm.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something is missing, malformed or does not fit, or it describes several runs or a mobile base.
+    """
+    setting = prepare(source)
+    if not setting.spec.is_single:
+        raise ShapeError(f"{source}: describes several runs; a robot does one at a time: name one law and one plant")
+    (case,) = setting.cases
+    robot = case.scene.robot
+    if base_coordinates(robot).any():
+        raise ShapeError(f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is")
+    supervisor = getattr(setting.spec, "supervisor", None) or Supervisor()
+    if supervisor.stale_after is None:
+        supervisor = msgspec.structs.replace(supervisor, stale_after=SILENCE)
+    return Loaded(setting, case, case.variant.law, supervisor, Speeds())
+
+
+def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, sample: Array) -> None:
+    """Compile what a step needs, so that the first one is not late."""
+    command = np.zeros(law.robot.input_size)
+    law.step(start, sample, 0, law.initial_state(start), command)
+    law.robot.fkm(start)
+    supervisor.step(start, command, supervisor.start(start), 0.0, GO, command)

@@ -1,0 +1,143 @@
+"""What messages mean, and why some are refused. They are read by their fields, so none of ROS is imported here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.errors import Error
+
+Array = NDArray[np.float64]
+
+NANOSECONDS = 1_000_000_000
+_UNIT = 0.01  # by which the norm of an orientation may be off
+
+
+class RefusedError(Error):
+    """A message is not what it should be; it is left out."""
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a ``builtin_interfaces/Time`` in ns."""
+    return stamp.sec * NANOSECONDS + stamp.nanosec
+
+
+def stamp_of(time: int, stamp: Any) -> Any:
+    """Write a time in ns into a ``builtin_interfaces/Time``, and return it."""
+    stamp.sec, stamp.nanosec = divmod(time, NANOSECONDS)
+    return stamp
+
+
+def numbers(what: str, values: Sequence[float], size: int) -> Array:
+    """Return so many finite numbers.
+
+    Raises
+    ------
+    RefusedError
+        If there are more or fewer, or one is not finite.
+    """
+    array = np.array(values, dtype=np.float64)
+    if array.shape != (size,):
+        raise RefusedError(f"{what}: expected {size} numbers, got {array.size}")
+    if not np.isfinite(array).all():
+        raise RefusedError(f"{what}: number {int(np.argmin(np.isfinite(array))) + 1} is not finite")
+    return array
+
+
+def by_name(what: str, names: Sequence[str], values: Sequence[float], wanted: Sequence[str]) -> Array:
+    """Return the values of the wanted joints in their order; there may be other joints beside them.
+
+    Raises
+    ------
+    RefusedError
+        If a joint is missing or named twice, there are not as many values as names, or one wanted is not finite.
+    """
+    if len(values) != len(names):
+        raise RefusedError(f"{what}: {len(names)} names, but {len(values)} positions")
+    given = dict(zip(names, values, strict=True))
+    if len(given) != len(names):
+        twice = next(name for i, name in enumerate(names) if name in names[:i])
+        raise RefusedError(f"{what}: joint '{twice}' is there twice")
+    missing = [name for name in wanted if name not in given]
+    if missing:
+        raise RefusedError(f"{what}: has no joint '{missing[0]}' (it has: {', '.join(names) or 'none'})")
+    return numbers(what, [given[name] for name in wanted], len(wanted))
+
+
+def trajectory_point(message: Any, wanted: Sequence[str]) -> Array:
+    """Return the positions of a ``trajectory_msgs/JointTrajectory`` of one point.
+
+    Raises
+    ------
+    RefusedError
+        If it has another number of points, or its joints are not those.
+    """
+    if len(message.points) != 1:
+        raise RefusedError(f"trajectory: expected 1 point, got {len(message.points)}")
+    return by_name("trajectory", message.joint_names, message.points[0].positions, wanted)
+
+
+def pose_of(message: Any, frame: str) -> Array:
+    """Return a ``geometry_msgs/PoseStamped`` as unit dual quaternion (8,), in its frame.
+
+    Raises
+    ------
+    RefusedError
+        If its frame is another one, its orientation is no unit quaternion, or a number is not finite.
+    """
+    if message.header.frame_id != frame:
+        raise RefusedError(f"pose: unknown frame '{message.header.frame_id}' (allowed: {frame})")
+    place, turn = message.pose.position, message.pose.orientation
+    p = numbers("pose.position", [place.x, place.y, place.z], 3)
+    r = numbers("pose.orientation", [turn.w, turn.x, turn.y, turn.z], 4)
+    norm = np.linalg.norm(r)
+    if abs(norm - 1) > _UNIT:
+        raise RefusedError(f"pose.orientation: expected a unit quaternion, got norm {norm:.3g}")
+    return algebra.pose(r / norm, p)
+
+
+def twist_of(message: Any, frames: Sequence[str]) -> tuple[Array, Array, str]:
+    """Return linear and angular velocity of the hand, (3,), m/s and rad/s, of a ``geometry_msgs/TwistStamped``.
+
+    The third is the frame whose axes they are in.
+
+    Raises
+    ------
+    RefusedError
+        If its frame is none of those allowed, or a number is not finite.
+    """
+    frame = message.header.frame_id
+    if frame not in frames:
+        raise RefusedError(f"twist: unknown frame '{frame}' (allowed: {', '.join(frames)})")
+    v, w = message.twist.linear, message.twist.angular
+    return numbers("twist.linear", [v.x, v.y, v.z], 3), numbers("twist.angular", [w.x, w.y, w.z], 3), frame
+
+
+class Stamps:
+    """Lets times pass that increase, and refuses all others."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._last = what, -1
+
+    def check(self, time: int) -> int:
+        """Return a time in ns if it is later than all before.
+
+        Raises
+        ------
+        RefusedError
+            If it is not.
+        """
+        if time <= self._last:
+            early = (self._last - time) / NANOSECONDS
+            raise RefusedError(f"{self._what}: its stamp is {early:.6f} s before the last one's" if early else
+                               f"{self._what}: has the stamp of the one before")
+        self._last = time
+        return time
+
+    def forget(self) -> None:
+        """Let any time pass next."""
+        self._last = -1

@@ -1,0 +1,105 @@
+"""Starting and ending ROS 2: is it there, what may it open, and a loop that spins."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dqcontrol.errors import Error, MissingExtraError
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+_PACKAGES = (
+    "rclpy",
+    "sensor_msgs.msg",
+    "trajectory_msgs.msg",
+    "geometry_msgs.msg",
+    "diagnostic_msgs.msg",
+    "std_msgs.msg",
+    "std_srvs.srv",
+)
+_LOOPBACK = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("loopback.xml")),
+}
+
+
+def check_installed() -> None:
+    """Say in one line what is missing of ROS 2.
+
+    Raises
+    ------
+    MissingExtraError
+        If rclpy or one of the message packages is not there.
+    """
+    for package in _PACKAGES:
+        try:
+            import_module(package)
+        except ImportError as error:
+            raise MissingExtraError(
+                f"ros2: cannot import {package.split('.')[0]} ({error}); source a ROS 2 installation, or "
+                "pip install 'dqcontrol[ros2]'"
+            ) from None
+
+
+def stay_on_loopback() -> None:
+    """Keep what ROS opens on the loopback, except where the environment says otherwise already."""
+    for name, value in _LOOPBACK.items():
+        os.environ.setdefault(name, value)
+
+
+@contextmanager
+def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
+    """Start ROS 2 with its own arguments (``-r``, ``-p``, …), and end it.
+
+    Parameters
+    ----------
+    arguments
+        What follows ``--ros-args``.
+    network
+        True: leave it to ROS's own settings what it opens; else it stays on the loopback.
+    """
+    check_installed()
+    if not network:
+        stay_on_loopback()
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    words = ["dqcontrol", "--ros-args", *arguments] if arguments else ["dqcontrol"]
+    try:
+        rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy names its reasons by classes of its C library
+        raise Error(f"ros2: {str(error).splitlines()[0]}") from None
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: robots are to be stopped softly
+    try:
+        yield
+    finally:
+        rclpy.try_shutdown()
+
+
+def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
+    """Serve nodes until something has ended, or the user ends it all by KeyboardInterrupt.
+
+    One thread does everything: with several, rclpy's timers starve.
+    """
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    executor = SingleThreadedExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    gc.collect()
+    gc.freeze()  # what is there stays; what comes is little
+    try:
+        while rclpy.ok() and not ended():
+            executor.spin_once()
+    finally:
+        gc.unfreeze()
+        executor.shutdown()

@@ -1,0 +1,80 @@
+"""Which numbers of a loaded spec are ROS parameters, and what changing one means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+import msgspec
+from msgspec import Struct
+
+from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.parameters import Number
+
+T = TypeVar("T", bound=Struct)
+
+_LAW, _SUPERVISOR = "law.", "supervisor."
+_OWN = (
+    Number("start_tolerance", 0.1, 0.0, 3.2, "how far joints may be from the spec's start, rad or m"),
+    Number("linear_speed", 0.1, 0.001, 2.0, "of the desired pose on the way to a pose or by a twist, m/s"),
+    Number("angular_speed", 0.5, 0.001, 6.0, "of the same, rad/s"),
+    Number("twist_timeout", 0.1, 0.01, 1.0, "after which a twist no longer counts, s"),
+)
+
+
+def numbers_of(loaded: Loaded) -> list[Number]:
+    """Return all numbers that may be changed: our own, the law's and the supervisor's."""
+    return [
+        *_OWN,
+        *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
+        *_fields(_SUPERVISOR, loaded.supervisor, "of the supervisor; only while inactive"),
+    ]
+
+
+def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
+    """Return a structure with those numbers whose names have the prefix.
+
+    Raises
+    ------
+    ValueRangeError
+        If the structure does not allow one.
+    """
+    own = {name.removeprefix(prefix): value for name, value in numbers.items() if name.startswith(prefix)}
+    try:
+        data = msgspec.to_builtins(struct) | own
+        return msgspec.convert(data, type(struct)) if own else struct
+    except msgspec.ValidationError as error:
+        raise ValueRangeError(f"{prefix}{next(iter(own))}: {error}") from None
+
+
+def retune(loaded: Loaded, numbers: Mapping[str, float], *, active: bool) -> tuple[bool, bool]:
+    """Change law, supervisor and speeds; return whether law and supervisor did.
+
+    Raises
+    ------
+    Error
+        If a number is not allowed, or not now; nothing is changed then.
+    """
+    law = with_numbers(loaded.law, _LAW, numbers)
+    supervisor = with_numbers(loaded.supervisor, _SUPERVISOR, numbers)
+    if active and supervisor is not loaded.supervisor:
+        raise Error("the supervisor may be changed only while the controller is inactive")
+    if active and law is not loaded.law and law.horizon(loaded.case.scene.reference) > 0:
+        raise Error("this law depends on time; it may be changed only while the controller is inactive")
+    law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
+    supervisor.prepare(loaded.robot, loaded.period)
+    changes = law is not loaded.law, supervisor is not loaded.supervisor
+    loaded.law, loaded.supervisor = law, supervisor
+    loaded.speeds.linear = numbers.get("linear_speed", loaded.speeds.linear)
+    loaded.speeds.angular = numbers.get("angular_speed", loaded.speeds.angular)
+    return changes
+
+
+def _fields(prefix: str, struct: Struct, description: str) -> list[Number]:
+    found = []
+    for field in struct.__struct_fields__:
+        value = getattr(struct, field)
+        if type(value) in (float, int):
+            found.append(Number(prefix + field, float(value), 0.0, 1e6, f"{field} {description}"))
+    return found
