@@ -32,7 +32,15 @@ from dqcontrol.laws import (
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
-from dqcontrol.plants import CompliantPlant, Disturbance, Integrator, MobilePlant, MujocoPlant, Servo
+from dqcontrol.plants import (
+    CompliantPlant,
+    CoppeliaPlant,
+    Disturbance,
+    Integrator,
+    MobilePlant,
+    MujocoPlant,
+    Servo,
+)
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 AnyLaw = (
@@ -52,7 +60,7 @@ AnyLaw = (
     | GuidedProportional
 )
 Judged = Literal["true", "measured"]
-AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant
+AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant | CoppeliaPlant
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):

@@ -2,6 +2,7 @@
 
 from dqcontrol.plants.camera import Camera, FiducialLoss
 from dqcontrol.plants.compliant import CompliantPlant
+from dqcontrol.plants.coppeliasim import CoppeliaPlant
 from dqcontrol.plants.disturbance import (
     BandLimitedTwist,
     ConstantTwist,
@@ -30,6 +31,7 @@ __all__ = [
     "CompiledPlant",
     "CompliantPlant",
     "ConstantTwist",
+    "CoppeliaPlant",
     "Cube",
     "Disturbance",
     "EncoderLoss",
