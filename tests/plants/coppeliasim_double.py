@@ -40,7 +40,9 @@ class Double:
         if function == "zmqRemoteApi.require":
             return {"ret": []}
         if function == "zmqRemoteApi.info":
-            return {"ret": [{name: {"func": {}} for name in FUNCTIONS} | {"simulation_stopped": {"const": 0}}]}
+            return {
+                "ret": [{name: {"func": {}} for name in FUNCTIONS} | {"simulation_stopped": {"const": 0}}]
+            }
         try:
             return self._sim(function.removeprefix("sim."), *arguments)
         except Exception as error:

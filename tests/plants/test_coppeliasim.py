@@ -44,7 +44,7 @@ def test_starts_where_it_is_told_and_steps_with_the_period(served):
 
 
 def test_targets_count_from_the_measured_joints_if_asked(served):
-    double, port = served
+    _, port = served
     live = started(port, command_mode="measured")
     live.measured[:] += 0.5
     live.step(np.ones(7))
@@ -85,7 +85,7 @@ def test_what_is_wrong_is_said_in_one_line(served):
     with pytest.raises(ValueRangeError, match="finite"):
         live.step(np.full(7, np.nan))
     double.running = False
-    with pytest.raises(Error, match="CoppeliaSim at 127.0.0.1.*not stepping"):
+    with pytest.raises(Error, match=r"CoppeliaSim at 127\.0\.0\.1.*not stepping"):
         live.step(np.zeros(7))
 
 
@@ -106,7 +106,10 @@ def test_without_the_client_the_extra_is_named(monkeypatch):
 @pytest.mark.skipif("COPPELIASIM_JOINTS" not in os.environ, reason="needs CoppeliaSim: see docs/ros2.md")
 def test_a_joint_moves_in_the_simulator():
     joints = os.environ["COPPELIASIM_JOINTS"].split(",")
-    host, port = os.environ.get("COPPELIASIM_HOST", "127.0.0.1"), int(os.environ.get("COPPELIASIM_PORT", "23000"))
+    host, port = (
+        os.environ.get("COPPELIASIM_HOST", "127.0.0.1"),
+        int(os.environ.get("COPPELIASIM_PORT", "23000")),
+    )
     plant = CoppeliaPlant(joints=joints, host=host, port=port)
     live = plant.start(dqc.load_robot("iiwa7"), START, 0.05, 20, 0)
     for _ in range(20):

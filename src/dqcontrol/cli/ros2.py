@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,7 +16,9 @@ ros2 = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.",
 Interface = Annotated[
     Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
 ]
-Network = Annotated[bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")]
+Network = Annotated[
+    bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
+]
 RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
 
 
@@ -100,4 +104,35 @@ def robot(
 
         extra = [Node(wrench_node)] if wrench_node else []
         node = RobotNode(loaded, name=name, interface=interface, wrench_node=(extra or [None])[0])
-        middleware.spin(node, *extra)
+        with suppress(KeyboardInterrupt):
+            middleware.spin(node, *extra)
+
+
+@ros2.command
+def pereira2016(
+    robot: Annotated[Literal["meka", "kuka"], Parameter(show_default=True)] = "meka",
+    *,
+    law: str = "K",
+    plant: Literal["servo", "meka-physics"] = "meka-physics",
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Launch the ROS graph of Pereira 2016: its nodes and topics, controller and robot in processes of their own.
+
+    Parameters
+    ----------
+    robot
+        The Meka draws the spiral; the Kuka in the simulator, a circle.
+    law
+        As the published experiment calls it.
+    plant
+        What the Meka is; in physics it has its force sensor.
+    """
+    from dqcontrol.ros2 import middleware
+    from dqcontrol.ros2.pereira2016 import launch
+
+    middleware.check_installed()
+    options = [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]
+    code = launch(robot, law, plant, options)
+    if code:
+        sys.exit(code)

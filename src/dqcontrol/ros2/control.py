@@ -137,16 +137,14 @@ class Control:
             self._measured[:] = measured
             self._ask_law(time)
         request, self._request = self._request, GO
-        rests = self.supervisor.step(
-            self._measured, self.wanted, self._state, age, request, self.command
-        )
+        rests = self.supervisor.step(self._measured, self.wanted, self._state, age, request, self.command)
         self._follow_supervisor(rests)
 
     def _ask_law(self, time: float) -> None:
-        pose = self.robot.kinematics(self._measured, self.law.kinematics).pose
-        self.desired = self.target.sample(time, pose.copy())
         row = max(round(time / self.law.dt), 0)
         try:
+            pose = self.robot.kinematics(self._measured, self.law.kinematics).pose
+            self.desired = self.target.sample(time, pose.copy())
             self.law.step(self._measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why

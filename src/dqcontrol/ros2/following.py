@@ -133,7 +133,9 @@ class Following:
 
     def _joint_names(self) -> list[str]:
         own = list(self.loaded.robot.joint_names)
-        names = read_once(self._node, "joint_names", own, "names in messages, in the order of the robot's joints")
+        names = read_once(
+            self._node, "joint_names", own, "names in messages, in the order of the robot's joints"
+        )
         if len(names) != len(own):
             raise ValueRangeError(f"joint_names: expected {len(own)} names, got {len(names)}")
         return list(names)

@@ -81,7 +81,13 @@ class Loaded:
         The second is whether its inputs are counted from the measured joints.
         """
         limits = msgspec.structs.replace(
-            self.supervisor, ramp=0.0, slow_below=0.0, hold_below=0.0, tracking_error=1e9, jerk=None, workspace=None
+            self.supervisor,
+            ramp=0.0,
+            slow_below=0.0,
+            hold_below=0.0,
+            tracking_error=1e9,
+            jerk=None,
+            workspace=None,
         )
         mode = self._mode(interface)
         return limits.prepare(self.robot, self.period, mode), mode == "measured"
@@ -100,11 +106,15 @@ def load(source: str | Path) -> Loaded:
     """
     setting = prepare(source)
     if not setting.spec.is_single:
-        raise ShapeError(f"{source}: describes several runs; a robot does one at a time: name one law and one plant")
+        raise ShapeError(
+            f"{source}: describes several runs; a robot does one at a time: name one law and one plant"
+        )
     (case,) = setting.cases
     robot = case.scene.robot
     if base_coordinates(robot).any():
-        raise ShapeError(f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is")
+        raise ShapeError(
+            f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is"
+        )
     supervisor = getattr(setting.spec, "supervisor", None) or Supervisor()
     if supervisor.stale_after is None:
         supervisor = msgspec.structs.replace(supervisor, stale_after=SILENCE)

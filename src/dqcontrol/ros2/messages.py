@@ -133,8 +133,11 @@ class Stamps:
         """
         if time <= self._last:
             early = (self._last - time) / NANOSECONDS
-            raise RefusedError(f"{self._what}: its stamp is {early:.6f} s before the last one's" if early else
-                               f"{self._what}: has the stamp of the one before")
+            raise RefusedError(
+                f"{self._what}: its stamp is {early:.6f} s before the last one's"
+                if early
+                else f"{self._what}: has the stamp of the one before"
+            )
         self._last = time
         return time
 

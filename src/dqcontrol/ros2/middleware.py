@@ -26,7 +26,7 @@ _PACKAGES = (
     "std_srvs.srv",
 )
 _LOOPBACK = {
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",  # the profile says it; LOCALHOST would open more
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("loopback.xml")),
 }
 

@@ -17,7 +17,7 @@ from dqcontrol.plants.channels import SensingPlant
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH
-from dqcontrol.ros2.loading import SILENCE, Loaded
+from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
 from dqcontrol.ros2.parameters import Number, declare, on_change
 
@@ -25,9 +25,7 @@ Array = NDArray[np.float64]
 
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
-_TIMEOUT = Number(
-    "command_timeout", SILENCE, 0.002, 1.0, "after which the robot brakes if no command comes, s"
-)
+_TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 
 
 class RobotNode(Node):
@@ -68,13 +66,17 @@ class RobotNode(Node):
         self._heard, self._silent, self._fault, self._ticks = 0.0, True, "", 0
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._diagnostics = Diagnostics(self, self._condition)
-        declare(self, [_TIMEOUT])
+        timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
+        words = "after which the robot brakes if no command comes, s"
+        declare(self, [Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)])
         on_change(self, lambda _: None, self._diagnostics.refuse)
         topic, kind = COMMANDS[interface]
         self.create_subscription(kind, topic, self._hear, NEWEST)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT)
         self._wrench = wrench_publisher(wrench_node or self, self._plant)
-        self._diagnostics.tell(f"serves {robot.name}, {self._period * 1e3:g} ms")  # the first line takes a while
+        self._diagnostics.tell(
+            f"serves {robot.name}, {self._period * 1e3:g} ms"
+        )  # the first line takes a while
         self._origin = self.get_clock().now().nanoseconds
         self.create_timer(loaded.period, self._tick)
 

@@ -1,4 +1,4 @@
-"""Where the hand should be now: on a spec's reference, near the last pose asked for, or on the way that a twist leads."""
+"""Where the hand should be now: on a spec's reference, on the way to a pose, or where a twist leads."""
 
 from __future__ import annotations
 

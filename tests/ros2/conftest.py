@@ -1,0 +1,137 @@
+"""Nodes in processes of their own, on the loopback, in a ROS domain that is the test's own."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from dqcontrol.ros2 import middleware
+
+# A machine full of other tests stalls processes for longer than a robot's would be.
+SPEC = {
+    "name": "tiny",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.01,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 2.0},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "servo"},
+}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def domain():
+    """Keep this process and its children to a domain and the loopback."""
+    middleware.stay_on_loopback()
+    os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
+
+
+@pytest.fixture
+def spec(tmp_path):
+    """Return what writes a spec, with changes, and gives its path."""
+
+    def write(name="spec.yaml", **changes):
+        (tmp_path / name).write_text(yaml.safe_dump({**SPEC, **changes}))
+        return tmp_path / name
+
+    return write
+
+
+@pytest.fixture
+def start():
+    """Return what starts a ``dqcontrol ros2`` process and waits for a line of its log; all are ended after the test."""
+    running = []
+
+    def run(*words, until=None):
+        process = subprocess.Popen(
+            [sys.executable, "-u", "-m", "dqcontrol", "ros2", *map(str, words)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        running.append(process)
+        if until:
+            read_until(process, until)
+        return process
+
+    yield run
+    for process in running:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+    for process in running:
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def read_until(process, text):
+    """Return the log up to the line that has a text."""
+    log = ""
+    for line in process.stdout:
+        log += line
+        if text in line:
+            return log
+    raise AssertionError(f"'{text}' never came in:\n{log}")
+
+
+@pytest.fixture
+def node():
+    """Return a node of this process, and what serves it until a condition holds."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    rclpy.init()
+    probe = Node("probe")
+    executor = SingleThreadedExecutor()
+    executor.add_node(probe)
+
+    def serve(until=lambda: False, seconds=20.0):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            if until():
+                return True
+            executor.spin_once(timeout_sec=0.02)
+        return until()
+
+    probe.serve = serve
+    yield probe
+    executor.shutdown()
+    probe.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def call(node):
+    """Return what calls one of the controller's services and gives its answer."""
+    from std_srvs.srv import Trigger
+
+    def ask(service, name="dqcontrol"):
+        client = node.create_client(Trigger, f"/{name}/{service}")
+        assert client.wait_for_service(20.0)
+        future = client.call_async(Trigger.Request())
+        assert node.serve(future.done)
+        return future.result()
+
+    return ask
+
+
+@pytest.fixture
+def diagnostics(node):
+    """Return the last diagnostics of each node, by its name."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    last = {}
+
+    def hear(message):
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            last[status.name] = (status.message, values)
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    return last

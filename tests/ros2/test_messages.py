@@ -1,0 +1,96 @@
+"""What messages mean, and why some are refused. Stand-ins have the fields of the real ones: no ROS is needed."""
+
+from types import SimpleNamespace as Fields
+
+import numpy as np
+import pytest
+
+from dqcontrol import algebra
+from dqcontrol.ros2.messages import (
+    RefusedError,
+    Stamps,
+    by_name,
+    numbers,
+    pose_of,
+    trajectory_point,
+    twist_of,
+)
+
+
+def test_joints_are_found_by_name_in_any_order_among_others():
+    assert by_name("joints", ["grip", "b", "a"], [0.3, 2.0, 1.0], ["a", "b"]).tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("names", "values", "why"),
+    [
+        (["a", "x"], [1.0, 2.0], "has no joint 'b'"),
+        (["a", "b"], [1.0], "2 names, but 1 positions"),
+        (["a", "b", "a"], [1.0, 2.0, 3.0], "'a' is there twice"),
+        (["a", "b"], [1.0, np.nan], "number 2 is not finite"),
+        ([], [], "has no joint 'a'"),
+    ],
+)
+def test_joints_that_do_not_fit_are_refused(names, values, why):
+    with pytest.raises(RefusedError, match=why):
+        by_name("joints", names, values, ["a", "b"])
+
+
+def test_numbers_of_a_wrong_count_are_refused():
+    with pytest.raises(RefusedError, match="velocity: expected 2 numbers, got 3"):
+        numbers("velocity", [1.0, 2.0, 3.0], 2)
+
+
+def test_stamps_must_increase():
+    stamps = Stamps("joint states")
+    assert stamps.check(10) == 10
+    for early in (10, 9):
+        with pytest.raises(RefusedError, match="stamp"):
+            stamps.check(early)
+    assert stamps.check(11) == 11
+
+
+def pose(frame="base_link", place=(0.1, 0.2, 0.3), turn=(1.0, 0.0, 0.0, 0.0)):
+    return Fields(
+        header=Fields(frame_id=frame),
+        pose=Fields(
+            position=Fields(**dict(zip("xyz", place, strict=True))),
+            orientation=Fields(**dict(zip("wxyz", turn, strict=True))),
+        ),
+    )
+
+
+def test_a_pose_is_a_unit_dual_quaternion():
+    r = algebra.rotation_from_axis_angle([1.0, 2.0, 3.0], 0.7)
+    x = pose_of(pose(turn=r * 1.001), "base_link")
+    np.testing.assert_allclose(algebra.rotation(x), r, atol=1e-15)
+    np.testing.assert_allclose(algebra.translation(x), [0.1, 0.2, 0.3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"turn": (0.0, 0.0, 0.0, 0.0)}, "unit quaternion, got norm 0"),
+        ({"frame": "camera"}, r"unknown frame 'camera' \(allowed: base_link\)"),
+        ({"frame": ""}, "unknown frame ''"),
+        ({"place": (0.0, np.inf, 0.0)}, "pose.position: number 2"),
+    ],
+)
+def test_a_pose_that_is_none_is_refused(changes, why):
+    with pytest.raises(RefusedError, match=why):
+        pose_of(pose(**changes), "base_link")
+
+
+def test_a_twist_in_an_unknown_frame_is_refused():
+    zero = Fields(x=0.0, y=0.0, z=0.0)
+    message = Fields(header=Fields(frame_id="map"), twist=Fields(linear=zero, angular=zero))
+    with pytest.raises(RefusedError, match="unknown frame 'map'"):
+        twist_of(message, ("base_link", "tool0"))
+
+
+def test_a_trajectory_has_one_point():
+    point = Fields(positions=[1.0, 2.0])
+    message = Fields(joint_names=["b", "a"], points=[point])
+    assert trajectory_point(message, ["a", "b"]).tolist() == [2.0, 1.0]
+    with pytest.raises(RefusedError, match="expected 1 point, got 2"):
+        trajectory_point(Fields(joint_names=["b", "a"], points=[point, point]), ["a", "b"])

@@ -1,0 +1,246 @@
+"""Controller and robot as two processes with real ROS 2 between them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
+
+from conftest import read_until
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+import dqcontrol as dqc
+from dqcontrol.ros2.control import Control, Phase
+from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.trace import Tracer
+
+IIWA = dqc.load_robot("iiwa7")
+PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")  # a machine full of tests stalls longer than a robot's
+
+
+def in_process(path, interface):
+    """Return the run of the same law, supervisor and plant without messages between them."""
+    loaded = load(path)
+    control, tracer = (
+        Control(loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor(interface)),
+        Tracer(),
+    )
+    steps, period = len(loaded.case.scene.samples), loaded.period
+    plant = loaded.case.plant.start(loaded.robot, loaded.case.scene.start, period, steps, 0)
+    control.activate(plant.measured.copy())
+    for k in range(steps):
+        measured = plant.measured.copy()
+        control.step(k * period, measured, 0.0)
+        assert control.phase is Phase.ACTIVE
+        tracer.take(k * period, measured, control.command, control.desired)
+        plant.step(control.command)
+    return tracer.run(loaded, "duration")
+
+
+def compare_with_in_process(start, path, folder, interface, patience=60):
+    start("robot", path, "--interface", interface, until="serves")
+    controller = start("controller", path, "--interface", interface, "--autostart", "--out", folder, *PATIENT)
+    log, _ = controller.communicate(timeout=patience)
+    assert controller.returncode == 0, log
+    run = json.loads((folder / "metrics.json").read_text())
+    mean = in_process(path, interface).metrics.position.mean
+    return run["position"]["mean"] / mean, log
+
+
+def test_two_processes_follow_a_reference_to_its_end(spec, start, tmp_path):
+    """A busy machine may make commands late; by how much the error differs on a quiet one the slow test says."""
+    ratio, log = compare_with_in_process(start, spec(), tmp_path / "run", "velocity")
+    assert 0.9 < ratio < 2.0
+    assert "inactive: soft stop" in log
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loop", ["pereira2016", "500 Hz"])
+def test_two_processes_err_as_one_does(spec, start, tmp_path, loop):
+    if loop == "500 Hz":
+        path = spec(period=0.002, reference={"kind": "circle", "radius": 0.07, "duration": 10.0})
+        ratio, _ = compare_with_in_process(start, path, tmp_path / "run", "velocity")
+    else:
+        import yaml
+
+        from dqcontrol.ros2.pereira2016 import SIDES, graph_spec
+
+        (tmp_path / "p16.yaml").write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
+        ratio, _ = compare_with_in_process(start, tmp_path / "p16.yaml", tmp_path / "run", "trajectory")
+    assert 0.9 < ratio < 1.1
+
+
+def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot_says_so(spec, start, node):
+    circle = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
+    path = spec(period=0.005, reference=circle, plant={"kind": "integrator"})
+    heard, commands = [], []
+
+    def hear(message):
+        stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        heard.append((stamp, np.abs(message.velocity).max()))
+
+    node.create_subscription(JointState, "/joint_states", hear, 100)
+    node.create_subscription(
+        Float64MultiArray, "/forward_velocity_controller/commands", lambda m: commands.append(m.data), 100
+    )
+    robot = start("robot", path, until="serves")
+    controller = start("controller", path, "--autostart", *PATIENT, until="active")
+    assert node.serve(lambda: heard and heard[-1][1] > 0.1)
+    controller.kill()
+    killed = time.time()
+    assert node.serve(lambda: heard[-1][0] > killed + 0.5)
+    moving = [stamp for stamp, speed in heard if speed > 0]
+    assert max(moving) - killed < 0.1
+    controller = start(
+        "controller", spec("pose.yaml", period=0.005), "--follow", "twist", "--autostart", until="active"
+    )
+    robot.kill()
+    log = read_until(controller, "measurement stale")
+    assert "stopped" in log
+    assert controller.wait(20) == 2
+    node.serve(seconds=0.5)
+    assert not any(commands[-1])
+
+
+def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, node, call, diagnostics):
+    path = spec()
+    start("robot", path, "--interface", "position", until="serves")
+    start("controller", path, "--follow", "pose", "--interface", "position", *PATIENT)
+    refused = call("activate")
+    assert (refused.success, "unconfigured" in refused.message) == (False, True)
+    assert call("configure").success
+    assert not call("configure").success
+    assert node.serve(lambda: call("activate").success)
+    heard = []
+
+    def hear(message):
+        if message.header.stamp.sec:  # the robot's
+            heard.append(np.array(message.position))
+
+    node.create_subscription(JointState, "/joint_states", hear, 10)
+
+    def said(text, again=lambda: None):
+        def heard_it():
+            again()  # only the newest message is read, and the robot's come in between
+            return text in diagnostics.get("/dqcontrol", ("", {}))[1].get("last refused", "")
+
+        return node.serve(heard_it)
+
+    poses = node.create_publisher(PoseStamped, "/dqcontrol/pose", 1)
+    states = node.create_publisher(JointState, "/joint_states", 1)
+    assert node.serve(
+        lambda: poses.get_subscription_count() and states.get_subscription_count() > 1 and heard
+    )
+    before = heard[-1]
+    wrong = PoseStamped()
+    wrong.header.frame_id = "base_link"
+    wrong.pose.orientation.w = 0.0
+    poses.publish(wrong)
+    assert said("unit quaternion")
+    wrong.header.frame_id = "camera"
+    poses.publish(wrong)
+    assert said("unknown frame 'camera'")
+    for names, positions, why in (
+        (["a"], [1.0], "has no joint"),
+        (list(IIWA.joint_names), [1.0] * 3, "7 names, but 3 positions"),
+        (list(IIWA.joint_names), [1.0] * 7, "stamp"),  # stamped 0: long ago
+    ):
+        wrong_state = JointState(name=names, position=positions)
+        assert said(why, lambda message=wrong_state: states.publish(message)), why
+    np.testing.assert_allclose(heard[-1], before, atol=1e-6)  # all that moved nothing
+
+    describe = node.create_client(DescribeParameters, "/dqcontrol/describe_parameters")
+    assert describe.wait_for_service(10)
+    asked = describe.call_async(DescribeParameters.Request(names=["linear_speed", "law.gain"]))
+    assert node.serve(asked.done)
+    for told in asked.result().descriptors:
+        assert told.description
+        assert told.floating_point_range[0].to_value > told.floating_point_range[0].from_value
+    change = node.create_client(SetParameters, "/dqcontrol/set_parameters")
+    for name, value, success in (
+        ("linear_speed", 0.05, True),
+        ("law.gain", 4.0, True),
+        ("linear_speed", 50.0, False),
+        ("law.gain", -1.0, False),
+        ("supervisor.acceleration", 3.0, False),  # not while active
+    ):
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        done = change.call_async(request)
+        assert node.serve(done.done)
+        assert done.result().results[0].successful is success, name
+        assert success or said(name.partition(".")[0])
+
+    goal = IIWA.fkm(heard[-1])
+    p, r = dqc.algebra.translation(goal) + np.array([0, 0.03, 0]), dqc.algebra.rotation(goal)
+    right = PoseStamped()
+    right.header.frame_id = "base_link"
+    right.pose.position.x, right.pose.position.y, right.pose.position.z = p
+    o = right.pose.orientation
+    o.w, o.x, o.y, o.z = r
+    poses.publish(right)
+    assert node.serve(
+        lambda: np.abs(dqc.algebra.translation(IIWA.fkm(heard[-1])) - p).max() < 1e-3, seconds=30
+    )
+    assert call("emergency_stop").success
+    assert node.serve(lambda: diagnostics["/dqcontrol"][0] == "stopped")
+    assert not call("activate").success
+    assert call("reset").success
+    assert node.serve(lambda: call("activate").success)
+    assert call("deactivate").success
+    assert node.serve(lambda: diagnostics["/dqcontrol"][0] == "inactive")
+
+
+def sockets_of(process):
+    """Return the local addresses of a process's UDP and TCP sockets, hexadecimal as the kernel writes them."""
+    inodes = set()
+    for entry in os.listdir(f"/proc/{process}/fd"):
+        target = os.readlink(f"/proc/{process}/fd/{entry}")
+        if target.startswith("socket:"):
+            inodes.add(target[8:-1])
+    found = []
+    for table in ("udp", "udp6", "tcp", "tcp6"):
+        for line in Path(f"/proc/{process}/net/{table}").read_text().splitlines()[1:]:
+            words = line.split()
+            if words[9] in inodes:
+                found.append((table, words[1].partition(":")[0]))
+    return found
+
+
+def test_pereira_s_graph_has_his_nodes_and_topics_and_stays_on_the_loopback(start, node):
+    launch = start("pereira2016", "--plant", "servo", until="robot_controlling_node]: active")
+    wanted = {"robot_controlling_node", "hum_controller"}
+    assert node.serve(lambda: wanted <= set(node.get_node_names()))
+    topics = dict(node.get_topic_names_and_types())
+    assert topics["/humanoid_state"] == ["sensor_msgs/msg/JointState"]
+    assert topics["/humanoid_command"] == ["trajectory_msgs/msg/JointTrajectory"]
+    children = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(launch.pid)], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert len(children) == 2
+    for child in children:
+        opened = sockets_of(child)
+        assert opened
+        local = {"0100007F", "0100FFEF"}  # 127.0.0.1, and discovery's listener in the group 239.255.0.1
+        assert {address for _, address in opened} <= local, opened
+    launch.send_signal(signal.SIGINT)
+    assert launch.wait(20) == 0
+
+
+def test_without_ros_one_line_says_what_to_install(spec):
+    code = "import sys; sys.modules['rclpy'] = None; sys.argv[1:] = ['ros2', 'robot', 'x.yaml']\n"
+    code += "from dqcontrol.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "pip install 'dqcontrol[ros2]'" in done.stderr

@@ -1,0 +1,72 @@
+"""Desired poses that move to a goal or by a twist: straight, within speeds, and never far ahead of the hand."""
+
+import numpy as np
+import pytest
+
+from dqcontrol import algebra
+from dqcontrol.references.sample import POSE, TWIST
+from dqcontrol.ros2.targets import ByTwist, Sampled, Speeds, ToPose
+
+START = algebra.pose([1, 0, 0, 0], [0.1, 0.2, 0.3])
+DT = 0.01
+
+
+def follow(target, steps, hand=None):
+    """Return the samples of a target whose hand is always where it should be, or stays at a pose."""
+    rows = [target.sample(0.0, START).copy()]
+    for k in range(1, steps):
+        rows.append(target.sample(k * DT, rows[-1][POSE] if hand is None else hand).copy())
+    return np.array(rows)
+
+
+def test_the_way_to_a_pose_is_straight_and_keeps_both_speeds():
+    target = ToPose(Speeds(linear=0.1, angular=0.5))
+    target.start(START)
+    target.goal = algebra.pose(algebra.rotation_from_axis_angle([0, 0, 1], 1.5), [0.3, 0.2, 0.3])
+    rows = follow(target, 320)
+    p, r = algebra.translation(rows[:, POSE]), algebra.rotation(rows[:, POSE])
+    np.testing.assert_allclose(rows[-1, POSE], target.goal, atol=1e-12)  # after 3 s, which the turn takes
+    assert np.linalg.norm(np.diff(p, axis=0), axis=1).max() <= 0.1 * DT * (1 + 1e-9)
+    turns = 2 * np.arccos(np.clip((r[1:] * r[:-1]).sum(axis=1), -1, 1))
+    assert turns.max() <= 0.5 * DT * 1.001
+    np.testing.assert_allclose(p[:, 1:], [[0.2, 0.3]] * len(p), atol=1e-12)
+
+
+@pytest.mark.parametrize("of_hand", [False, True])
+def test_a_twist_moves_the_pose_as_its_own_derivative(of_hand):
+    target = ByTwist(Speeds(linear=1.0, angular=1.0), timeout=9.0)
+    turned = algebra.pose(algebra.rotation_from_axis_angle([0, 1, 0], 0.5), [0.1, 0.2, 0.3])
+    target.start(turned)
+    target.ask(0.0, np.array([0.1, -0.05, 0.02]), np.array([0.3, 0.1, -0.2]), of_hand=of_hand)
+    rows = [target.sample(0.0, turned).copy()]
+    for k in range(1, 200):
+        rows.append(target.sample(k * DT, rows[-1][POSE]).copy())
+    rows = np.array(rows)
+    x, rate = rows[1:-1, POSE], (rows[2:, POSE] - rows[:-2, POSE]) / (2 * DT)
+    twist = 2 * algebra.multiply(rate, algebra.conjugate(x))  # ξ = 2 ẋ x*
+    np.testing.assert_allclose(twist[:, [1, 2, 3, 5, 6, 7]], rows[1:-1, TWIST], atol=1e-3)
+
+
+def test_a_twist_counts_only_for_its_time_and_within_the_speeds():
+    target = ByTwist(Speeds(linear=0.1, angular=0.5), timeout=0.1)
+    target.start(START)
+    target.ask(0.0, np.array([5.0, 0, 0]), np.zeros(3), of_hand=False)
+    p = algebra.translation(follow(target, 40)[:, POSE])[:, 0]
+    assert p[-1] - p[0] == pytest.approx(0.1 * 0.1, rel=0.11)
+    assert np.ptp(p[12:]) == 0
+
+
+def test_the_desired_pose_waits_for_a_hand_that_is_held():
+    target = ByTwist(Speeds(linear=0.5), timeout=9.0)
+    target.start(START)
+    target.ask(0.0, np.array([0.5, 0, 0]), np.zeros(3), of_hand=False)
+    p = algebra.translation(follow(target, 300, hand=START)[:, POSE])[:, 0]
+    assert 0.05 <= p[-1] - p[0] <= 0.056
+
+
+def test_a_sampled_reference_gives_the_nearest_sample_and_ends():
+    rows = np.zeros((3, 21))
+    rows[:, 20] = [0.0, 0.01, 0.02]
+    target = Sampled(rows, DT)
+    assert [target.sample(t, START)[20] for t in (0.0, 0.0049, 0.0051, 9.0)] == [0.0, 0.0, 0.01, 0.02]
+    assert (target.is_over(0.02), target.is_over(0.03)) == (False, True)
