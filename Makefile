@@ -31,7 +31,7 @@ $(VENV)/demo: $(VENV)/created pyproject.toml
 
 $(VENV)/test: $(VENV)/created pyproject.toml
 	@echo "installing dqcontrol with everything that its tests compare it with"
-	@$(PIP) -e '.[physics,robots,test]'
+	@$(PIP) -e '.[physics,robots,ros2,coppeliasim,test]'
 	@touch $@
 
 demo: $(VENV)/demo

@@ -83,6 +83,7 @@ def read_until(process, text):
 def node():
     """Return a node of this process, and what serves it until a condition holds."""
     import rclpy
+    import rclpy.utilities
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
@@ -103,7 +104,7 @@ def node():
     yield probe
     executor.shutdown()
     probe.destroy_node()
-    rclpy.try_shutdown()
+    rclpy.utilities.try_shutdown()
 
 
 @pytest.fixture

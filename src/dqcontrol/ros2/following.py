@@ -19,7 +19,7 @@ from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
 from dqcontrol.ros2.loading import Loaded, warm_up
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.pace import Pace
-from dqcontrol.ros2.parameters import declare, on_change, read_once
+from dqcontrol.ros2.parameters import declare, number, on_change, read_once
 from dqcontrol.ros2.targets import ByTwist, ToPose
 from dqcontrol.ros2.trace import Tracer
 from dqcontrol.ros2.tuning import numbers_of, retune
@@ -81,7 +81,7 @@ class Following:
         )
         declare(node, numbers_of(loaded))
         on_change(node, self._retune, diagnostics.refuse)
-        self._retune({one.name: node.get_parameter(one.name).value for one in numbers_of(loaded)})
+        self._retune({one.name: number(node, one.name) for one in numbers_of(loaded)})
         self._commands = Commands(node, interface, self._joints, loaded.period)
         self._joint_states = node.create_subscription(
             JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST
@@ -124,7 +124,7 @@ class Following:
 
     def _check_start(self, measured: Array) -> None:
         away = np.abs(measured - self.loaded.case.scene.start)
-        i, allowed = int(away.argmax()), self._node.get_parameter("start_tolerance").value
+        i, allowed = int(away.argmax()), number(self._node, "start_tolerance")
         if away[i] > allowed:
             raise Error(
                 f"activate: {self._joints[i]} is at {measured[i]:.4g}, {away[i]:.3g} rad or m away from where the spec "
@@ -153,7 +153,7 @@ class Following:
 
     def _hear_joints(self, message: JointState) -> None:
         now = time.monotonic()
-        measured = by_name("joint states", message.name, message.position, self._joints)
+        measured = by_name("joint states", list(message.name), list(message.position), self._joints)
         stamp = self._stamps.check(nanoseconds(message.header.stamp)) / NANOSECONDS
         if self.age > self._longest_silence:
             self._steady_since = now

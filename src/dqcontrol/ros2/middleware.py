@@ -70,6 +70,7 @@ def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
     if not network:
         stay_on_loopback()
     import rclpy
+    import rclpy.utilities
     from rclpy.signals import SignalHandlerOptions
 
     words = ["dqcontrol", "--ros-args", *arguments] if arguments else ["dqcontrol"]
@@ -81,7 +82,7 @@ def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
     try:
         yield
     finally:
-        rclpy.try_shutdown()
+        rclpy.utilities.try_shutdown()
 
 
 def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
@@ -89,7 +90,7 @@ def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
 
     One thread does everything: with several, rclpy's timers starve.
     """
-    import rclpy
+    import rclpy.utilities
     from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
@@ -98,7 +99,7 @@ def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
     gc.collect()
     gc.freeze()  # what is there stays; what comes is little
     try:
-        while rclpy.ok() and not ended():
+        while rclpy.utilities.ok() and not ended():
             executor.spin_once()
     finally:
         gc.unfreeze()

@@ -69,6 +69,11 @@ def on_change(
     node.add_on_set_parameters_callback(take)
 
 
+def number(node: Node, name: str) -> float:
+    """Return the present value of a number."""
+    return float(node.get_parameter(name).value or 0.0)
+
+
 def read_once(node: Node, name: str, value: Any, description: str) -> Any:
     """Declare a parameter that cannot be changed later, and return its value."""
     descriptor = ParameterDescriptor(description=description, read_only=True)

@@ -19,7 +19,7 @@ from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
-from dqcontrol.ros2.parameters import Number, declare, on_change
+from dqcontrol.ros2.parameters import Number, declare, number, on_change
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ class RobotNode(Node):
             self._publish()
 
     def _move(self) -> None:
-        silent = time.monotonic() - self._heard > self.get_parameter("command_timeout").value
+        silent = time.monotonic() - self._heard > number(self, "command_timeout")
         if silent:
             self._asked = None
         self._before[:] = self._plant.measured
