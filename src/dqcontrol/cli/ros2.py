@@ -98,14 +98,11 @@ def robot(
     middleware.check_installed()
     loaded = load(spec)
     with middleware.ros(ros_arguments, network=network):
-        from rclpy.node import Node
-
         from dqcontrol.ros2.robot import RobotNode
 
-        extra = [Node(wrench_node)] if wrench_node else []
-        node = RobotNode(loaded, name=name, interface=interface, wrench_node=(extra or [None])[0])
+        node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
         with suppress(KeyboardInterrupt):
-            middleware.spin(node, *extra)
+            middleware.spin(*node.nodes)
 
 
 @ros2.command

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import weakref
 from contextlib import suppress
+from importlib import import_module
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -157,13 +158,13 @@ class LiveCoppelia:
 
 def _connect(plant: CoppeliaPlant) -> Any:
     try:
-        import zmq
-        from coppeliasim_zmqremoteapi_client import RemoteAPIClient
+        zmq = import_module("zmq")
+        remote_api = import_module("coppeliasim_zmqremoteapi_client")
     except ImportError as error:
         raise MissingExtraError(
             f"plant: CoppeliaSim's client is not installed ({error}); pip install 'dqcontrol[coppeliasim]'"
         ) from None
-    client = RemoteAPIClient(plant.host, plant.port)
+    client = remote_api.RemoteAPIClient(plant.host, plant.port)
     for option in (zmq.RCVTIMEO, zmq.SNDTIMEO):
         client.socket.setsockopt(option, math.ceil(plant.timeout * 1000))
     client.socket.setsockopt(zmq.LINGER, 0)

@@ -43,7 +43,12 @@ class RobotNode(Node):
     interface
         What it takes: ``velocity``, ``position`` or ``trajectory``.
     wrench_node
-        Publishes the wrench; this node if omitted.
+        Name of a node of its own that publishes the wrench; this node if omitted.
+
+    Attributes
+    ----------
+    nodes
+        All that are to be served.
     """
 
     def __init__(
@@ -52,7 +57,7 @@ class RobotNode(Node):
         *,
         name: str = "robot",
         interface: str = "velocity",
-        wrench_node: Node | None = None,
+        wrench_node: str | None = None,
     ) -> None:
         super().__init__(name)
         spec, robot, start = loaded.setting.spec, loaded.robot, loaded.case.scene.start
@@ -73,7 +78,8 @@ class RobotNode(Node):
         topic, kind = COMMANDS[interface]
         self.create_subscription(kind, topic, self._hear, NEWEST)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT)
-        self._wrench = wrench_publisher(wrench_node or self, self._plant)
+        self.nodes = (self, *([Node(wrench_node)] if wrench_node else []))
+        self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._diagnostics.tell(
             f"serves {robot.name}, {self._period * 1e3:g} ms"
         )  # the first line takes a while
