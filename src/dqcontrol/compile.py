@@ -88,6 +88,12 @@ def _writable_cache() -> Path | None:
     return folder
 
 
+def cache_state() -> tuple[Path, bool, int]:
+    """Return the cache folder, whether it can be written, and how many kernels lie in it."""
+    folder = _cache or _cache_root()
+    return folder, _cache is not None, len(list(_cache.glob("*/*.nbi"))) if _cache else 0
+
+
 _cache = _writable_cache()
 _warned = False
 _announced = False

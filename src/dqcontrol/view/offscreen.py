@@ -18,8 +18,8 @@ BACKENDS = ("egl", "osmesa", "glfw")
 
 
 @contextlib.contextmanager
-def offscreen(width: int, height: int) -> Iterator[None]:
-    """Make an OpenGL context current, of the backend that MUJOCO_GL names or else the first that works.
+def offscreen(width: int, height: int) -> Iterator[str]:
+    """Make an OpenGL context current and give its backend: what MUJOCO_GL names, or else the first that works.
 
     Parameters
     ----------
@@ -39,6 +39,7 @@ def offscreen(width: int, height: int) -> Iterator[None]:
         raise unknown_name("MUJOCO_GL", chosen, BACKENDS)
     failures = []
     context: Any = None
+    backend = ""
     for backend in [chosen] if chosen else BACKENDS:
         platform = os.environ.get("PYOPENGL_PLATFORM")
         try:
@@ -55,7 +56,7 @@ def offscreen(width: int, height: int) -> Iterator[None]:
         )
     context.make_current()
     try:
-        yield
+        yield backend
     finally:
         context.free()
 
