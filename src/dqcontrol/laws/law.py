@@ -134,8 +134,7 @@ class PreparedLaw:
         self.work: Array = np.zeros(law.work_size(robot))
         self.preferred = self.work[: robot.input_size]
         self.preference_work: Array = np.zeros(WORK_SIZE)
-        self.kinematics = kinematics = Kinematics(robot.input_size)
-        self._views = kinematics.pose, kinematics.pose_jacobian, kinematics.twist_jacobian
+        self.kinematics = Kinematics(robot.input_size)
 
     @cached_property
     def _command(self) -> Callable[..., int]:
@@ -210,8 +209,8 @@ class PreparedLaw:
 
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
         """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
-        self.robot.kinematics(q, self.kinematics)
-        pose, pose_jacobian, twist_jacobian = self._views
+        found = self.robot.kinematics(q, self.kinematics)
+        pose, pose_jacobian, twist_jacobian = found.pose, found.pose_jacobian, found.twist_jacobian
         if self.preference is not no_preference:
             self.preference(
                 q, twist_jacobian, self.preference_parameters, self.preference_work, self.preferred

@@ -184,7 +184,7 @@ def _rollout(
         law.parameters,
         law.initial_state(plant.q),
         law.work,
-        law.kinematics.data,
+        np.empty(8 + 14 * law.robot.input_size),
         law.position_limit_parameters,
         law.position_limit_work,
         law.limit_parameters,

@@ -15,36 +15,24 @@ Array = NDArray[np.float64]
 
 
 class Kinematics:
-    """Pose and Jacobians of one configuration, views into one buffer.
+    """Pose and Jacobians of one configuration.
 
     Attributes
     ----------
-    data
-        The buffer, shape (8 + 14 m,).
+    pose
+        End pose, shape (8,), inertial frame.
+    pose_jacobian
+        J with vec8(ẋ) = J u, shape (8, m).
+    twist_jacobian
+        J_w with vec6(ξ) = J_w u, ξ = ω + ε(ṗ + p × ω) inertial, shape (6, m).
     """
 
-    __slots__ = ("_input_size", "data")
+    __slots__ = ("pose", "pose_jacobian", "twist_jacobian")
 
     def __init__(self, input_size: int) -> None:
-        self.data: Array = np.empty(8 + 14 * input_size)
-        self._input_size = input_size
-
-    @property
-    def pose(self) -> Array:
-        """End pose, shape (8,), inertial frame."""
-        return self.data[:8]
-
-    @property
-    def pose_jacobian(self) -> Array:
-        """J with vec8(ẋ) = J u, shape (8, m)."""
-        m = self._input_size
-        return self.data[8 : 8 + 8 * m].reshape(8, m)
-
-    @property
-    def twist_jacobian(self) -> Array:
-        """J_w with vec6(ξ) = J_w u, ξ = ω + ε(ṗ + p × ω) inertial, shape (6, m)."""
-        m = self._input_size
-        return self.data[8 + 8 * m :].reshape(6, m)
+        self.pose: Array = np.empty(8)
+        self.pose_jacobian: Array = np.empty((8, input_size))
+        self.twist_jacobian: Array = np.empty((6, input_size))
 
 
 class ChainRobot:
@@ -97,37 +85,40 @@ class ChainRobot:
         """
         if out is None:
             out = Kinematics(self.input_size)
+        pose, pose_jacobian, twist_jacobian = out.pose, out.pose_jacobian, out.twist_jacobian
+        compute = kernels.kinematics_apart.compiled
         try:
-            status = kernels.kinematics.compiled(self.chain, q, out.data)
+            status = compute(self.chain, q, pose, pose_jacobian, twist_jacobian)
         except TypeError:  # a list, integers, several configurations
-            values = as_array("q", q)
-            status = WRONG_SIZE if values.ndim != 1 else kernels.kinematics(self.chain, values, out.data)
+            values, status = as_array("q", q), WRONG_SIZE
+            if values.ndim == 1:
+                status = compute(self.chain, values, pose, pose_jacobian, twist_jacobian)
         if status:
-            if out.data.shape != (8 + 14 * self.input_size,):
-                size = (len(out.data) - 8) // 14
+            size = out.pose_jacobian.shape[1]
+            if size != self.input_size:
                 raise ShapeError(f"out: made for {size} inputs, but {self.name} has {self.input_size}")
             self._raise(status, q)
         return out
 
     def pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J, shape (…, 8, m), with vec8(ẋ) = J u. [P16 3.1; S17 4.3]."""
-        return self._jacobians(q)[1]
+        return self._columns(q, kernels.kinematics, 0, 8)
 
     def twist_jacobian(self, q: ArrayLike) -> Array:
         """Return J_w, shape (…, 6, m), with vec6(ξ) = J_w u, ξ the inertial twist. [P16 3.14, 3.51]."""
-        return self._jacobians(q)[2]
+        return self._columns(q, kernels.kinematics, 8, 6)
 
     def translation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_p, shape (…, 3, m), with ṗ = J_p u in m/s, inertial frame."""
-        return self.hand_jacobian(q)[..., 3:6, :]
+        return self._columns(q, kernels.hand_kinematics, 11, 3)
 
     def rotation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_r, shape (…, 4, m), with vec4(ṙ) = J_r u."""
-        return self._jacobians(q)[1][..., :4, :]
+        return self._columns(q, kernels.kinematics, 0, 4)
 
     def hand_jacobian(self, q: ArrayLike) -> Array:
         """Return the Jacobian of [ω ; ṗ], shape (…, 6, m): rad/s and m/s of the end, inertial axes."""
-        return self._jacobians(q, kernels.hand_kinematics)[2]
+        return self._columns(q, kernels.hand_kinematics, 8, 6)
 
     def pose_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ/dt, shape (…, 8, m), so that vec8(ẍ) = J u̇ + (dJ/dt) u.
@@ -158,12 +149,11 @@ class ChainRobot:
         """Return dJ_r/dt, shape (…, 4, m), so that vec4(r̈) = J_r u̇ + (dJ_r/dt) u."""
         return self._rates(q, u)[2][..., :4, :]
 
-    def _jacobians(self, q: ArrayLike, function: Kernel = kernels.kinematics) -> tuple[Array, Array, Array]:
-        """Return pose, pose Jacobian, and twist Jacobian or what else the function puts in its place."""
-        n, m = self.configuration_size, self.input_size
-        flat = self._map(function, q, n, 8 + 14 * m)
-        pose, jacobian, twist = flat[..., :8], flat[..., 8 : 8 + 8 * m], flat[..., 8 + 8 * m :]
-        return pose, _matrix(jacobian, 8, m), _matrix(twist, 6, m)
+    def _columns(self, q: ArrayLike, function: Kernel, first: int, rows: int) -> Array:
+        """Return some of the 14 rows of both Jacobians."""
+        m = self.input_size
+        flat = self._map(function, q, self.configuration_size, 8 + 14 * m)
+        return _matrix(flat[..., 8 + first * m : 8 + (first + rows) * m], rows, m)
 
     def _rates(self, q: ArrayLike, u: ArrayLike) -> tuple[Array, Array, Array, Array]:
         """Return pose, twist Jacobian, and the rates of pose and twist Jacobian."""

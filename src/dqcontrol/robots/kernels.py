@@ -89,7 +89,7 @@ def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
 def _halves(q, room):
     """Write sines, then cosines, of all half angles; return where the cosines begin, and NaN unless q is finite."""
     n = q.shape[0]
-    padded = (n + 3) // 4 * 4
+    padded = (n + 3) // 4 * 4 if n > 3 else n  # three times this fits into a pose Jacobian
     check, farthest = 0.0, 0.0
     half = room[2 * padded : 3 * padded]
     for i in range(n):
@@ -152,15 +152,14 @@ def forward(chain, q, out):
 
 
 @inlined
-def _kinematics(chain, q, out):
+def _kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
-    if q.shape[0] != n or out.shape[0] != 8 + 14 * m:
+    if q.shape[0] != n or pose_jacobian.shape[1] != m or twist_jacobian.shape[1] != m:
         return WRONG_SIZE
-    pose_jacobian = out[8 : 8 + 8 * m].reshape(8, m)
-    twist_jacobian = out[8 + 8 * m :].reshape(6, m)
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    cosines, check = _halves(q, out)  # where the pose and its Jacobian come later
+    room = pose_jacobian.reshape(8 * m)  # until it gets its own numbers
+    cosines, check = _halves(q, room)
     j = 0
     for i in range(n):
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
@@ -180,12 +179,12 @@ def _kinematics(chain, q, out):
             elif kind == SIDEWAYS:
                 j -= 1  # the column of φ takes its place
         j += 1
-        sine, cosine = out[i], out[cosines + i]
+        sine, cosine = room[i], room[cosines + i]
         w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
-    _store_pose(w, x, y, z, px, py, pz, out[0:8])
+    _store_pose(w, x, y, z, px, py, pz, pose)
     w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
-    dw, dx, dy, dz = 0.5 * out[4], 0.5 * out[5], 0.5 * out[6], 0.5 * out[7]
+    dw, dx, dy, dz = 0.5 * pose[4], 0.5 * pose[5], 0.5 * pose[6], 0.5 * pose[7]
     for i in range(m):
         a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
         d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
@@ -203,7 +202,17 @@ def _kinematics(chain, q, out):
 @kernel(CHAIN)
 def kinematics(chain, q, out):
     """Write the end pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
-    return _kinematics(chain, q, out)
+    m = (out.shape[0] - 8) // 14
+    if out.shape[0] != 8 + 14 * m:
+        return WRONG_SIZE
+    pose_jacobian, twist_jacobian = out[8 : 8 + 8 * m].reshape(8, m), out[8 + 8 * m :].reshape(6, m)
+    return _kinematics(chain, q, out[:8], pose_jacobian, twist_jacobian)
+
+
+@kernel(STATUS(READ2, INPUT, WRITE, WRITE2, WRITE2))
+def kinematics_apart(chain, q, pose, pose_jacobian, twist_jacobian):
+    """Write `kinematics` into three arrays."""
+    return _kinematics(chain, q, pose, pose_jacobian, twist_jacobian)
 
 
 @inlined
@@ -221,10 +230,12 @@ def hand_jacobian(position, twist_jacobian, out):
 @kernel(CHAIN)
 def hand_kinematics(chain, q, out):
     """Write the end pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the hand's [ω ; ṗ]."""
-    status = _kinematics(chain, q, out)
+    m = (out.shape[0] - 8) // 14
+    if out.shape[0] != 8 + 14 * m:
+        return WRONG_SIZE
+    pose_jacobian, jacobian = out[8 : 8 + 8 * m].reshape(8, m), out[8 + 8 * m :].reshape(6, m)
+    status = _kinematics(chain, q, out[:8], pose_jacobian, jacobian)
     if status == OK:
-        m = (out.shape[0] - 8) // 14
-        jacobian = out[8 + 8 * m :].reshape(6, m)
         hand_jacobian(position(out), jacobian, jacobian)
     return status
 
