@@ -61,6 +61,10 @@ class SafetyWarning(UserWarning):
     """A simulated robot's safety has switched its motors off."""
 
 
+class RealTimeWarning(UserWarning):
+    """Real-time scheduling was refused."""
+
+
 class StabilityWarning(UserWarning):
     """A loop is expected to be unstable."""
 

@@ -1,13 +1,14 @@
 """The clock on a time that the tests make pass, and the loop in real time."""
 
 import gc
+import os
 from contextlib import suppress
 
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, RealTimeWarning
 from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.loop import Clock, Stop, close_loop
 from dqcontrol.plants import Servo
@@ -170,3 +171,72 @@ def test_the_loop_asks_the_clock_around_the_law(arm):
     assert clock.timing.begin == pytest.approx(0.01 * np.arange(30), abs=1e-4)
     assert clock.timing.idle[1:] == pytest.approx(0.007, abs=1e-4)
     assert clock.timing.overruns == 0
+
+
+def test_skipped_periods_move_all_deadlines():
+    works = [(0.001, 0.001)] * 20
+    works[5] = (0.001, 0.024)  # 25 ms: two periods are missed
+    made = MadeTime()
+    clock = Clock(made.now, made.sleep, overrun="skip")
+    with clock.running(0.01, len(works)):
+        for command, rest in works:
+            assert clock.await_step()
+            made.work(command)
+            clock.commanded()
+            made.work(rest)
+    timing = clock.timing
+    assert timing.overruns == 1
+    expected = 0.01 * (np.arange(20) + 2 * (np.arange(20) > 5))
+    assert timing.begin == pytest.approx(expected, abs=3 * LOOK)
+    assert timing.computation == pytest.approx(0.001, abs=3 * LOOK)
+
+
+def test_an_overrun_may_end_the_loop(arm):
+    made = MadeTime()
+
+    def slow(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+        made.work(0.003 if sample[-1] < 0.1 else 0.03)
+        out[:] = 0.0
+
+    samples = SetPoint(arm.fkm(Q0)).samples(0.01 * np.arange(30))
+    clock = Clock(made.now, made.sleep, overrun="stop")
+    with pytest.warns(UserWarning, match="slow"):
+        trace = drive(arm, OwnLaw(function=slow), Servo(), samples, clock=clock)
+    assert trace.stopped == "halted at 0.1 s: the work of a period took 20 ms too long"
+    assert len(trace.q) == 11
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"overrun": "skipp"}, "clock.overrun: unknown name 'skipp'; did you mean 'skip'?"),
+        ({"priority": 100}, "clock.priority: must be 1 … 99, got 100"),
+    ],
+)
+def test_clocks_that_are_not_allowed(options, message):
+    with pytest.raises(Error) as caught:
+        Clock(**options)
+    assert message in str(caught.value)
+
+
+def test_real_time_scheduling_is_asked_for_and_refusal_is_told(monkeypatch):
+    calls = []
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: 0, raising=False)
+    monkeypatch.setattr(os, "sched_getparam", lambda pid: "before", raising=False)
+    monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *args: calls.append(args), raising=False)
+    with Clock(priority=7).running(0.01, 1):
+        assert calls == [(0, os.SCHED_FIFO, 7)]
+    assert calls[1:] == [(0, 0, "before")]
+
+    def refuse(*args):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse, raising=False)
+    with (
+        pytest.warns(
+            RealTimeWarning, match=r"priority 7 was refused \(Operation not permitted\); the loop goes on"
+        ),
+        Clock(priority=7).running(0.01, 1),
+    ):
+        pass

@@ -184,6 +184,7 @@ def execute(
         scene.samples,
         stop=spec.stop,
         disturbance=spec.disturbance,
+        supervisor=spec.supervisor,
         seed=spec.seed + repeat,
         interpreted=interpreted,
         progress=progress,

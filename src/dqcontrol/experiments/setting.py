@@ -181,6 +181,8 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
             scenes[label] = _scene(spec, robot, folder)
             laws = list(_prepared_laws(spec, variants, scenes[label]))
             compiled = _checked_plants(spec, plants, scenes[label])
+            if spec.supervisor is not None:
+                spec.supervisor.prepare(scenes[label].robot, spec.period).start(scenes[label].start)
         for plant in plants:
             for i, variant in enumerate(variants):
                 place = Names(label, variant.label, variant.set, plant)

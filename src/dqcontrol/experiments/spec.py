@@ -30,7 +30,7 @@ from dqcontrol.laws import (
     ProportionalFeedforward,
 )
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.limits import CommandLimits
+from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import (
     CompliantPlant,
@@ -110,6 +110,8 @@ class Spec(Part, frozen=True, kw_only=True):
         One plant, or several by label.
     limits
         What is done to the commands before they leave.
+    supervisor
+        What stands between law and plant; nothing if omitted.
     disturbance
         What moves the hand beside the commands; not for physics.
     repeats
@@ -157,6 +159,7 @@ class Spec(Part, frozen=True, kw_only=True):
     plant: AnyPlant | UnsetType = UNSET
     plants: Annotated[dict[Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
     limits: CommandLimits = CommandLimits()
+    supervisor: Supervisor | None = None
     disturbance: Disturbance | None = None
     repeats: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
     seed: Annotated[int, Meta(ge=0, le=2**62)] = 0

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import gc
+import math
+import os
 import time
+import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, RealTimeWarning, ValueRangeError, unknown_name
 
 Array = NDArray[np.float64]
+
+Overrun = Literal["catch up", "skip", "stop"]
 
 _SPIN = 2e-4  # s before a deadline at which sleeping ends: operating systems wake a sleeper that much late
 
@@ -56,12 +62,18 @@ class Timing:
 class Clock:
     """Paces a loop in real time: step k begins k T after the first, so that delays never add up.
 
-    A step whose deadline has passed begins at once and is counted as an overrun; the deadlines of the following ones
-    stay where they are. It sleeps, and spins only through the last 0.2 ms. Garbage is collected before the loop, not
-    within. This is as good as the operating system: nothing here is hard real time.
+    A step whose deadline has passed is an overrun, and counted. It sleeps, and spins only through the last 0.2 ms.
+    Garbage is collected before the loop, not within. This is as good as the operating system: nothing here is hard
+    real time.
 
     Parameters
     ----------
+    overrun
+        What an overrun does. ``"catch up"``: the step begins at once, the deadlines of the following ones stay where
+        they are. ``"skip"``: the periods that were missed are left out and all deadlines move by them, so that no two
+        steps begin less than a period apart. ``"stop"``: the loop ends.
+    priority
+        1 … 99: asks for real-time scheduling (SCHED_FIFO) while the loop runs; warns and goes on where that is refused.
     now, sleep
         Time in s from any origin, and what waits for some s.
 
@@ -79,10 +91,20 @@ class Clock:
     """
 
     def __init__(
-        self, now: Callable[[], float] = time.perf_counter, sleep: Callable[[float], None] = time.sleep
+        self,
+        now: Callable[[], float] = time.perf_counter,
+        sleep: Callable[[float], None] = time.sleep,
+        *,
+        overrun: Overrun = "catch up",
+        priority: int | None = None,
     ) -> None:
-        self._now, self._sleep = now, sleep
-        self._period, self._origin, self._steps = 0.0, 0.0, 0
+        if overrun not in get_args(Overrun):
+            raise unknown_name("clock.overrun", str(overrun), get_args(Overrun))
+        if priority is not None and not 1 <= priority <= 99:
+            raise ValueRangeError(f"clock.priority: must be 1 … 99, got {priority!r}")
+        self._now, self._sleep, self._overrun, self._priority = now, sleep, overrun, priority
+        self._period, self._origin, self._start, self._steps = 0.0, 0.0, 0.0, 0
+        self.overran = ""
         self._begin = self._computation = self._idle = np.empty(0)
         self._late = np.empty(0, dtype=bool)
 
@@ -91,33 +113,44 @@ class Clock:
         """Pace so many steps at most with a period (s), without garbage collection meanwhile."""
         self._begin, self._computation, self._idle = np.zeros(steps), np.zeros(steps), np.zeros(steps)
         self._late, self._period, self._steps = np.zeros(steps, dtype=bool), period, 0
+        self.overran = ""
         collecting = gc.isenabled()
         gc.collect()
         gc.disable()
         try:
-            yield
+            with real_time(self._priority) if self._priority else nullcontext():
+                yield
         finally:
             if collecting:
                 gc.enable()
 
-    def await_step(self) -> None:
-        """Wait until the next step is due."""
+    def await_step(self) -> bool:
+        """Wait until the next step is due; return False if an overrun ends the loop."""
         k, ready = self._steps, self._now()
         if k == 0:
-            self._origin = ready
+            self._origin = self._start = ready
         deadline, begin = self._origin + k * self._period, ready
+        late = ready > deadline
+        if late and self._overrun == "stop":
+            self.overran = f"the work of a period took {1e3 * (ready - deadline):.3g} ms too long"
+            return False
+        if late and self._overrun == "skip":
+            missed = math.ceil((ready - deadline) / self._period)
+            self._origin += missed * self._period
+            deadline += missed * self._period
         while begin < deadline:
             if deadline - begin > _SPIN:
                 self._sleep(deadline - begin - _SPIN)
             begin = self._now()
-        self._late[k] = ready > deadline
-        self._begin[k], self._idle[k] = begin - self._origin, begin - ready
+        self._late[k] = late
+        self._begin[k], self._idle[k] = begin - self._start, begin - ready
         self._steps = k + 1
+        return True
 
     def commanded(self) -> None:
         """Note that the step's command is there."""
         k = self._steps - 1
-        self._computation[k] = self._now() - self._origin - self._begin[k]
+        self._computation[k] = self._now() - self._start - self._begin[k]
 
     @property
     def timing(self) -> Timing:
@@ -134,3 +167,25 @@ class Clock:
         return Timing(
             self._period, self._begin[:done], self._computation[:done], self._idle[:done], self._late[:done]
         )
+
+
+@contextmanager
+def real_time(priority: int) -> Iterator[None]:
+    """Run this thread under real-time scheduling (SCHED_FIFO) meanwhile; warn where that is refused."""
+    try:
+        before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (AttributeError, OSError) as error:
+        warnings.warn(
+            f"real-time scheduling with priority {priority} was refused "
+            f"({getattr(error, 'strerror', None) or 'this system has none'}); the loop goes on without. "
+            "On Linux allow it with 'ulimit -r 99', or run with the capability CAP_SYS_NICE",
+            RealTimeWarning,
+            stacklevel=4,
+        )
+        yield
+        return
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, before, parameters)

@@ -4,48 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
-from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.compile import Kernel, Pointer
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
+from dqcontrol.limits.supervisor_step import supervise, unsupervised
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
+from dqcontrol.loop.supervision import Supervision
+from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
-from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
-_FAR = 1e4  # rad or m: no robot goes there
 _LOST = "the measured configuration is not finite"
-
-
-class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """End a run early, once the error norm has stayed below a tolerance."""
-
-    error: Annotated[float, Meta(gt=0, description="|vec8(1 − x*x_d)|")]
-    samples: Annotated[int, Meta(ge=1, description="consecutive samples")] = 50
-
-
-@dataclass(frozen=True)
-class Trace:
-    """What the loop saw at each sample, and why it ended."""
-
-    q: Array
-    measured: Array
-    command: Array
-    stopped: str
-    disturbance: Array | None = None  # inertial twist, shape (done, 6)
-    readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
 
 
 def close_loop(
@@ -58,6 +39,7 @@ def close_loop(
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
+    supervision: Supervision | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -79,12 +61,14 @@ def close_loop(
         Called with steps done and steps in all.
     clock
         Paces the loop in real time, one step a period of the law; it is then interpreted, and the clock measures it.
+    supervision
+        What stands between law and plant. A command or measurement that is not finite then ends nothing: it brakes.
 
     Returns
     -------
     Trace
         Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and
-        says so in ``stopped``; one whose plant switched its motors off goes on, and says so too.
+        says so in ``stopped``; so does one that the supervisor halted, and one whose plant switched its motors off.
 
     Raises
     ------
@@ -107,17 +91,19 @@ def close_loop(
             raise ShapeError(
                 f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
             )
+    if supervision is not None:
+        supervision.begin(len(samples))
     if clock is not None:
         _warm_up(law, plant, samples, disturbance)
         with clock.running(law.dt, len(samples)):
-            return _interpret(law, plant, samples, stop, disturbance, progress, clock)
+            return _interpret(law, plant, samples, stop, disturbance, progress, clock, supervision)
     if not interpreted and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
             pointers = law_kernel.pointer, plant_kernel.pointer
-            trace = _rollout(law, plant, pointers, samples, stop, disturbance)
-            return replace(trace, readings=foreseen_signals(plant, len(trace.q)))
-    return _interpret(law, plant, samples, stop, disturbance, progress)
+            trace = _rollout(law, plant, pointers, samples, stop, disturbance, supervision)
+            return _with_signals(trace, foreseen_signals(plant, len(trace.q)), supervision)
+    return _interpret(law, plant, samples, stop, disturbance, progress, None, supervision)
 
 
 def check_disturbed(plant: LivePlant) -> None:
@@ -133,29 +119,6 @@ def _stop_array(stop: Stop | None) -> Array:
     return np.array([stop.error, float(stop.samples)]) if stop else np.zeros(2)
 
 
-def _records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
-    n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
-    return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
-
-
-def _ended(
-    done: int,
-    samples: Array,
-    records: tuple[Array, Array, Array],
-    realised: Array | None,
-    failure: str | None,
-) -> Trace:
-    lost = np.flatnonzero((np.abs(records[0][:done]) > _FAR).any(axis=1))
-    if len(lost) and lost[0] > 0:
-        done, failure = int(lost[0]), f"a joint went beyond {_FAR:g} rad or m"
-    if failure is not None:
-        stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
-    else:
-        stopped = "duration" if done == len(samples) else "settled"
-    q, measured, command = (array[:done] for array in records)
-    return Trace(q, measured, command, stopped, None if realised is None else realised[:done])
-
-
 def _rollout(
     law: PreparedLaw,
     plant: CompiledPlant,
@@ -163,9 +126,11 @@ def _rollout(
     samples: Array,
     stop: Stop | None,
     disturbance: LiveDisturbance | None,
+    supervision: Supervision | None,
 ) -> Trace:
     law_pointer, plant_pointer = pointers
-    records = _records(law, samples)
+    none = np.zeros(0)
+    records = empty_records(law, samples)
     realised = np.zeros((len(samples) if disturbance else 1, 6))
     acting = disturbance or no_disturbance()
     steps = np.zeros(10)
@@ -175,6 +140,7 @@ def _rollout(
         law_pointer,
         law.position_limit.pointer,
         law.limit.pointer,
+        (supervise if supervision else unsupervised).pointer,
         acting.kernel.pointer,
         plant_pointer,
         compiled.settled.pointer,
@@ -188,6 +154,10 @@ def _rollout(
         law.position_limit_parameters,
         law.position_limit_work,
         law.limit_parameters,
+        supervision.supervisor.parameters if supervision else none,
+        supervision.state if supervision else none,
+        supervision.supervisor.work if supervision else none,
+        supervision.codes if supervision else none,
         acting.rows,
         acting.parameters,
         acting.work,
@@ -202,15 +172,17 @@ def _rollout(
         realised,
         steps,
     )
-    failure = None
-    if status >= compiled.PLANT_FAILED:
+    failure, halted = None, ""
+    if status == compiled.HALTED and supervision:
+        halted = supervision.why(int(steps[0]))
+    elif status >= compiled.PLANT_FAILED:
         failure = "the plant left the finite numbers"
         steps[0] -= 1
     elif status >= compiled.LAW_FAILED:
         failure = status_text(status - compiled.LAW_FAILED)
     elif status:
         failure = _LOST
-    return _ended(int(steps[0]), samples, records, realised if disturbance else None, failure)
+    return ended(int(steps[0]), samples, records, realised if disturbance else None, failure, halted)
 
 
 def _interpret(
@@ -220,27 +192,39 @@ def _interpret(
     stop: Stop | None,
     disturbance: LiveDisturbance | None,
     progress: Callable[[int, int], None] | None,
-    clock: Clock | None = None,
+    clock: Clock | None,
+    supervision: Supervision | None,
 ) -> Trace:
-    records = _records(law, samples)
+    records = empty_records(law, samples)
     q, measured, command = records
     realised = np.zeros((len(samples), 6)) if disturbance else None
     state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
-    done, failure, fault = 0, None, ""
+    done, failure, fault, halted = 0, None, "", ""
     readings = Readings(plant, len(samples))
     guarded = plant if isinstance(plant, GuardedPlant) else None
+    aged = plant if isinstance(plant, AgedPlant) else None
     for k, row in enumerate(samples):
-        if clock:
-            clock.await_step()
+        if clock and not clock.await_step():
+            halted = clock.overran
+            break
         q[k], measured[k] = plant.q, plant.measured
         readings.take(k)
         try:
-            law.step(plant.measured, row, k, state, command[k])
+            failure = _ask(law, plant.measured, row, k, state, command[k])
+            if failure and supervision is None:
+                break
             done = k + 1
+            if supervision and supervision.step(
+                k, row[-1], measured[k], command[k], aged.age if aged else 0.0
+            ):
+                halted, failure = supervision.why(done), None
             if clock:
                 clock.commanded()
-            if stop and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
+            if halted:
                 break
+            if stop and not failure and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
+                break
+            failure = None
             if disturbance is not None and realised is not None:
                 disturbance.step(law.robot.chain, k, plant.q, realised[k])
             plant.step(command[k])
@@ -249,16 +233,32 @@ def _interpret(
         except DivergedError as error:
             done, failure = k, str(error)
             break
-        except ValueRangeError:
-            if np.isfinite(plant.measured).all():
-                raise
-            done, failure = k, _LOST
-            break
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))
-    trace = _ended(done, samples, records, realised, failure)
+    trace = ended(done, samples, records, realised, failure, halted)
     stopped = fault if fault and not has_failed(trace.stopped) else trace.stopped
-    return replace(trace, stopped=stopped, readings=readings.signals(len(trace.q)))
+    return _with_signals(replace(trace, stopped=stopped), readings.signals(len(trace.q)), supervision)
+
+
+def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:
+    """Write what the law says; say why it cannot, and write NaN."""
+    try:
+        law.step(measured, row, k, state, command)
+    except DivergedError as error:
+        failure = str(error)
+    except ValueRangeError:
+        if np.isfinite(measured).all():
+            raise
+        failure = _LOST
+    else:
+        return None
+    command[:] = np.nan
+    return failure
+
+
+def _with_signals(trace: Trace, readings: dict[str, Signal], supervision: Supervision | None) -> Trace:
+    done = supervision.signals(len(trace.q)) if supervision else {}
+    return replace(trace, readings=readings | done)
 
 
 def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:

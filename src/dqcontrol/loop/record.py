@@ -39,8 +39,8 @@ def row_norms(vectors: Array) -> Array:
 
 
 def has_failed(stopped: str) -> bool:
-    """Return whether a run that ended so left the finite numbers, or switched its motors off and fell."""
-    return stopped.startswith(("diverged", "faulted"))
+    """Return whether a run that ended so left the finite numbers, was halted, or switched its motors off and fell."""
+    return stopped.startswith(("diverged", "faulted", "halted"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Record:
         m names of the inputs; the joints' names if omitted.
     stopped
         Why the run ended: ``"duration"``, ``"settled"``, ``"diverged at …"``; or ``"faulted at …"``: the plant switched
-        its motors off, and the run went on.
+        its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot.
     disturbance
         Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
         m/s, inertial frame; None if there was none.

@@ -10,11 +10,14 @@ from dqcontrol.laws.law import LAW
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
 from dqcontrol.limits.position_limit import POSITION_LIMIT
+from dqcontrol.limits.supervisor_layout import AT_REST, GO, NOW
+from dqcontrol.limits.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kernels import CHAIN
 
 LAW_FAILED, PLANT_FAILED = 100, 200  # added to the status of what failed; the kinematics' own stays
+HALTED = AT_REST  # by the supervisor
 
 SETTLED = STATUS(READ, READ, READ, WRITE)
 ROLLOUT = STATUS(
@@ -23,6 +26,7 @@ ROLLOUT = STATUS(
     types.FunctionType(LAW),
     types.FunctionType(POSITION_LIMIT),
     types.FunctionType(LIMIT),
+    types.FunctionType(SUPERVISOR),
     types.FunctionType(DISTURBANCE),
     types.FunctionType(PLANT),
     types.FunctionType(SETTLED),
@@ -36,6 +40,10 @@ ROLLOUT = STATUS(
     READ,  # position limit parameters
     WRITE,  # position limit work
     READ,  # limit parameters
+    READ,  # supervisor parameters
+    WRITE,  # supervisor state
+    WRITE,  # supervisor work
+    WRITE,  # record of its interventions
     READ2,  # disturbance
     READ,  # disturbance parameters
     WRITE,  # disturbance work
@@ -74,6 +82,7 @@ def rollout(
     law,
     position_limit,
     limit,
+    supervise,
     disturb,
     plant,
     settled_at,
@@ -87,6 +96,10 @@ def rollout(
     position_limit_parameters,
     position_limit_work,
     limit_parameters,
+    supervisor_parameters,
+    supervisor_state,
+    supervisor_work,
+    code_record,
     disturbance,
     disturbance_parameters,
     disturbance_work,
@@ -114,49 +127,71 @@ def rollout(
     # A call by pointer with its arrays costs 50 ns: stages that do nothing have no parameters and are passed over.
     preferring, limiting = preference_parameters.shape[0] > 0, limit_parameters.shape[0] > 0
     limiting_positions = position_limit_parameters.shape[0] > 0
+    supervising = supervisor_parameters.shape[0] > 0
     last_disturbance = disturbance.shape[0] - 1
     for k in range(samples.shape[0]):
         for i in range(n):
             q_record[k, i] = q[i]
             measured_record[k, i] = measured[i]
         status = kinematics(chain, measured, buffer)
-        if status != OK:
-            return status
-        if preferring:
-            preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
-        if limiting_positions:
-            status = position_limit(
-                law,
-                measured,
-                pose,
-                pose_jacobian,
-                twist_jacobian,
-                samples[k],
-                law_parameters[min(k, last)],
-                law_state,
-                work,
-                position_limit_parameters,
-                position_limit_work,
-                command_record[k],
-            )
+        if status == OK:
+            if preferring:
+                preference(measured, twist_jacobian, preference_parameters, preference_work, preferred)
+            if limiting_positions:
+                status = position_limit(
+                    law,
+                    measured,
+                    pose,
+                    pose_jacobian,
+                    twist_jacobian,
+                    samples[k],
+                    law_parameters[min(k, last)],
+                    law_state,
+                    work,
+                    position_limit_parameters,
+                    position_limit_work,
+                    command_record[k],
+                )
+            else:
+                status = law(
+                    measured,
+                    pose,
+                    pose_jacobian,
+                    twist_jacobian,
+                    samples[k],
+                    law_parameters[min(k, last)],
+                    law_state,
+                    work,
+                    command_record[k],
+                )
+            if status != OK:
+                status += LAW_FAILED
+        if status == OK:
+            if limiting:
+                limit(measured, limit_parameters, command_record[k])
+        elif supervising:
+            for i in range(m):
+                command_record[k, i] = math.nan
         else:
-            status = law(
+            return status
+        steps[0] = k + 1.0
+        if supervising:
+            supervised = supervise(
+                kinematics,
+                chain,
                 measured,
-                pose,
-                pose_jacobian,
-                twist_jacobian,
-                samples[k],
-                law_parameters[min(k, last)],
-                law_state,
-                work,
+                0.0,
+                GO,
+                command_record[k],
+                supervisor_parameters,
+                supervisor_state,
+                supervisor_work,
                 command_record[k],
             )
-        if status != OK:
-            return LAW_FAILED + status
-        if limiting:
-            limit(measured, limit_parameters, command_record[k])
-        steps[0] = k + 1.0
-        if stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
+            code_record[k] = supervisor_state[NOW]
+            if supervised == AT_REST:
+                return HALTED
+        if status == OK and stop[1] > 0.0 and settled_at(pose, samples[k], stop, steps[1:10]) == 1:
             return OK
         if last_disturbance >= 0:
             status = disturb(

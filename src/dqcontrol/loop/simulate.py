@@ -9,10 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.law import Law, PreparedLaw
-from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.closed_loop import Stop, close_loop
+from dqcontrol.limits import CommandLimits, Supervisor
+from dqcontrol.loop.clock import Clock
+from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import actuator_command
+from dqcontrol.loop.supervision import Supervision, Watch
+from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant
 from dqcontrol.references import Reference
@@ -35,6 +38,7 @@ def simulate(
     limits: CommandLimits | None = None,
     stop: Stop | None = None,
     disturbance: Disturbance | None = None,
+    supervisor: Supervisor | None = None,
     seed: int = 0,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -61,6 +65,8 @@ def simulate(
         When to end early.
     disturbance
         What moves the hand beside the commands; not for physics.
+    supervisor
+        What stands between law and plant; nothing if omitted.
     seed
         Of the plant's noise and the disturbance.
     interpreted
@@ -106,6 +112,7 @@ def simulate(
         samples,
         stop=stop,
         disturbance=disturbance,
+        supervisor=supervisor,
         seed=seed,
         interpreted=interpreted,
         progress=progress,
@@ -120,9 +127,12 @@ def follow(
     *,
     stop: Stop | None = None,
     disturbance: Disturbance | None = None,
+    supervisor: Supervisor | None = None,
     seed: int = 0,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
+    clock: Clock | None = None,
+    watch: Watch | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
 
@@ -132,6 +142,7 @@ def follow(
         If the very first command fails.
     """
     robot = law.robot
+    supervision = supervisor and supervise(supervisor, law, plant, start, watch)
     trace = close_loop(
         law,
         plant.start(robot, start, law.dt, len(samples), seed),
@@ -140,6 +151,8 @@ def follow(
         disturbance=disturbance and disturbance.start(robot, law.dt, len(samples), seed),
         interpreted=interpreted,
         progress=progress,
+        clock=clock,
+        supervision=supervision,
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)
@@ -157,6 +170,20 @@ def follow(
         disturbance=trace.disturbance,
         readings=trace.readings | actuator_command(robot, trace.q, trace.command),
     )
+
+
+def supervise(
+    supervisor: Supervisor, law: PreparedLaw, plant: Plant, start: Array, watch: Watch | None = None
+) -> Supervision:
+    """Return a supervisor at work between a law and a plant that starts at rest, shape (n,), rad or m.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If a parameter is not allowed, or the robot starts outside its bounds.
+    """
+    mode = getattr(plant, "command_mode", "integrated")
+    return Supervision(supervisor.prepare(law.robot, law.dt, mode), start, watch)
 
 
 def step_count(reference: Reference, period: float, duration: float | None) -> int:

@@ -43,6 +43,16 @@ class GuardedPlant(Protocol):
         ...
 
 
+@runtime_checkable
+class AgedPlant(Protocol):
+    """A live plant whose measurements come when they come, as those of a robot on a network."""
+
+    @property
+    def age(self) -> float:
+        """Of the present measurement, s."""
+        ...
+
+
 class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a plant."""
 

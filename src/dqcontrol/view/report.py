@@ -12,8 +12,10 @@ from pathlib import Path
 from dqcontrol.errors import ExistsError, FileFormatError
 from dqcontrol.experiments.metric_tables import summary_table
 from dqcontrol.experiments.metrics import Metrics
-from dqcontrol.experiments.tables import Table
+from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.limits import list_interventions
 from dqcontrol.loop.record import Record, has_failed
+from dqcontrol.loop.supervision import INTERVENTIONS
 
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
 _CAPTIONS = {
@@ -125,6 +127,8 @@ def write_report(
         candidates = (target.with_name(name + kind) for name in _CAPTIONS for kind in _TYPES)
         plots = [path for path in candidates if path.exists()]
     parts = ["<h2>Metrics</h2>", _table(summary_table(metrics)), *map(_table, tables)]
+    if INTERVENTIONS in record.readings:
+        parts += ["<h2>Interventions of the supervisor</h2>", _interventions(record)]
     figures = _figures(plots)
     if figures:
         parts += ["<h2>Figures</h2>", *figures]
@@ -160,6 +164,13 @@ def _table(table: Table) -> str:
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
     return f'<div class="wide"><table>{caption}\n<tr>{head}</tr>\n{body}\n</table></div>'
+
+
+def _interventions(record: Record) -> str:
+    """Return when the supervisor intervened, and why."""
+    found = list_interventions(record.time, record.readings[INTERVENTIONS].values)
+    columns = [Column("from", "s", ".3f"), Column("to", "s", ".3f"), Column("reason")]
+    return _table(Table(columns, [list(row) for row in found])) if found else "<p>None.</p>"
 
 
 def _figures(plots: Sequence[str | Path]) -> list[str]:

@@ -1,0 +1,63 @@
+"""What the loop saw, and why it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.laws.law import PreparedLaw
+from dqcontrol.loop.signals import Signal
+
+Array = NDArray[np.float64]
+_FAR = 1e4  # rad or m: no robot goes there
+
+
+class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """End a run early, once the error norm has stayed below a tolerance."""
+
+    error: Annotated[float, Meta(gt=0, description="|vec8(1 − x*x_d)|")]
+    samples: Annotated[int, Meta(ge=1, description="consecutive samples")] = 50
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What the loop saw at each sample, and why it ended."""
+
+    q: Array
+    measured: Array
+    command: Array
+    stopped: str
+    disturbance: Array | None = None  # inertial twist, shape (done, 6)
+    readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
+
+
+def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
+    """Return room for configurations, measured configurations and commands."""
+    n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
+    return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
+
+
+def ended(
+    done: int,
+    samples: Array,
+    records: tuple[Array, Array, Array],
+    realised: Array | None,
+    failure: str | None,
+    halted: str = "",
+) -> Trace:
+    """Return the samples done, and say why there are no more."""
+    lost = np.flatnonzero((np.abs(records[0][:done]) > _FAR).any(axis=1))
+    if len(lost) and lost[0] > 0:
+        done, failure = int(lost[0]), f"a joint went beyond {_FAR:g} rad or m"
+    if failure is not None:
+        stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
+    elif halted:
+        stopped = f"halted at {samples[max(done - 1, 0), -1]:g} s: {halted}"
+    else:
+        stopped = "duration" if done == len(samples) else "settled"
+    q, measured, command = (array[:done] for array in records)
+    return Trace(q, measured, command, stopped, None if realised is None else realised[:done])
