@@ -58,28 +58,23 @@ def test_a_run_that_needs_no_help_is_the_same(arm, circle):
     assert not guarded.readings["interventions"].values.any()
 
 
-class Dropping(Integrator, frozen=True, kw_only=True, tag="dropping"):
+class Silent:
     """Ideal joints whose encoders fall silent."""
 
-    def start(self, robot, q0, dt, steps, seed):
-        live = super().start(robot, q0, dt, steps, seed)
+    def __init__(self, live):
+        self.live, self.q, self.measured, self.count = live, live.q, live.measured, 0
 
-        class Live:
-            q, measured, count = live.q, live.measured, 0
-
-            def step(self, command):
-                live.step(command)
-                self.count += 1
-                if self.count >= 50:
-                    live.measured[3] = np.nan
-
-        return Live()
+    def step(self, command):
+        self.live.step(command)
+        self.count += 1
+        if self.count >= 50:
+            self.measured[3] = np.nan
 
 
 def test_encoders_that_fall_silent_halt_the_robot_softly(arm, circle):
     seen = []
     law = LAW.prepare(arm, circle, T)
-    live = Dropping().start(arm, Q0, T, 301, 0)
+    live = Silent(Integrator().start(arm, Q0, T, 301, 0))
     supervisor = Supervisor(ramp=0.0, acceleration=1.0).prepare(arm, T)
     supervision = Supervision(supervisor, Q0, watch=lambda *event: seen.append(event))
     trace = close_loop(law, live, circle.samples(T * np.arange(301)), supervision=supervision)

@@ -7,12 +7,14 @@ from dqcontrol.loop.mcap import load_metadata, load_record, save_record
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate
+from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace
 
 __all__ = [
     "Clock",
     "Record",
+    "RecordStream",
     "Signal",
     "Stop",
     "Supervision",

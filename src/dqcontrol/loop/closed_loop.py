@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from dqcontrol.compile import Kernel, Pointer
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
+from dqcontrol.limits.prepared_supervisor import STOP
 from dqcontrol.limits.supervisor_step import supervise, unsupervised
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
+from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
@@ -40,6 +42,7 @@ def close_loop(
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
     supervision: Supervision | None = None,
+    recording: RecordStream | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -63,6 +66,8 @@ def close_loop(
         Paces the loop in real time, one step a period of the law; it is then interpreted, and the clock measures it.
     supervision
         What stands between law and plant. A command or measurement that is not finite then ends nothing: it brakes.
+    recording
+        Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
 
     Returns
     -------
@@ -96,14 +101,14 @@ def close_loop(
     if clock is not None:
         _warm_up(law, plant, samples, disturbance)
         with clock.running(law.dt, len(samples)):
-            return _interpret(law, plant, samples, stop, disturbance, progress, clock, supervision)
-    if not interpreted and isinstance(plant, CompiledPlant):
+            return _interpret(law, plant, samples, stop, disturbance, progress, clock, supervision, recording)
+    if not interpreted and not recording and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
             pointers = law_kernel.pointer, plant_kernel.pointer
             trace = _rollout(law, plant, pointers, samples, stop, disturbance, supervision)
             return _with_signals(trace, foreseen_signals(plant, len(trace.q)), supervision)
-    return _interpret(law, plant, samples, stop, disturbance, progress, None, supervision)
+    return _interpret(law, plant, samples, stop, disturbance, progress, None, supervision, recording)
 
 
 def check_disturbed(plant: LivePlant) -> None:
@@ -194,6 +199,7 @@ def _interpret(
     progress: Callable[[int, int], None] | None,
     clock: Clock | None,
     supervision: Supervision | None,
+    recording: RecordStream | None,
 ) -> Trace:
     records = empty_records(law, samples)
     q, measured, command = records
@@ -217,7 +223,14 @@ def _interpret(
             if supervision and supervision.step(
                 k, row[-1], measured[k], command[k], aged.age if aged else 0.0
             ):
-                halted, failure = supervision.why(done), None
+                halted, failure = (recording and recording.failure) or supervision.why(done), None
+            if recording:
+                code = supervision.codes[k] if supervision else 0.0
+                recording.take(row, q[k], measured[k], command[k], code)
+                if recording.failure and supervision:
+                    supervision.request = STOP
+                elif recording.failure:
+                    halted = recording.failure
             if clock:
                 clock.commanded()
             if halted:

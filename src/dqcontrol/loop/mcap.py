@@ -19,7 +19,8 @@ topic                           type                          holds
 
 Position and quaternion of a pose cannot give its eight numbers back to the last bit, nor nanoseconds the
 time; the last topic can. The metadata record ``dqcontrol`` holds names, stop reason, version, the spec's
-text, and names and units of the readings' numbers.
+text, and names and units of the readings' numbers. A recording that is written while the robot moves says how many
+samples it has in a record ``dqcontrol_end`` when it ends; if it was cut off, it is read as far as it goes.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from __future__ import annotations
 import json
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -54,7 +56,7 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 
 FORMAT = "1"
-_METADATA = "dqcontrol"
+METADATA, END = "dqcontrol", "dqcontrol_end"
 _FRAME = "world"
 
 
@@ -113,7 +115,8 @@ def load_record(path: str | Path) -> Record:
     Raises
     ------
     FileFormatError
-        If the file is missing, damaged, cut short, or not a record.
+        If the file is missing, damaged, cut short, or not a record. One that a `RecordStream` did not end is read as
+        far as it goes, and says so in ``stopped``.
 
     Examples
     --------
@@ -134,36 +137,48 @@ def load_metadata(path: str | Path) -> dict[str, str]:
 def _write(stream: Any, record: Record, spec: str) -> None:
     from mcap_ros2.writer import Writer
 
+    with Writer(stream) as writer:
+        signals = list(record.readings.values())
+        metadata = about(record.joint_names, record.input_names, spec, signals)
+        writer.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
+        write_samples(writer, register(writer), record, range(len(record)), min(0.0, float(record.time[0])))
+
+
+def about(
+    joints: Sequence[str], inputs: Sequence[str], spec: str, signals: Sequence[Signal]
+) -> dict[str, str]:
+    """Return what a recording says about itself."""
     from dqcontrol import __version__
 
-    with Writer(stream) as writer:
-        metadata = {
-            "format": FORMAT,
-            "version": __version__,
-            "samples": str(len(record)),
-            "joint_names": json.dumps(record.joint_names, ensure_ascii=False),
-            "input_names": json.dumps(record.input_names, ensure_ascii=False),
-            "stopped": record.stopped,
-            "spec": spec,
-            "readings": json.dumps([s[:3] for s in record.readings.values()], ensure_ascii=False),
+    return {
+        "format": FORMAT,
+        "version": __version__,
+        "joint_names": json.dumps(joints, ensure_ascii=False),
+        "input_names": json.dumps(inputs, ensure_ascii=False),
+        "spec": spec,
+        "readings": json.dumps([signal[:3] for signal in signals], ensure_ascii=False),
+    }
+
+
+def register(writer: Any) -> dict[str, Any]:
+    """Return the schemas of all message types."""
+    return {kind: writer.register_msgdef(full_name(kind), definition(kind)) for kind in set(TOPICS.values())}
+
+
+def write_samples(writer: Any, schemas: dict[str, Any], record: Record, rows: range, first: float) -> None:
+    """Write the messages of some samples; MCAP has no negative times, so they count from ``first`` (s)."""
+    columns = columns_of(record)
+    topics = {topic: TOPICS.get(topic, NUMBERS) for topic in columns}
+    for k in rows:
+        stamp = round((float(record.time[k]) - first) * 1e9)
+        header = {
+            "stamp": dict(zip(("sec", "nanosec"), divmod(stamp, 10**9), strict=True)),
+            "frame_id": _FRAME,
         }
-        writer.add_metadata(_METADATA, metadata)
-        schemas = {
-            kind: writer.register_msgdef(full_name(kind), definition(kind)) for kind in set(TOPICS.values())
-        }
-        first = min(0.0, float(record.time[0]))  # MCAP has no negative times
-        columns = columns_of(record)
-        topics = {topic: TOPICS.get(topic, NUMBERS) for topic in columns}
-        for k, time in enumerate(record.time.tolist()):
-            stamp = round((time - first) * 1e9)
-            header = {
-                "stamp": dict(zip(("sec", "nanosec"), divmod(stamp, 10**9), strict=True)),
-                "frame_id": _FRAME,
-            }
-            for topic, kind in topics.items():
-                message = columns[topic](k)
-                message["header"] = header
-                writer.write_message(topic, schemas[kind], message, log_time=stamp, sequence=k)
+        for topic, kind in topics.items():
+            message = columns[topic](k)
+            message["header"] = header
+            writer.write_message(topic, schemas[kind], message, log_time=stamp, sequence=k)
 
 
 def _read(path: str | Path, parse: Callable[[Any], T]) -> T:
@@ -173,7 +188,14 @@ def _read(path: str | Path, parse: Callable[[Any], T]) -> T:
 
     try:
         with open(path, "rb") as stream:
-            return parse(make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()]))
+            try:
+                return parse(make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()]))
+            except (FileFormatError, OSError):
+                raise
+            except Exception:
+                if not _is_cut_off(stream):
+                    raise
+                return parse(CutOff(stream))
     except FileFormatError as error:
         raise FileFormatError(f"{path}: {error}") from None
     except OSError as error:
@@ -184,15 +206,52 @@ def _read(path: str | Path, parse: Callable[[Any], T]) -> T:
         ) from None
 
 
+class CutOff:
+    """Reads a recording without an end as far as it goes, as the library's readers do."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def _reader(self) -> Any:
+        from mcap.reader import NonSeekingReader
+        from mcap_ros2.decoder import DecoderFactory
+
+        self._stream.seek(0)
+        return NonSeekingReader(self._stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+
+    def iter_metadata(self) -> Iterator[Any]:
+        """Yield the metadata."""
+        with suppress(Exception):
+            yield from self._reader().iter_metadata()
+
+    def iter_decoded_messages(self, topics: list[str], *, log_time_order: bool) -> Iterator[Any]:
+        """Yield the messages of all whole chunks."""
+        with suppress(Exception):
+            yield from self._reader().iter_decoded_messages(topics, log_time_order=log_time_order)
+
+
+def _is_cut_off(stream: Any) -> bool:
+    """Tell whether a file was written while the robot moved, and has no end."""
+    for metadata in CutOff(stream).iter_metadata():
+        if metadata.name == METADATA:
+            return "samples" not in metadata.metadata
+    return False
+
+
 def _metadata(reader: Any) -> dict[str, str]:
+    found: dict[str, str] = {}
     for metadata in reader.iter_metadata():
-        if metadata.name == _METADATA:
+        if metadata.name == METADATA:
             if metadata.metadata["format"] != FORMAT:
                 raise FileFormatError(
                     f"has record format {metadata.metadata['format']}, this version reads {FORMAT}"
                 )
-            return metadata.metadata
-    raise FileFormatError("is no record of dqcontrol: it lacks the metadata 'dqcontrol'")
+            found |= metadata.metadata
+        elif metadata.name == END:
+            found |= metadata.metadata
+    if not found:
+        raise FileFormatError("is no record of dqcontrol: it lacks the metadata 'dqcontrol'")
+    return found
 
 
 def _record(reader: Any) -> Record:
@@ -208,7 +267,14 @@ def _record(reader: Any) -> Record:
             pushes.append([angular.x, angular.y, angular.z, linear.x, linear.y, linear.z])
         else:
             rows[channel.topic].append(getattr(message, fields[channel.topic]))
-    count = int(metadata["samples"])
+    if not isinstance(reader, CutOff):
+        count, stopped = int(metadata["samples"]), metadata["stopped"]
+    else:
+        count = min(map(len, rows.values()))
+        if not count:
+            raise FileFormatError("was cut off before its first samples were written")
+        stopped = f"cut off at {rows[SAMPLE][count - 1][0]:g} s: the recording has no end"
+        rows = {topic: values[:count] for topic, values in rows.items()}
     for topic, values in rows.items():
         if len(values) != count:
             raise FileFormatError(f"{topic}: expected {count} messages, got {len(values)}")
@@ -225,7 +291,7 @@ def _record(reader: Any) -> Record:
         desired=sample[:, 9:],
         joint_names=tuple(json.loads(metadata["joint_names"])),
         input_names=tuple(json.loads(metadata["input_names"])),
-        stopped=metadata["stopped"],
+        stopped=stopped,
         disturbance=np.array(pushes) if pushes else None,
         readings={
             name: Signal(name, tuple(parts), tuple(units), values[READINGS + name])

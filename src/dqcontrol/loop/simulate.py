@@ -14,6 +14,7 @@ from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import actuator_command
+from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
@@ -132,6 +133,7 @@ def follow(
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
+    recording: RecordStream | None = None,
     watch: Watch | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
@@ -153,6 +155,7 @@ def follow(
         progress=progress,
         clock=clock,
         supervision=supervision,
+        recording=recording,
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)
@@ -182,8 +185,9 @@ def supervise(
     dqcontrol.Error
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
-    mode = getattr(plant, "command_mode", "integrated")
-    return Supervision(supervisor.prepare(law.robot, law.dt, mode), start, watch)
+    measured = getattr(plant, "command_mode", None) == "measured"
+    prepared = supervisor.prepare(law.robot, law.dt, "measured" if measured else "integrated")
+    return Supervision(prepared, start, watch)
 
 
 def step_count(reference: Reference, period: float, duration: float | None) -> int:
