@@ -20,6 +20,7 @@ from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
 from dqcontrol.view.surfaces import surface, surface_figure
 from dqcontrol.view.task_range import range_condition
+from dqcontrol.view.timing import timing_histogram
 
 __all__ = [
     "base_path",
@@ -47,5 +48,6 @@ __all__ = [
     "superimposed",
     "surface",
     "surface_figure",
+    "timing_histogram",
     "write_report",
 ]

@@ -1,0 +1,50 @@
+"""How a loop kept time: its periods, computations and idle times."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.loop.clock import Timing
+from dqcontrol.view.style import COLOURS, DESIRED, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BINS = 60
+
+
+@styled
+def timing_histogram(timing: Timing) -> Figure:
+    """Plot how often periods, computation and idle times of a loop occur; counts are logarithmic.
+
+    Raises
+    ------
+    ShapeError
+        If the loop had fewer than two steps.
+
+    Examples
+    --------
+    >>> timing_histogram(clock.timing)  # doctest: +SKIP
+    """
+    if len(timing.begin) < 2:
+        raise ShapeError(f"timing: needs at least two steps, got {len(timing.begin)}")
+    figure = new_figure(7.0, 2.6)
+    rows = (
+        ("period", timing.periods),
+        ("computation", timing.computation),
+        ("idle", timing.idle[1:]),
+    )
+    panels = figure.subplots(1, len(rows), sharey=True, squeeze=False)[0]
+    for axes, (name, seconds) in zip(panels, rows, strict=True):
+        values = 1e3 * seconds
+        axes.hist(values, _BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)
+        axes.set_yscale("log")
+        axes.set_xlabel(f"{name} [ms]")
+        axes.set_title(f"median {np.median(values):.4g}\n99 % below {np.quantile(values, 0.99):.4g}", loc="left")
+    panels[0].axvline(1e3 * timing.period, color=DESIRED, ls="--", lw=1.0)
+    panels[0].set_ylabel("steps")
+    figure.suptitle(f"T = {1e3 * timing.period:.4g} ms, {len(timing.begin)} steps, {timing.overruns} overruns")
+    return figure
