@@ -54,7 +54,9 @@ def paced(period: float, steps: int, priority: int | None) -> Timing:
 
 def main() -> None:
     """Print one line a pair and a verdict a rate; exit 1 if one is beyond its bound."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seconds", type=float, default=4.0, help="of each loop")
     parser.add_argument("--priority", type=int, help="1 to 99: real-time scheduling of the loop with the law")
     options = parser.parse_args()
@@ -75,7 +77,8 @@ def main() -> None:
         reference, median = float(np.median(bares)), float(np.median(ours))
         bound = max(2 * reference, reference + 100e-6)
         kept &= median <= bound
-        print(f"  median: {1e6 * median:.1f} µs, bound {1e6 * bound:.1f} µs: {'kept' if median <= bound else 'NOT kept'}")
+        verdict = "kept" if median <= bound else "NOT kept"
+        print(f"  median: {1e6 * median:.1f} µs, bound {1e6 * bound:.1f} µs: {verdict}")
     sys.exit(not kept)
 
 

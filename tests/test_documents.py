@@ -12,7 +12,7 @@ from dqcontrol import experiments
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # The others bring files, and tests of their own.
-RUN_HERE = ("README.md", "experiments.md", "laws.md", "statistics.md")
+RUN_HERE = ("README.md", "experiments.md", "laws.md", "real-time.md", "statistics.md")
 BLOCKS = [
     pytest.param(match[1], id=f"{path.name}-{i}")
     for path in DOCUMENTS

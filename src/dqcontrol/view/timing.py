@@ -43,8 +43,12 @@ def timing_histogram(timing: Timing) -> Figure:
         axes.hist(values, _BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)
         axes.set_yscale("log")
         axes.set_xlabel(f"{name} [ms]")
-        axes.set_title(f"median {np.median(values):.4g}\n99 % below {np.quantile(values, 0.99):.4g}", loc="left")
+        axes.set_title(
+            f"median {np.median(values):.4g}\n99 % below {np.quantile(values, 0.99):.4g}", loc="left"
+        )
     panels[0].axvline(1e3 * timing.period, color=DESIRED, ls="--", lw=1.0)
     panels[0].set_ylabel("steps")
-    figure.suptitle(f"T = {1e3 * timing.period:.4g} ms, {len(timing.begin)} steps, {timing.overruns} overruns")
+    figure.suptitle(
+        f"T = {1e3 * timing.period:.4g} ms, {len(timing.begin)} steps, {timing.overruns} overruns"
+    )
     return figure
