@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
 from dqcontrol.loop.mcap import END, METADATA, about, register, write_samples
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, pose_errors
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.robots.robot import Robot
@@ -70,6 +70,8 @@ class RecordStream:
         signal = Signal(INTERVENTIONS, (), ("",), np.zeros((0, 1)))
         self._writer.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._schemas = register(self._writer)
+        self._file.flush()
+        _ = pose_errors.compiled, robot.fkm(np.zeros(robot.configuration_size))  # now, not while the robot moves
         self._switch = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH)
         self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
