@@ -98,6 +98,7 @@ def close_loop(
             )
     if supervision is not None:
         supervision.begin(len(samples))
+        _ = supervise.pointer  # compiled now, not while the robot moves
     if clock is not None:
         _warm_up(law, plant, samples, disturbance)
         with clock.running(law.dt, len(samples)):

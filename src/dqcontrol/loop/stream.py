@@ -71,7 +71,10 @@ class RecordStream:
         self._writer.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._schemas = register(self._writer)
         self._file.flush()
-        _ = pose_errors.compiled, robot.fkm(np.zeros(robot.configuration_size))  # now, not while the robot moves
+        _ = (
+            pose_errors.compiled,
+            robot.fkm(np.zeros(robot.configuration_size)),
+        )  # now, not while the robot moves
         self._switch = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH)
         self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
