@@ -49,7 +49,7 @@ test-all: lint
 	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
 
 bench: $(VENV)/test
-	@$(BIN)/python benchmarks/speed.py
+	@$(BIN)/python benchmarks/floor.py --json results/floor.json --picture results/floor.png
 	@$(BIN)/python benchmarks/laws.py
 	@$(BIN)/python benchmarks/physics.py
 	@$(BIN)/python benchmarks/pereira2016.py

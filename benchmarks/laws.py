@@ -8,8 +8,8 @@ from functools import partial
 
 import numba
 import numpy as np
+from measure import medians
 from msgspec.structs import replace
-from speed import fastest
 
 import dqcontrol as dqc
 from dqcontrol import laws
@@ -55,15 +55,15 @@ def table() -> Table:
     def rollout(law: laws.PreparedLaw) -> None:
         close_loop(law, Integrator().start(arm, START, PERIOD, STEPS, 0), samples)
 
-    steps = fastest({name: partial(rollout, law) for name, law in ready.items()}, 1)
-    calls = fastest(
+    steps = medians({name: partial(rollout, law) for name, law in ready.items()}, 1)
+    calls = medians(
         {
             name: partial(law.command, START, sample, law.initial_state(START), out)
             for name, law in ready.items()
         },
         500,
     )
-    preparations = fastest({name: partial(law.prepare, arm, circle, PERIOD) for name, law in LAWS.items()}, 1)
+    preparations = medians({name: partial(law.prepare, arm, circle, PERIOD) for name, law in LAWS.items()}, 1)
     columns = [
         Column("Law"),
         Column("Compiled step", "ns", ".0f"),

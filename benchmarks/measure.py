@@ -26,7 +26,7 @@ class Ratio:
     what: str
     ours: float
     unit: str
-    peer: str
+    peer: str  # empty where the figure itself is judged
     theirs: float
     wanted: str  # as "≤ 0.60"
 
@@ -76,7 +76,16 @@ def table(ratios: list[Ratio], title: str) -> Table:
         Column(""),
     )
     rows = [
-        [r.what, r.ours, r.unit, r.peer, r.theirs, r.ratio, r.wanted, "" if r.reached else "missed"]
+        [
+            r.what,
+            r.ours,
+            r.unit or None,
+            r.peer or None,
+            r.theirs if r.peer else None,
+            r.ratio if r.peer else None,
+            r.wanted,
+            "" if r.reached else "missed",
+        ]
         for r in ratios
     ]
     return Table(columns, rows, title)
