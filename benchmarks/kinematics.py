@@ -133,7 +133,7 @@ def check(theirs: Any, ours: Any) -> None:
         raise SystemExit(f"results differ by {difference:g}")
 
 
-def _as_mjcf(arm: dqc.SerialArm) -> str:
+def _as_mjcf(arm: dqc.Robot) -> str:
     """Return the chain as bodies without shape: what MuJoCo needs for its kinematics."""
     text, closing = "", ""
     for i, row in enumerate(arm.chain):

@@ -22,7 +22,7 @@ FLAGS = {"-O3": ["-O3"], "-O3 -march=native -ffast-math": ["-O3", "-march=native
 SOURCE = Path(__file__).parent / "c/closed_loop.c"
 
 
-def by_c(flags: list[str], arm: dqc.SerialArm, samples: np.ndarray, folder: Path) -> Any:
+def by_c(flags: list[str], arm: dqc.Robot, samples: np.ndarray, folder: Path) -> Any:
     """Build the C program and return a function that runs it; None without a compiler."""
     compiler = shutil.which("cc")
     if compiler is None:

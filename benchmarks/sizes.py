@@ -29,7 +29,7 @@ def chain(joints: int) -> dqc.SerialArm:
 def body(arms: int) -> dqc.WholeBody:
     """Return a drive with that many arms of seven joints in a row."""
     drive = dqc.DifferentialDrive(wheel_radius=0.03, half_track=0.13)
-    return dqc.WholeBody([drive, *[dqc.load_robot("iiwa7") for _ in range(arms)]])
+    return dqc.WholeBody([drive, *[chain(7) for _ in range(arms)]])
 
 
 def step_times(robots: dict[str, dqc.Robot], rounds: int) -> dict[str, float]:
