@@ -11,7 +11,7 @@ help:
 	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
 	@echo "make test      check style and types, run the tests"
 	@echo "make test-all  also the long tests"
-	@echo "make bench     compare speed with Pinocchio, laws with each other, physics with real time"
+	@echo "make bench     compare speed with Pinocchio, MuJoCo, DQ Robotics, Pink, Mink and C, physics with real time"
 	@echo "make clean     remove the environment and the results of the demo"
 
 $(VENV)/created:
@@ -48,15 +48,24 @@ test: lint
 test-all: lint
 	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
 
-bench: $(VENV)/test
-	@$(BIN)/python benchmarks/floor.py --json results/floor.json --picture results/floor.png
-	@$(BIN)/python benchmarks/laws.py
-	@$(BIN)/python benchmarks/physics.py
-	@$(BIN)/python benchmarks/pereira2016.py
+PEERS := $(VENV)-bench
+
+$(PEERS)/bench: pyproject.toml
+	@$(PYTHON) -m venv $(PEERS)
+	@echo "installing dqcontrol's peers in $(PEERS)"
+	@$(PEERS)/bin/python -m pip install --disable-pip-version-check --no-input -e '.[physics,robots,test,bench]'
+	@touch $@
+
+bench: $(PEERS)/bench
+	@mkdir -p results
+	@$(PEERS)/bin/python benchmarks/floor.py --json results/floor.json --picture results/floor.png
+	@$(PEERS)/bin/python benchmarks/laws.py
+	@$(PEERS)/bin/python benchmarks/physics.py
+	@$(PEERS)/bin/python benchmarks/pereira2016.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) results/demo
+	rm -rf $(VENV) $(PEERS) results/demo

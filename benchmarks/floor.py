@@ -13,6 +13,7 @@ from pathlib import Path
 import batches
 import commands
 import kinematics
+import quadratic_programs
 import rollout
 import sizes
 import starting
@@ -29,7 +30,14 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="file for the figures")
     parser.add_argument("--picture", type=Path, help="file for the picture of cost against size")
     chosen = parser.parse_args()
-    parts = (kinematics.ratios, commands.ratios, rollout.ratios, batches.ratios, starting.ratios)
+    parts = (
+        kinematics.ratios,
+        commands.ratios,
+        quadratic_programs.ratios,
+        rollout.ratios,
+        batches.ratios,
+        starting.ratios,
+    )
     ratios = [line for part in parts for line in part(chosen.short)]
     ratios += sizes.ratios(chosen.short, chosen.picture)
     about = ", ".join(f"{name} {text}" for name, text in machine().items())

@@ -42,7 +42,7 @@ def against_pinocchio_and_mujoco(rounds: int) -> list[Ratio]:
     full = pinocchio.buildModelFromUrdf(str(path))
     model = pinocchio.buildReducedModel(full, [8, 9], pinocchio.neutral(full))
     data, frame = model.createData(), model.getFrameId("panda_hand")
-    physics = mujoco.MjModel.from_xml_string(_as_mjcf(arm))
+    physics = mujoco.MjModel.from_xml_string(as_mjcf(arm))
     state = mujoco.MjData(physics)
     rotational, translational = np.empty((3, 7)), np.empty((3, 7))
     hand = physics.nbody - 1
@@ -133,15 +133,19 @@ def check(theirs: Any, ours: Any) -> None:
         raise SystemExit(f"results differ by {difference:g}")
 
 
-def _as_mjcf(arm: dqc.Robot) -> str:
+def as_mjcf(arm: dqc.Robot, limited: bool = False) -> str:
     """Return the chain as bodies without shape: what MuJoCo needs for its kinematics."""
-    text, closing = "", ""
+    text, closing, last = "", "", len(arm.chain) - 1
     for i, row in enumerate(arm.chain):
         place = "pos='{} {} {}' quat='{} {} {} {}'".format(*row[4:7], *row[:4])
-        joint = f"<joint name='j{i}' axis='0 0 1'/>" if i < len(arm.chain) - 1 else ""
-        text += f"<body {place}><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>{joint}"
+        joint, name = "", "hand" if i == last else f"b{i}"
+        if i < last:
+            lower, upper = arm.limits.lower[i], arm.limits.upper[i]
+            limits = f"limited='true' range='{lower} {upper}'" if limited else ""
+            joint = f"<joint name='j{i}' axis='0 0 1' {limits}/>"
+        text += f"<body name='{name}' {place}><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>{joint}"
         closing += "</body>"
-    return f"<mujoco><worldbody>{text}{closing}</worldbody></mujoco>"
+    return f"<mujoco><compiler angle='radian'/><worldbody>{text}{closing}</worldbody></mujoco>"
 
 
 def ratios(short: bool) -> list[Ratio]:

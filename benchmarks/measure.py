@@ -71,7 +71,7 @@ def table(ratios: list[Ratio], title: str) -> Table:
         Column("unit"),
         Column("against"),
         Column("theirs", "", ".3g"),
-        Column("ratio", "", ".2f"),
+        Column("ratio", "", ".2g"),
         Column("wanted"),
         Column(""),
     )
