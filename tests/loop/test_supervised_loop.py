@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import FileFormatError, ValueRangeError
+from dqcontrol.experiments import read_spec
 from dqcontrol.laws import ProportionalFeedforward
 from dqcontrol.limits import Supervisor, list_interventions
 from dqcontrol.loop import Supervision, close_loop
@@ -110,3 +111,23 @@ def test_a_spec_chooses_and_the_report_lists(tmp_path):
     )
     with pytest.raises(ValueRangeError, match=r"supervisor.acceleration: must be > 0, got -1"):
         dqc.run(spec | {"supervisor": {"acceleration": -1.0}})
+
+
+def test_before_which_plants_it_stands_by_default():
+    base = {
+        "name": "a", "robot": "iiwa7", "start": Q0.tolist(), "period": T, "reference": {"kind": "set-point"},
+        "duration": 1.0, "law": {"kind": "proportional", "gain": 5},
+    }  # fmt: skip
+    simulator = {"kind": "coppeliasim", "joints": ["/joint"] * 7}
+    for plant, key, expected in (
+        ({"kind": "servo"}, {}, None),
+        ({"kind": "servo"}, {"supervisor": True}, Supervisor()),
+        ({"kind": "servo"}, {"supervisor": {"ramp": 1.0}}, Supervisor(ramp=1.0)),
+        (simulator, {}, Supervisor()),
+        (simulator, {"supervisor": False}, None),
+        (simulator, {"supervisor": {"ramp": 1.0}}, Supervisor(ramp=1.0)),
+    ):
+        spec, _ = read_spec(base | {"plant": plant} | key)
+        assert spec.supervisor_of(spec.plant) == expected
+    with pytest.raises(FileFormatError, match="supervisor"):
+        read_spec(base | {"plant": simulator, "supervisor": 3})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import Error
-from dqcontrol.ros2.control import Control, Phase
+from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps
 from dqcontrol.ros2.pace import Pace

@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
-from dqcontrol.ros2.control import Control, Phase
+from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.trace import Tracer
 

@@ -18,6 +18,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
     "export": "Write all signals of a run for other programs.",
+    "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
     "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
     "robots": "List the robots that come with dqcontrol, or show one.",

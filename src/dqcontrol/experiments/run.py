@@ -184,7 +184,7 @@ def execute(
         scene.samples,
         stop=spec.stop,
         disturbance=spec.disturbance,
-        supervisor=spec.supervisor,
+        supervisor=spec.supervisor_of(case.plant),
         seed=spec.seed + repeat,
         interpreted=interpreted,
         progress=progress,

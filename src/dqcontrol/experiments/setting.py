@@ -181,8 +181,6 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
             scenes[label] = _scene(spec, robot, folder)
             laws = list(_prepared_laws(spec, variants, scenes[label]))
             compiled = _checked_plants(spec, plants, scenes[label])
-            if spec.supervisor is not None:
-                spec.supervisor.prepare(scenes[label].robot, spec.period).start(scenes[label].start)
         for plant in plants:
             for i, variant in enumerate(variants):
                 place = Names(label, variant.label, variant.set, plant)
@@ -226,6 +224,8 @@ def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> di
     """Check that every plant can start, and tell which are compiled."""
     compiled = {}
     for label, plant in plants.items():
+        if supervisor := spec.supervisor_of(plant):
+            supervisor.prepare(scene.robot, spec.period).start(scene.start)
         with naming(f"plant {label}"):
             live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
             if spec.disturbance is not None:

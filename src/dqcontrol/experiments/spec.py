@@ -111,7 +111,8 @@ class Spec(Part, frozen=True, kw_only=True):
     limits
         What is done to the commands before they leave.
     supervisor
-        What stands between law and plant; nothing if omitted.
+        What stands between law and plant; ``true``: with default parameters. If omitted, that before plants that move
+        more than our own arrays, and nothing before the others.
     disturbance
         What moves the hand beside the commands; not for physics.
     repeats
@@ -159,7 +160,7 @@ class Spec(Part, frozen=True, kw_only=True):
     plant: AnyPlant | UnsetType = UNSET
     plants: Annotated[dict[Label, AnyPlant], Meta(min_length=1)] | UnsetType = UNSET
     limits: CommandLimits = CommandLimits()
-    supervisor: Supervisor | None = None
+    supervisor: Supervisor | bool | None = None
     disturbance: Disturbance | None = None
     repeats: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
     seed: Annotated[int, Meta(ge=0, le=2**62)] = 0
@@ -192,6 +193,13 @@ class Spec(Part, frozen=True, kw_only=True):
     def plant_by_label(self) -> dict[str, AnyPlant]:
         """All plants by label; a single plant's label is its kind."""
         return _by_label("plant", self.plant, self.plants)
+
+    def supervisor_of(self, plant: AnyPlant) -> Supervisor | None:
+        """Return what stands before a plant, if anything."""
+        if isinstance(self.supervisor, Supervisor):
+            return self.supervisor
+        wanted = plant.is_supervised if self.supervisor is None else self.supervisor
+        return Supervisor() if wanted else None
 
     @property
     def variants(self) -> list[Variant[AnyLaw]]:

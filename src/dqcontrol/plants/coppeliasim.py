@@ -6,7 +6,7 @@ import math
 import weakref
 from contextlib import suppress
 from importlib import import_module
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -46,6 +46,7 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
         When started, if the client is not installed.
     """
 
+    is_supervised: ClassVar[bool] = True
     joints: Annotated[list[str], Meta(min_length=1, description="paths in the scene, from base to hand")]
     host: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 23000

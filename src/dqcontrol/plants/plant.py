@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
@@ -54,7 +54,15 @@ class AgedPlant(Protocol):
 
 
 class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """Parameters of a plant."""
+    """Parameters of a plant.
+
+    Attributes
+    ----------
+    is_supervised
+        Whether a supervisor stands before it unless told otherwise: of plants that move more than our own arrays.
+    """
+
+    is_supervised: ClassVar[bool] = False
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
         """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from dqcontrol.errors import Error
-from dqcontrol.ros2.control import Phase
+from dqcontrol.loop.control import Phase
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.following import Following
 from dqcontrol.ros2.loading import load

@@ -13,14 +13,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.ros2.control import Control, Phase
+from dqcontrol.loop.control import Control, Phase, warm_up
+from dqcontrol.loop.targets import ByTwist, ToPose
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
-from dqcontrol.ros2.loading import Loaded, warm_up
+from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.pace import Pace
 from dqcontrol.ros2.parameters import declare, number, on_change, read_once
-from dqcontrol.ros2.targets import ByTwist, ToPose
 from dqcontrol.ros2.trace import Tracer
 from dqcontrol.ros2.tuning import numbers_of, retune
 

@@ -15,10 +15,9 @@ from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
-from dqcontrol.limits.prepared_supervisor import GO
+from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-from dqcontrol.ros2.targets import ByTwist, Sampled, Speeds, Target, ToPose
 
 Array = NDArray[np.float64]
 
@@ -115,15 +114,7 @@ def load(source: str | Path) -> Loaded:
         raise ShapeError(
             f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is"
         )
-    supervisor = getattr(setting.spec, "supervisor", None) or Supervisor()
+    supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     if supervisor.stale_after is None:
         supervisor = msgspec.structs.replace(supervisor, stale_after=SILENCE)
     return Loaded(setting, case, case.variant.law, supervisor, Speeds())
-
-
-def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, sample: Array) -> None:
-    """Compile what a step needs, so that the first one is not late."""
-    command = np.zeros(law.robot.input_size)
-    law.step(start, sample, 0, law.initial_state(start), command)
-    law.robot.fkm(start)
-    supervisor.step(start, command, supervisor.start(start), 0.0, GO, command)

@@ -12,7 +12,7 @@ from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.limits.prepared_supervisor import END, GO, STOP
-from dqcontrol.ros2.targets import Target
+from dqcontrol.loop.targets import Target
 
 Array = NDArray[np.float64]
 
@@ -159,3 +159,11 @@ class Control:
             if rests:
                 self.is_commanding = words != ("soft stop",)
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
+
+
+def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, sample: Array) -> None:
+    """Compile what a step needs, so that the first one is not late."""
+    command = np.zeros(law.robot.input_size)
+    law.step(start, sample, 0, law.initial_state(start), command)
+    law.robot.fkm(start)
+    supervisor.step(start, command, supervisor.start(start), 0.0, GO, command)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dqcontrol import algebra
+from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, ToPose
 from dqcontrol.references.sample import POSE, TWIST
-from dqcontrol.ros2.targets import ByTwist, Sampled, Speeds, ToPose
 
 START = algebra.pose([1, 0, 0, 0], [0.1, 0.2, 0.3])
 DT = 0.01

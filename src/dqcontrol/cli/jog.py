@@ -1,0 +1,66 @@
+"""Drive a robot by keys."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from dqcontrol.cli.keyboard import Keyboard
+    from dqcontrol.loop.jog import Jog
+
+_SHOWN_EVERY = 0.1  # s
+
+
+def jog(
+    source: str,
+    /,
+    *,
+    poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
+    speed: float = 0.1,
+    angular_speed: float = 0.5,
+) -> None:
+    """Drive a robot's hand by keys in the terminal, and keep poses as a points file.
+
+    Parameters
+    ----------
+    source
+        YAML file of one run: its robot, start, law, plant and supervisor. Or a robot, which is then simulated.
+    poses
+        New points file, made with the first pose; a spec's reference of kind points follows it.
+    speed, angular_speed
+        The fastest, m/s and rad/s.
+    """
+    from dqcontrol.cli.keyboard import Keyboard
+    from dqcontrol.errors import as_positive
+    from dqcontrol.experiments.jogging import prepare_jog
+    from dqcontrol.loop.interrupts import first_interrupt
+    from dqcontrol.loop.jog import HELP
+    from dqcontrol.loop.targets import Speeds
+    from dqcontrol.references.points_writer import PointsWriter
+
+    keyboard = Keyboard()
+    speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))
+    driven = prepare_jog(source, PointsWriter(poses, speeds.linear, speeds.angular), speeds)
+    print("\n".join(HELP))
+    with keyboard, first_interrupt(driven.end):
+        _drive(driven, keyboard)
+    print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
+
+
+def _drive(driven: Jog, keyboard: Keyboard) -> None:
+    """Step in real time, hear keys while waiting, and show what is going on."""
+    deadline = shown = time.monotonic()
+    while not driven.ended:
+        for key in keyboard.until(deadline):
+            if told := driven.press(key):
+                keyboard.tell(told)
+        driven.step()
+        now = time.monotonic()
+        deadline = max(deadline + driven.period, now)  # missed periods are left out
+        if now - shown > _SHOWN_EVERY:
+            shown = now
+            keyboard.show(driven.status)

@@ -1,0 +1,92 @@
+"""A robot that keys drive, from a spec or from the robot's name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.experiments.setting import prepare
+from dqcontrol.limits import Supervisor
+from dqcontrol.loop.control import warm_up
+from dqcontrol.loop.jog import Jog
+from dqcontrol.loop.targets import Speeds
+from dqcontrol.references.points_writer import PointsWriter
+from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.yaml_file import parse_yaml, read_text
+
+Array = NDArray[np.float64]
+
+_STEPS = 100_000  # of noise drawn; then it repeats
+_TRIES = 500
+
+
+def prepare_jog(source: str, poses: PointsWriter | None = None, speeds: Speeds | None = None) -> Jog:
+    """Return a robot at rest that keys drive, with the law, plant and supervisor of a spec.
+
+    It always has a supervisor, with default parameters if the spec names none. A robot alone is simulated, on servos.
+
+    Parameters
+    ----------
+    source
+        Path of a spec of one run; or a robot's name or file.
+    poses, speeds
+        As for `Jog`.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something is missing, malformed or does not fit, or the law needs a reference.
+    """
+    setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
+    spec = setting.spec
+    if not spec.is_single:
+        raise ShapeError(f"{source}: describes several runs; name one law and one plant")
+    (case,) = setting.cases
+    robot, start, plant = case.scene.robot, case.scene.start, case.plant
+    law = case.variant.law.prepare(robot, None, spec.period, spec.limits)
+    supervisor = spec.supervisor_of(plant) or Supervisor()
+    guard = supervisor.prepare(robot, spec.period, getattr(plant, "command_mode", "integrated"))
+    warm_up(law, guard, start, case.scene.samples[0])
+    live = plant.start(robot, start, spec.period, _STEPS, spec.seed)
+    return Jog(law, guard, live, poses, speeds, _STEPS)
+
+
+def _is_spec(source: str) -> bool:
+    """Return whether a file says what a run needs, and not only what a robot is."""
+    if Path(source).suffix not in (".yaml", ".yml") or not Path(source).is_file():
+        return False
+    data = parse_yaml(source, read_text(source))
+    return isinstance(data, dict) and bool({"robot", "robots", "law", "laws", "plant"} & data.keys())
+
+
+def _spec_of(robot: str) -> dict[str, Any]:
+    start = most_dexterous(load_robot(robot))
+    return {
+        "name": "jog",
+        "robot": robot,
+        "start": start.tolist(),
+        "period": 0.01,
+        "reference": {"kind": "set-point", "duration": 1.0},
+        "law": {"kind": "proportional-feedforward", "gain": 5.0},
+        "plant": {"kind": "servo"},
+    }
+
+
+def most_dexterous(robot: Robot) -> Array:
+    """Return the configuration of greatest manipulability among some hundred within the middle of the limits.
+
+    Returns
+    -------
+    q : ndarray, shape (n,)
+        rad or m; bases rest at the origin.
+    """
+    lower, upper = np.maximum(robot.limits.lower, -np.pi), np.minimum(robot.limits.upper, np.pi)
+    tries = np.random.default_rng(0).uniform(0.2, 0.8, (_TRIES, len(lower)))
+    tries = lower + tries * (upper - lower)
+    tries[:, base_coordinates(robot)] = 0.0
+    return tries[int(np.argmax(robot.manipulability(tries)))]

@@ -1,0 +1,179 @@
+"""Driving a robot by keys, and keeping the poses that it is brought to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.algebra import translation
+from dqcontrol.errors import Error
+from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.targets import ByTwist, Speeds
+from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.references.points_writer import PointsWriter
+
+Array = NDArray[np.float64]
+
+# Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
+MOVES = {
+    "w": (0, 1),
+    "s": (0, -1),
+    "a": (1, 1),
+    "d": (1, -1),
+    "e": (2, 1),
+    "q": (2, -1),
+    "l": (3, 1),
+    "j": (3, -1),
+    "i": (4, 1),
+    "k": (4, -1),
+    "u": (5, 1),
+    "o": (5, -1),
+}
+END = "c"
+HELP = (
+    "hold to move   w s  x    a d  y    e q  z       to turn   l j  x    i k  y    u o  z",
+    "+ - faster, slower    h axes of hand or base    p keep this pose",
+    "space stop    g go on after a stop    c end, as Ctrl-C",
+)
+_HOLD = 0.15  # s that one key press lasts: keys held down repeat sooner
+
+
+class Jog:
+    """A plant that keys drive through a law and a supervisor; a key moves the hand while it repeats.
+
+    Parameters
+    ----------
+    law
+        From ``law.prepare``; its reference is not asked.
+    supervisor
+        From ``supervisor.prepare``, of the law's robot and period.
+    plant
+        At rest.
+    poses
+        What keeps poses; none are kept if omitted.
+    speeds
+        The fastest.
+    steps
+        For which the plant was started; its noise then repeats.
+
+    Attributes
+    ----------
+    share
+        Of the fastest speeds, that keys ask for.
+    of_hand
+        Whether they mean the axes of the hand, or those of the base.
+
+    Raises
+    ------
+    ValueRangeError
+        If a joint is beyond its limits.
+    """
+
+    def __init__(
+        self,
+        law: PreparedLaw,
+        supervisor: PreparedSupervisor,
+        plant: LivePlant,
+        poses: PointsWriter | None = None,
+        speeds: Speeds | None = None,
+        steps: int = 100_000,
+    ) -> None:
+        self.speeds, self._poses, self._plant, self._steps = speeds or Speeds(), poses, plant, steps
+        self._target = ByTwist(self.speeds, timeout=_HOLD)
+        self._control = Control(law, self._target, supervisor)
+        self._control.activate(plant.measured.copy())
+        self._time, self._done, self._dt = 0.0, 0, law.dt
+        self.share, self.of_hand, self._ending = 0.5, False, False
+
+    @property
+    def period(self) -> float:
+        """Of `step`, s."""
+        return self._dt
+
+    @property
+    def ended(self) -> bool:
+        """Whether the robot has come to rest after `end`."""
+        return not self._control.is_commanding
+
+    @property
+    def pose(self) -> Array:
+        """Measured pose of the hand, shape (8,), inertial frame."""
+        return self._control.robot.fkm(self._plant.measured)
+
+    @property
+    def condition(self) -> str:
+        """What it does, and what the supervisor does about it."""
+        words = [self._control.phase.value, self._control.reason, self._fault]
+        return ": ".join(word for word in words if word)
+
+    @property
+    def status(self) -> str:
+        """`condition`, where the hand is, and what keys mean, in one line."""
+        x, y, z = translation(self.pose)
+        keys = f"{self.share * self.speeds.linear:.2g} m/s  {self.share * self.speeds.angular:.2g} rad/s"
+        axes = "hand" if self.of_hand else "base"
+        return f"{self.condition}   x {x:+.3f} y {y:+.3f} z {z:+.3f} m   {keys}  in axes of the {axes}"
+
+    def press(self, key: str) -> str:
+        """Do what a key says; return what there is to tell, if anything. Keys without a meaning do nothing."""
+        if key in MOVES:
+            self._move(*MOVES[key])
+        elif key in ("+", "-"):
+            self.share = min(1.0, max(1 / 64, self.share * (2.0 if key == "+" else 0.5)))
+        elif key == "h":
+            self.of_hand = not self.of_hand
+        elif key == " ":
+            self._control.emergency_stop()
+        elif key == END:
+            self.end()
+        elif key in ("g", "p"):
+            try:
+                return self._keep() if key == "p" else self._go_on()
+            except Error as error:
+                return str(error)
+        return ""
+
+    def end(self) -> None:
+        """Stop softly, and be `ended` then; interrupts may call it."""
+        self._ending = True
+
+    def step(self) -> None:
+        """Move for one period."""
+        plant, control = self._plant, self._control
+        if self._ending and control.phase is Phase.ACTIVE:
+            control.deactivate()
+        elif self._ending and control.phase is Phase.STOPPED:
+            control.reset()
+        if self._fault and control.phase is Phase.ACTIVE:
+            control.emergency_stop()
+        age = plant.age if isinstance(plant, AgedPlant) else 0.0
+        control.step(self._time, plant.measured.copy(), age)
+        self._time, self._done = self._time + self._dt, self._done + 1
+        if isinstance(plant, CompiledPlant) and self._done % self._steps == 0:
+            plant.rewind()
+        plant.step(control.command)
+
+    @property
+    def _fault(self) -> str:
+        return self._plant.fault if isinstance(self._plant, GuardedPlant) else ""
+
+    def _move(self, axis: int, sign: int) -> None:
+        asked = np.zeros((2, 3))
+        speed = (self.speeds.linear, self.speeds.angular)[axis // 3]
+        asked[axis // 3, axis % 3] = sign * self.share * speed
+        self._target.ask(self._time, asked[0], asked[1], of_hand=self.of_hand)
+
+    def _keep(self) -> str:
+        if self._poses is None:
+            return "no file for poses"
+        joints = ", ".join(f"{angle:.6g}" for angle in self._plant.measured)
+        count = self._poses.add(self.pose, f"start: [{joints}]")
+        return f"pose {count} kept in {self._poses.path}"
+
+    def _go_on(self) -> str:
+        self._control.reset()
+        self._control.activate(self._plant.measured.copy())
+        self._time = 0.0
+        return "goes on"

@@ -1,0 +1,158 @@
+"""Driving by keys: the hand goes where they say and only while they last; poses are kept; stops hold."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
+from dqcontrol.loop.jog import HELP, MOVES, Jog
+from dqcontrol.loop.targets import Speeds
+from dqcontrol.references import load_points
+from dqcontrol.references.points_writer import PointsWriter
+
+T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+
+
+@pytest.fixture
+def jog(tmp_path):
+    arm = dqc.load_robot("iiwa7")
+    law = dqc.laws.ProportionalFeedforward(gain=10.0).prepare(arm, None, T)
+    supervisor = dqc.limits.Supervisor(acceleration=5.0).prepare(arm, T)
+    plant = dqc.plants.Servo(time_constant=0.02).start(arm, Q0, T, 50, 0)
+    return Jog(law, supervisor, plant, PointsWriter(tmp_path / "poses.csv"), Speeds(0.1, 0.5), steps=50)
+
+
+def hold(jog, key, seconds):
+    """Press a key as a terminal repeats it, then let go and wait until all rests; return how the hand moved."""
+    before = jog.pose.copy()
+    for k in range(round(seconds / T)):
+        if k % 4 == 0:
+            assert jog.press(key) == ""
+        jog.step()
+    for _ in range(120):
+        jog.step()
+    after = jog.pose
+    turn = algebra.multiply(after, algebra.conjugate(before))[:4]
+    return algebra.translation(after) - algebra.translation(before), 2 * turn[1:] * np.sign(turn[0])
+
+
+@pytest.mark.parametrize("key", MOVES)
+def test_each_key_moves_along_its_own_axis_only(jog, key):
+    axis, sign = MOVES[key]
+    moved = np.concatenate(hold(jog, key, 0.6))
+    half = 0.5 * (0.1, 0.5)[axis // 3]
+    assert 0.4 * half < sign * moved[axis] < 0.8 * half  # 0.6 s and what a key press lasts, at half speed
+    assert np.delete(moved, axis) == pytest.approx(0, abs=0.02 * half)
+
+
+def test_each_key_is_in_the_help():
+    assert {key for line in HELP for key in line.split()} >= {*MOVES, "+", "-", "h", "p", "g", "c"}
+
+
+def test_one_press_is_a_small_step_and_keys_without_a_meaning_are_none(jog):
+    moved, _ = hold(jog, "w", T)
+    assert 0.05 * 0.1 < moved[0] < 0.05 * 0.2
+    for key in ("y", "7", "é", "\x00"):
+        assert np.concatenate(hold(jog, key, 0.1)) == pytest.approx(0, abs=1e-5)
+
+
+def test_faster_slower_and_the_axes_of_the_hand(jog):
+    jog.press("-")
+    slow, _ = hold(jog, "w", 0.6)
+    jog.press("+")
+    jog.press("+")
+    fast, _ = hold(jog, "w", 0.6)
+    assert fast[0] / slow[0] == pytest.approx(4, rel=0.05)
+    for _ in range(20):
+        jog.press("+")
+    assert jog.share == 1
+    jog.press("h")
+    assert "axes of the hand" in jog.status
+    axis = algebra.matrix_from_rotation(algebra.rotation(jog.pose))[:, 2]
+    moved, _ = hold(jog, "q", 0.4)
+    assert moved / np.linalg.norm(moved) == pytest.approx(-axis, abs=0.01)
+
+
+def test_kept_poses_are_a_reference(jog, tmp_path):
+    poses = [jog.pose.copy()]
+    assert jog.press("p").startswith("pose 1 kept in ")
+    assert "move the hand first" in jog.press("p")
+    for key in ("e", "u"):
+        hold(jog, key, 0.5)
+        poses.append(jog.pose.copy())
+        jog.press("p")
+    reference = load_points(tmp_path / "poses.csv")
+
+    for pose, time in zip(poses, reference.times, strict=True):
+        short = reference.at(float(time)).pose
+        assert min(np.abs(short - pose).max(), np.abs(short + pose).max()) < 1e-8
+    twists = reference.samples(np.array([0.01, reference.duration - 0.01]))[:, 8:14]
+    rise = np.linalg.norm(algebra.translation(poses[1]) - algebra.translation(poses[0]))
+    assert reference.times[1] == pytest.approx(rise / 0.1, rel=1e-3)  # as fast as the keys may go
+    assert np.linalg.norm(twists[1, :3]) == pytest.approx(0.5, rel=0.01)
+    line = (tmp_path / "poses.csv").read_text().splitlines()[1]
+    start = [float(word) for word in line.split("[")[1].rstrip("]").split(",")]
+    assert start == pytest.approx(Q0, abs=1e-4)
+    with pytest.raises(ExistsError, match=r"poses\.csv: exists already"):
+        PointsWriter(tmp_path / "poses.csv")
+
+
+def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
+    for _ in range(40):
+        jog.press("w")
+        jog.step()
+    jog.press(" ")
+    for _ in range(60):
+        jog.press("w")
+        jog.step()
+    assert jog.condition == "stopped: emergency stop"
+    assert np.concatenate(hold(jog, "w", 0.3)) == pytest.approx(0, abs=1e-6)
+    assert not jog.ended
+    assert jog.press("g") == "goes on"
+    assert "is active, not stopped" in jog.press("g")
+    moved, _ = hold(jog, "a", 0.4)
+    assert moved[1] > 0.01
+
+
+@pytest.mark.parametrize("first", ["c", " "])
+def test_the_end_is_soft_and_comes_after_stops_too(jog, first):
+    for _ in range(40):
+        jog.press("w")
+        jog.step()
+    jog.press(first)
+    jog.press("c")
+    commands, count = [], 0
+    while not jog.ended:
+        jog.step()
+        count += 1
+        commands.append(jog._control.command.copy())
+        assert count < 200
+    assert np.abs(np.diff(commands, axis=0)).max() <= 5.0 * T * (1 + 1e-9)
+    assert not commands[-1].any()
+
+
+def test_from_a_robot_from_a_spec_and_from_neither(tmp_path):
+    arm = dqc.load_robot("panda")
+    q = most_dexterous(arm)
+    assert (arm.limits.lower < q).all()
+    assert (q < arm.limits.upper).all()
+    assert arm.manipulability(q) > 0.05
+    for name in ("panda", "little-john"):
+        jog = prepare_jog(name)
+        moved, _ = hold(jog, "w", 0.4)
+        assert moved[0] == pytest.approx(0.05 * 0.5, rel=0.3)
+    with pytest.raises(dqc.errors.UnknownNameError, match="did you mean 'panda'"):
+        prepare_jog("pandah")
+    spec = tmp_path / "spec.yaml"
+    spec.write_text(
+        "{name: a, robot: iiwa7, start: [0, 0.6, 0, 1.6, 0, 0.6, 0], period: 0.005, duration: 1.0, supervisor: false,"
+        " reference: {kind: set-point}, law: {kind: proportional, gain: 5}, plant: {kind: integrator}}"
+    )
+    jog = prepare_jog(str(spec))
+    assert jog.period == 0.005
+    assert jog.pose == pytest.approx(dqc.load_robot("iiwa7").fkm(Q0))
+    spec.write_text(spec.read_text().replace("}}", "}, repeats: 2}"))
+    with pytest.raises(ShapeError, match="describes several runs"):
+        prepare_jog(str(spec))
