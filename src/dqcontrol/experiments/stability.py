@@ -16,7 +16,7 @@ from dqcontrol.plants.linear_model import LinearModel
 Verdict = Literal["monotone", "oscillatory", "unstable", "drifts", "cannot be decided"]
 
 MOST_STATES = 100  # of a model: eigenvalues of more take too long
-_GAINS = np.geomspace(1e-6, 1e6, 160)  # k T that are tried until one fails
+_GAINS = np.geomspace(1e-4, 1e6, 134)  # k T that are tried until one fails
 _DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole

@@ -12,6 +12,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.plants.compliant_arm import assemble
 from dqcontrol.plants.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.joint_table import MODES
+from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.loads import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.obstacle import Obstacle
 from dqcontrol.plants.payload_compensation import PayloadCompensation
@@ -162,6 +163,15 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant_live import LiveCompliant
 
         return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
+
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+        """Return all joints together, without gravity, limits and integrals; None in modes that do not follow angles.
+
+        Those of minimum jerk plan anew at each command, which is not linear.
+        """
+        from dqcontrol.plants import compliant_linear
+
+        return compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
 
 
 def _within(field: str, value: Any, lower: float, upper: float) -> None:

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+_HORIZON = 24  # periods in which what matters of a state is seen
+_LEAST = 1e-10  # of the largest Hankel singular value
+
 
 @dataclass(frozen=True)
 class LinearModel:
@@ -41,3 +44,25 @@ class LinearModel:
         feedback[:, : self.inputs.shape[1]] = self.inputs
         closed = self.transition - np.asarray(gains)[..., None, None] * feedback
         return np.linalg.eigvals(closed).astype(np.complex128)
+
+    def reduced(self) -> LinearModel:
+        """Return a model that answers inputs in the same way with as few states as that takes.
+
+        The states that inputs hardly reach, or measurements hardly see, within a number of periods are left out: those
+        of small singular values of the Hankel matrix (Ho and Kalman 1966, Kung 1978).
+        """
+        outputs = self.inputs.shape[1]
+        seen, reached = [np.eye(outputs, len(self.transition))], [self.inputs]
+        for _ in range(1, _HORIZON):
+            seen.append(seen[-1] @ self.transition)
+            reached.append(self.transition @ reached[-1])
+        observed, driven = np.vstack(seen), np.hstack(reached)
+        left, sizes, right = np.linalg.svd(observed @ driven)
+        count = int(np.count_nonzero(sizes > _LEAST * sizes[0]))
+        root = np.sqrt(sizes[:count])
+        into, out_of = left[:, :count].T @ observed / root[:, None], driven @ right[:count].T / root
+        measured = out_of[:outputs]
+        unseen = np.linalg.svd(measured)[2][outputs:]
+        basis = np.vstack([measured, unseen])  # so that the measurements are the first entries
+        into, out_of = basis @ into, np.linalg.solve(basis.T, out_of.T).T
+        return LinearModel(into @ self.transition @ out_of, into @ self.inputs)

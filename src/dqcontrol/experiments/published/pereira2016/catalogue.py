@@ -11,7 +11,7 @@ from dqcontrol.experiments.published.catalogue import Experiment
 
 SOURCE = "pereira2016"
 SERVO, PHYSICS = "servo", "meka-physics"
-PLANTS = (SERVO, PHYSICS)  # what can stand for the Meka, the default first
+PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
 
 
 @dataclass(frozen=True)
