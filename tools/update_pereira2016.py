@@ -1,31 +1,48 @@
-"""Write the tables of all reproductions of [P16] and a picture into docs: `python tools/update_pereira2016.py`."""
+"""Write the tables of reproductions of [P16] and a picture into docs: `python tools/update_pereira2016.py [NAME …]`.
+
+Without names all of them; with names, as ``spiral``, their sections of the page.
+"""
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 
 from dqcontrol.experiments.published import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
 PICTURED, FIGURE = ("spiral",), "published-and-ours"
-HEAD = """# Pereira 2016: published | ours | ratio
+REPEATS = 2  # in physics the repeats of a run agree to less than the digits shown
+HEAD = f"""# Pereira 2016: published | ours | ratio
 
-Written by `python tools/update_pereira2016.py`, which runs `dqcontrol reproduce` for each heading. What the numbers
-mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviation over the repeats.
+Written by `python tools/update_pereira2016.py`, which runs `dqcontrol reproduce NAME --repeats {REPEATS}` for each
+heading: the Meka in physics. What the numbers mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviation
+over the repeats.
 """
 
 
+def section(name: str) -> str:
+    """Run an experiment, and return its part of the page."""
+    done = reproduce(name, repeats=REPEATS)
+    short = name.partition("/")[2]
+    if short in PICTURED:
+        done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{short}.png")
+    print(name, flush=True)
+    return "\n".join([f"## {name}\n", *(table.markdown() for table in done.tables)])
+
+
 def main() -> None:
-    """Run everything and write the page."""
-    parts = [HEAD]
-    for name in names("pereira2016"):
-        parts.append(f"## {name}\n")
-        done = reproduce(name)
-        parts += [table.markdown() for table in done.tables]
-        if (short := name.partition("/")[2]) in PICTURED:
-            done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{short}.png")
-        print(name)
-    PAGE.write_text("\n".join(parts), encoding="utf-8")
+    """Run what is asked for and write the page."""
+    known = names("pereira2016")
+    wanted = [full for name in sys.argv[1:] for full in names(name)] or known
+    text = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""
+    before = {part.split("\n", 1)[0]: "## " + part for part in re.split("^## ", text, flags=re.MULTILINE)[1:]}
+    for name in known:
+        if name in wanted:
+            before[name] = section(name)
+            kept = [before[each].rstrip() + "\n" for each in known if each in before]
+            PAGE.write_text("\n".join([HEAD, *kept]), encoding="utf-8")
 
 
 if __name__ == "__main__":

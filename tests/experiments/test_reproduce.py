@@ -108,7 +108,7 @@ def test_ratios_are_means_over_printed_means():
 
 
 def test_the_sag_in_the_specs_is_the_one_that_fits():
-    table = calibrate()
+    table = calibrate("servo")
     for line in table.rows:
         assert line[3] == pytest.approx(line[4], rel=2e-3)
 
@@ -145,7 +145,7 @@ def test_names():
 
 def test_light_painting_and_its_folder(tmp_path):
     with pytest.warns(LimitWarning):
-        done = published.reproduce("light-painting", jobs=1)
+        done = published.reproduce("light-painting", plant="servo", jobs=1)
     folder = done.save(tmp_path / "painting")
     assert (folder / "light-painting.png").stat().st_size > 10_000
     assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**light-painting**")

@@ -37,6 +37,18 @@ def test_the_meka_is_compliant_and_the_iiwa_stays_simulated(name):
     assert in_physics == on_servos
 
 
+def test_what_was_done_on_the_arm_runs_in_physics_unless_told():
+    """All of it: the iiwa alone was simulated, and its specs keep their servos."""
+    for name in EXPERIMENTS:
+        assert published.chosen_plant(f"pereira2016/{name}", None) == PHYSICS
+        assert published.chosen_plant(f"pereira2016/{name}", SERVO) == SERVO
+    done = published.reproduce("light-painting", jobs=1)
+    assert done.plant == PHYSICS
+    (row,) = done.studies["light-painting"].rows
+    assert row["stopped"] == "duration"
+    assert row["error.integral"] > 0
+
+
 def test_specs_of_other_plants_are_refused_and_files_found_from_anywhere():
     with pytest.raises(
         UnknownNameError, match=r"^plant: unknown name 'meka-physic'.*did you mean 'meka-physics'"

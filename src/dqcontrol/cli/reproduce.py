@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from dqcontrol.cli.options import Force, Out
@@ -17,6 +18,7 @@ def reproduce(
     force: Force = False,
     jobs: int | None = None,
     samples: int | None = None,
+    repeats: int | None = None,
 ) -> None:
     """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
 
@@ -34,10 +36,13 @@ def reproduce(
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     samples
         Of each run in real time; default: 500.
+    repeats
+        At most so many of each run; default: as many as were printed.
     """
     from dqcontrol.experiments import published
     from dqcontrol.experiments.output import check_new
 
+    warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
     if name is None:
         console().print(published.catalogue_table().rich())
         return
@@ -55,6 +60,7 @@ def reproduce(
                 plant=plant,
                 jobs=jobs,
                 samples=published.SAMPLES if samples is None else samples,
+                repeats=repeats,
                 progress=lambda label, count, total, show=progress: show(count, total, label),
             )
         done.save(folder, force=force)

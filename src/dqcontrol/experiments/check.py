@@ -123,6 +123,8 @@ class LoopCheck:
         limits, when = loop.limits, f" at {loop.gain.time:g} s" if loop.gain.time is not None else ""
         if loop.verdict == "monotone" or loop.product <= limits.recommended:
             return ""
+        if limits.stable == 0:
+            return f"{self.names.label}: {loop.gain.loop} unstable: so is the plant, with any gain"
         facts = f"k T = {loop.product:.3g}{when}, limit {limits.stable:.3g}"
         if loop.verdict == "oscillatory":
             facts += f", spectral radius {loop.radius:.3g}"

@@ -171,7 +171,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """
         from dqcontrol.plants import compliant_linear
 
-        return compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
+        return (
+            compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
+        )
 
 
 def _within(field: str, value: Any, lower: float, upper: float) -> None:

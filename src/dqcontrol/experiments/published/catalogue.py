@@ -47,6 +47,8 @@ class Conditions:
         Processes that work in parallel; as for `run_study`.
     samples
         Of each run in real time.
+    repeats
+        At most so many of each run; None: as many as were printed.
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
     """
@@ -54,6 +56,7 @@ class Conditions:
     plant: str = ""
     jobs: int | None = None
     samples: int = SAMPLES
+    repeats: int | None = None
     progress: Progress | None = None
 
     def of(self, label: str) -> Callable[[float, int], None] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dqcontrol.errors import unknown_name
+from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.experiments.published.catalogue import (
     SAMPLES,
     Conditions,
@@ -21,6 +21,7 @@ def reproduce(
     plant: str | None = None,
     jobs: int | None = None,
     samples: int = SAMPLES,
+    repeats: int | None = None,
     progress: Progress | None = None,
 ) -> Reproduced:
     """Run a published experiment again and hold it against what was printed.
@@ -35,6 +36,8 @@ def reproduce(
         Processes that work in parallel; as for `run_study`.
     samples
         Of each run in real time.
+    repeats
+        At most so many of each run, at least 1; default: as many as were printed.
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
 
@@ -42,6 +45,8 @@ def reproduce(
     ------
     UnknownNameError
         If there is no such experiment or plant.
+    ValueRangeError
+        If ``repeats`` is below 1.
 
     Examples
     --------
@@ -49,8 +54,11 @@ def reproduce(
     >>> reproduce("light-painting", plant="servo", jobs=1).studies["light-painting"].rows[0]["stopped"]
     'duration'
     """
+    if repeats is not None and repeats < 1:
+        raise ValueRangeError(f"repeats: must be at least 1, got {repeats}")
     full, *others = names(name)
     if others:
         raise unknown_name("reproduction", name, list(experiments()))
     folder, _, short = full.partition("/")
-    return source(folder).reproduce(short, Conditions(chosen_plant(full, plant), jobs, samples, progress))
+    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
+    return source(folder).reproduce(short, conditions)

@@ -40,6 +40,9 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
     sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
     if chosen.scaled:
         sources |= {_scaled(spec): second_fit.scaled_spec(spec, plant) for spec in chosen.specs.values()}
+    if conditions.repeats:
+        for source in sources.values():
+            source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
     studies = {
         label: run_study(source, jobs=conditions.jobs, progress=conditions.of(label))
         for label, source in sources.items()

@@ -1,0 +1,56 @@
+"""Modified clamping in physics: random runs that are drawn out of the joint limits, one after the other."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.laws import HInfinity, LinearQuadraticDQ, Proportional
+from dqcontrol.limits import CommandLimits, ModifiedClamping
+from dqcontrol.loop import simulate
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.plants.controller_file import load_controllers
+
+pytest.importorskip("mujoco")
+
+SEED = 20261121
+T = 0.02
+LAWS = (
+    Proportional(gain=5.0),
+    HInfinity(orientation_gain=10.0, translation_gain=5.0),
+    LinearQuadraticDQ(error_weight=25.0, control_weight=1.0),
+)
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.slow)])
+def test_commands_never_leave_the_limits_and_measured_angles_by_less_than_the_springs_give_way(count):
+    """Half a second each, towards the pose of a configuration up to 1.5 rad away, often beyond the limits."""
+    print("seed", SEED)
+    rng, arm = np.random.default_rng(SEED), dqc.load_robot("meka-a2")
+    stiffness = load_controllers(arm).actuation("default").stiffness
+    limits = CommandLimits(position=ModifiedClamping())
+    lower, upper = arm.limits.lower, arm.limits.upper
+
+    def excess(angles):
+        return np.maximum(angles - upper, lower - angles)
+
+    commanded, measured, given = -np.inf, -np.inf, 0.0
+    reached = least = 0
+    for k in range(count):
+        start = rng.uniform(lower, upper)
+        goal = dqc.references.SetPoint(arm.fkm(start + rng.uniform(-1.5, 1.5, 7)), duration=0.5)
+        plant = CompliantPlant(command_mode=("measured", "integrated")[k % 2])
+        run = simulate(arm, goal, LAWS[k % 3], plant, start, T, limits=limits, seed=k)
+        asked = excess(run.readings["reference"].values[1:])  # the first, before any command, holds the start
+        commanded = max(commanded, asked.max())
+        out = excess(run.measured).max(axis=0)
+        give = (np.abs(run.readings["spring_torque"].values) / stiffness).max(axis=0)
+        measured, given = max(measured, out.max()), max(given, give.max())
+        reached += (asked == 0.0).any()
+        least += (out > give).any()
+    print(f"{count} runs, {reached} with a command at a limit")
+    print(f"commanded beyond the limits: {commanded:g} rad; measured: {measured:.3g} rad")
+    print(f"largest deflection of a spring: {given:.3g} rad; runs beyond by more than their own: {least}")
+    assert reached > count / 4
+    assert commanded <= 0.0
+    assert measured <= given
+    assert least == 0

@@ -1,0 +1,89 @@
+"""The linear model of compliant arms: against the arm itself, and the gain from which it shakes."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.experiments import check
+from dqcontrol.experiments.stability import gain_limits
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.plants.linear_model import LinearModel
+
+pytest.importorskip("mujoco")
+
+STARTS = {
+    "meka-a2": np.array([0, np.pi / 3.7, 0, np.pi / 2, 0, np.pi / 3.7, 0]),
+    "iiwa7": np.array([0, 0.6, 0, 1.6, 0, 0.6, 0]),
+}
+CASES = {
+    "meka, measured": ("meka-a2", 0.008, {"hand": True, "command_mode": "measured", "gravity_factor": 0.774}),
+    "meka, 20 ms": ("meka-a2", 0.02, {"hand": True, "command_mode": "measured", "gravity_factor": 0.774}),
+    "iiwa": ("iiwa7", 0.008, {}),
+}
+
+
+def motions(robot, plant, q0, gain, period):
+    """Return how much the joints move in each quarter of six seconds under u = −k (q − q0), after a small kick."""
+    live = plant.start(robot, q0, period, 1, 0)
+    bias = (live.target - live.measured) / period if plant.command_mode == "measured" else 0 * q0
+    moves = []
+    for k in range(int(6 / period)):
+        before = live.q.copy()
+        live.step(bias - gain * (live.measured - q0 + (1e-3 if k == 5 else 0.0)))
+        moves.append(live.q - before)
+    return [float(np.linalg.norm(part)) for part in np.array_split(np.array(moves), 4)]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_arm_shakes_from_the_gain_that_the_model_says(case):
+    name, period, options = CASES[case]
+    robot, q0, plant = dqc.load_robot(name), STARTS[name], CompliantPlant(**options)
+    limit = gain_limits(plant.linear_model(robot, q0, period), period).stable / period
+    _, _, third, below = motions(robot, plant, q0, 0.9 * limit, period)
+    _, _, before, above = motions(robot, plant, q0, 1.1 * limit, period)
+    assert below < 1.2 * third
+    assert above > 1.6 * before
+    assert above > 10 * below
+
+
+@pytest.mark.parametrize("mode", ["integrated", "measured"])
+def test_no_state_that_matters_is_left_out(mode, monkeypatch):
+    robot, q0 = dqc.load_robot("meka-a2"), STARTS["meka-a2"]
+    plant = CompliantPlant(command_mode=mode, hand=True)
+    few = plant.linear_model(robot, q0, 0.008)
+    monkeypatch.setattr(LinearModel, "reduced", lambda model: model)
+    all_ = plant.linear_model(robot, q0, 0.008)
+    assert few is not None
+    assert all_ is not None
+    assert len(few.transition) < 100 < len(all_.transition)
+    limit = gain_limits(few, 0.008).stable
+    for share, stable in ((0.999, True), (1.001, False)):
+        assert (np.abs(all_.poles(share * limit / 0.008)).max() < 1) == stable
+
+
+def test_modes_that_do_not_follow_angles_have_none():
+    robot, q0 = dqc.load_robot("meka-a2"), STARTS["meka-a2"]
+    for mode in ("TORQUE_GC", "OFF", "THETA_GC_MJ"):
+        assert CompliantPlant(mode=mode).linear_model(robot, q0, 0.008) is None
+
+
+def test_check_judges_compliant_arms():
+    spec = {
+        "name": "shaking",
+        "robot": "meka-a2",
+        "start": STARTS["meka-a2"].tolist(),
+        "period": 0.008,
+        "reference": {"kind": "set-point", "duration": 1},
+        "laws": {"slow": {"kind": "proportional", "gain": 3}, "fast": {"kind": "proportional", "gain": 300}},
+        "plants": {
+            "measured": {"kind": "compliant", "command_mode": "measured", "hand": True},
+            "integrated": {"kind": "compliant", "hand": True},
+            "soft springs": {"kind": "compliant", "springs": "lower-bound"},
+        },
+    }
+    found = {row.names.label: row for row in check(spec)}
+    assert found["slow · measured"].verdict == "monotone"
+    assert found["fast · measured"].verdict == "unstable"
+    assert found["slow · integrated"].verdict == "oscillatory"
+    assert found["slow · soft springs"].verdict == "unstable"
+    assert "with any gain" in found["slow · soft springs"].remark
