@@ -17,8 +17,8 @@ REPEATS = 2  # in physics the repeats of a run agree to less than the digits sho
 HEAD = f"""# Pereira 2016: published | ours | ratio
 
 Written by `python tools/update_pereira2016.py`, which runs `dqcontrol reproduce NAME --repeats {REPEATS}` for each
-heading: the Meka in physics. What the numbers mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviation
-over the repeats.
+heading: the Meka in physics. What the numbers mean: [pereira2016.md](pereira2016.md). ± is the sample standard
+deviation over the repeats.
 """
 
 
