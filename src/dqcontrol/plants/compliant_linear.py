@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -35,18 +35,24 @@ _REMEMBERED = [  # by each joint controller from one period to the next; the mea
     *range(of.ANGLE_MEMORY, of.TORQUE_RATE_MEMORY + MEMORY),
 ]
 _LEFT_OUT = [of.POSITION_I, of.TORQUE_I, of.ANGLE_RESOLUTION, of.TORQUE_RESOLUTION]
+_WITHOUT: dict[str, Any] = {
+    "pushes": [],
+    "payload": None,
+    "payload_compensation": None,
+    "obstacles": [],
+    "encoder_losses": [],
+    "wrist_fault": None,
+}
 _LIMITS = [of.SLEW, of.MAX_TORQUE, of.MAX_CURRENT, of.UPPER]
 
 
 def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel:
     """Return all joints together: what a period makes of small changes of state and commands about rest at q0.
 
-    Left out: gravity, steps and noise of sensors, loads, all limits, and the integrals of the joint controllers, which
+    Left out: gravity, steps and noise of sensors, loads, contacts, limits, and the joint controllers' integrals, which
     bear their share of gravity at their limits.
     """
-    still = changed(
-        plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, pushes=[], payload=None, encoder_losses=[]
-    )
+    still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
     arm = assemble(still, robot, q0, dt)
     arm.constants[:, _LEFT_OUT] = 0.0
     arm.constants[:, _LIMITS] = np.inf
