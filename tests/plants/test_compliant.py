@@ -72,13 +72,15 @@ def torque_loop_gain(file):
     return gain / (1 + gain)
 
 
-def test_static_sag_of_theta_gc_is_that_of_its_equation():
+@pytest.mark.parametrize("springs", ["default", [None] * 7])
+def test_static_sag_of_theta_gc_is_that_of_its_equation(springs):
     """g(q) = ρ (s (k_p (r − q) + I) + γ g(q)), ρ = 1 where the torque loop has an integral, I at its limit."""
     file = load_controllers(MEKA)
     stiffness, factor = 0.8, 0.7
-    live = CompliantPlant(stiffness=stiffness, gravity_factor=factor, encoder_resolution=0.0).start(
-        MEKA, Q0, T, 0, 0
+    plant = CompliantPlant(
+        stiffness=stiffness, gravity_factor=factor, encoder_resolution=0.0, springs=springs
     )
+    live = plant.start(MEKA, Q0, T, 0, 0)
     rest(live, 1.0, 0.1 * np.array([1, 1, 1, -1, 1, -1, 1]))
     rest(live, 3.0)
     q = mean_angles(live, 1.0)
@@ -102,10 +104,11 @@ def test_static_sag_of_theta_is_that_of_its_equation():
     np.testing.assert_allclose(live.reference - live.q, sag, rtol=0.02, atol=1e-5)
 
 
-def test_iiwa_carries_itself_with_exact_gravity_and_sags_with_a_wrong_one():
+@pytest.mark.parametrize("springs", ["default", "elastic"])
+def test_iiwa_carries_itself_with_exact_gravity_and_sags_with_a_wrong_one(springs):
     k = load_controllers(IIWA).column("position_loop", "k_p")
     for factor in (1.0, 0.8):
-        live = CompliantPlant(gravity_factor=factor).start(IIWA, QI, T, 0, 0)
+        live = CompliantPlant(gravity_factor=factor, springs=springs).start(IIWA, QI, T, 0, 0)
         rest(live, 1.0, np.full(7, 0.1))
         rest(live, 1.0)
         load = IIWA.gravity_torque(live.q, (0, 0, -9.809))

@@ -19,6 +19,7 @@ CASES = {
     "meka, measured": ("meka-a2", 0.008, {"hand": True, "command_mode": "measured", "gravity_factor": 0.774}),
     "meka, 20 ms": ("meka-a2", 0.02, {"hand": True, "command_mode": "measured", "gravity_factor": 0.774}),
     "iiwa": ("iiwa7", 0.008, {}),
+    "iiwa, elastic": ("iiwa7", 0.008, {"springs": "elastic"}),
 }
 
 
@@ -44,6 +45,27 @@ def test_the_arm_shakes_from_the_gain_that_the_model_says(case):
     assert below < 1.2 * third
     assert above > 1.6 * before
     assert above > 10 * below
+
+
+@pytest.mark.parametrize(
+    ("name", "springs"),
+    [("meka-a2", "default"), ("meka-a2", [None] * 7), ("iiwa7", "default"), ("iiwa7", "elastic")],
+)
+def test_arms_stand_by_themselves_wherever_they_are(name, springs):
+    robot = dqc.load_robot(name)
+    for q in np.random.default_rng(20261121).uniform(
+        0.9 * robot.limits.lower, 0.9 * robot.limits.upper, (3, 7)
+    ):
+        model = CompliantPlant(springs=springs, gravity_factor=1.0).linear_model(robot, q, 0.008)
+        assert model is not None
+        assert np.abs(np.linalg.eigvals(model.transition)).max() < 1 + 1e-6  # 1: targets stay where they are
+
+
+def test_a_plant_far_beyond_stability_has_a_model_that_says_so():
+    robot, q0 = dqc.load_robot("iiwa7"), STARTS["iiwa7"]
+    model = CompliantPlant(springs=[100.0] * 7).linear_model(robot, q0, 0.008)
+    assert model is not None
+    assert gain_limits(model, 0.008).stable == 0
 
 
 @pytest.mark.parametrize("mode", ["integrated", "measured"])

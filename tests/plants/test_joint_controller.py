@@ -21,7 +21,7 @@ def joint(**values):
     row[of.LOWER], row[of.UPPER], row[of.SLEW], row[of.SPEED] = -10, 10, 1e9, 1.0
     for column in (of.MAX_TORQUE, of.MAX_CURRENT, of.NOMINAL_CURRENT, of.OVERLOAD_TICKS):
         row[column] = 1e9
-    row[[of.TORQUE_CONSTANT, of.RESISTANCE, of.VOLTAGE, of.MAX_DUTY, of.STIFFNESS]] = 1.0
+    row[[of.TORQUE_CONSTANT, of.RESISTANCE, of.VOLTAGE, of.MAX_DUTY, of.STIFFNESS, of.SPRING]] = 1.0
     for first in (of.ANGLE_FILTER, of.VELOCITY_FILTER, of.TORQUE_RATE_FILTER):
         row[first : first + 5] = butterworth(100.0, TICK)
     for name, value in values.items():
@@ -110,6 +110,16 @@ def test_torque_loop_is_a_pid_with_feedforward_and_clamped_current():
     assert current("TORQUE", constants, state) == 0.4
     constants[of.TORQUE_ASKED] = -30
     assert current("TORQUE", constants, state) == -0.4
+
+
+def test_a_rigid_joints_torque_is_the_one_at_which_its_loop_would_end():
+    """τ = k_τ (k_p (τ_d − τ) + f τ_d), whatever was sensed."""
+    constants = joint(SPRING=0.0, TORQUE_ASKED=3.0, TORQUE_P=1.2, TORQUE_D=0.02, TORQUE_CONSTANT=3.6)
+    for forward in (0.0, 0.1):
+        constants[of.FEEDFORWARD] = forward
+        state = at(SENSED=-40.0, TORQUE_RATE=5.0)
+        torque = 3.6 * current("TORQUE", constants, state)
+        assert torque == pytest.approx(3.6 * (1.2 * (3.0 - torque) + forward * 3.0))
 
 
 def test_integrals_grow_within_reach_only_but_always_shrink_and_stay_in_their_limit():

@@ -91,8 +91,12 @@ def position_torque(constants, state):
 
 @inlined
 def torque_current(constants, state):
-    """Return the current that the torque loop asks for, A."""
-    error = state[of.DESIRED_TORQUE] - state[of.SENSED]
+    """Return the current that the torque loop asks for, A.
+
+    On a rigid joint the sensor would feel the motor's own torque: it takes the one at which the loop ends.
+    """
+    desired = state[of.DESIRED_TORQUE]
+    error = desired - state[of.SENSED]
     state[of.TORQUE_INTEGRAL] = integrated(
         state[of.TORQUE_INTEGRAL],
         constants[of.TORQUE_I],
@@ -100,11 +104,14 @@ def torque_current(constants, state):
         constants[of.TORQUE_LIMIT],
         constants[of.TORQUE_RANGE],
     )
+    if constants[of.SPRING] == 0.0:
+        asked = (constants[of.TORQUE_P] + constants[of.FEEDFORWARD]) * desired + state[of.TORQUE_INTEGRAL]
+        return asked / (1.0 + constants[of.TORQUE_CONSTANT] * constants[of.TORQUE_P])
     return (
         constants[of.TORQUE_P] * error
         + state[of.TORQUE_INTEGRAL]
         - constants[of.TORQUE_D] * state[of.TORQUE_RATE]
-        + constants[of.FEEDFORWARD] * state[of.DESIRED_TORQUE]
+        + constants[of.FEEDFORWARD] * desired
     )
 
 

@@ -52,10 +52,12 @@ class LinearModel:
         of small singular values of the Hankel matrix (Ho and Kalman 1966, Kung 1978).
         """
         outputs = self.inputs.shape[1]
+        # Discounted, lest an unstable state hide all others.
+        transition = self.transition / max(1.0, np.abs(np.linalg.eigvals(self.transition)).max())
         seen, reached = [np.eye(outputs, len(self.transition))], [self.inputs]
         for _ in range(1, _HORIZON):
-            seen.append(seen[-1] @ self.transition)
-            reached.append(self.transition @ reached[-1])
+            seen.append(seen[-1] @ transition)
+            reached.append(transition @ reached[-1])
         observed, driven = np.vstack(seen), np.hstack(reached)
         left, sizes, right = np.linalg.svd(observed @ driven)
         count = int(np.count_nonzero(sizes > _LEAST * sizes[0]))

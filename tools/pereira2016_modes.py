@@ -1,0 +1,68 @@
+"""Print from which gain the Meka of [P16] shakes in physics, how fast, and in which joints.
+
+`python tools/pereira2016_modes.py`. From the linear model of the arm at the start of the spiral, for law K.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.experiments.check import check
+from dqcontrol.experiments.published.pereira2016 import published_spec
+from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS
+from dqcontrol.experiments.published.pereira2016.second_fit import scaled_spec
+from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.stability import gain_limits
+from dqcontrol.experiments.tables import Column, Table
+
+PERIODS = (0.008, 0.02)  # s
+VARIANTS: dict[str, dict[str, Any]] = {
+    "as chosen": {},
+    "springs twice as stiff": {"springs": [600, 600, 300, 300, 80, 80, 80]},
+    "springs half as stiff": {"springs": "soft"},
+    "no hand": {"hand": False},
+    "mode THETA": {"mode": "THETA"},
+}
+
+
+def row(label: str, changes: dict[str, Any], period: float) -> list[Any]:
+    """Return the largest stable k T of a variant, and the motion that it begins to shake with."""
+    spec = published_spec("spiral", PHYSICS)
+    setting = prepare(spec | {"plant": spec["plant"] | changes})
+    case = setting.cases[0]
+    robot = case.scene.robot
+    model = case.plant.linear_model(robot, case.scene.start, period)
+    assert model is not None
+    limit = gain_limits(model, period).stable
+    if not limit:
+        return [label, 1e3 * period, limit, "", "shakes by itself"]
+    closed = model.transition.copy()
+    closed[:, : model.inputs.shape[1]] -= limit / period * model.inputs
+    poles, motions = np.linalg.eig(closed)
+    k = int(np.abs(poles).argmax())
+    shares = np.abs(motions[: robot.configuration_size, k])
+    largest = np.argsort(shares)[::-1][:3]
+    joints = ", ".join(f"{robot.joint_names[i]} {shares[i] / shares.max():.2f}" for i in largest)
+    frequency = abs(np.angle(poles[k])) / (2 * np.pi * period)
+    return [label, 1e3 * period, limit, frequency, joints]
+
+
+def main() -> None:
+    """Print the table, and what `check` says of the robust laws with the gains of the second fit."""
+    columns = [
+        Column("Variant"),
+        Column("T", "ms", "g"),
+        Column("shakes from k T", "", ".2f"),
+        Column("at", "Hz", ".1f"),
+        Column("joints that move most, relative"),
+    ]
+    rows = [row(label, changes, period) for label, changes in VARIANTS.items() for period in PERIODS]
+    print(Table(columns, rows).markdown())
+    for remark in check(scaled_spec("spiral", PHYSICS)).remarks():
+        print(remark)
+
+
+if __name__ == "__main__":
+    main()
