@@ -1,6 +1,7 @@
 """Print what the assumptions behind the reproductions of [P16] matter.
 
-`python tools/pereira2016_sensitivity.py`, or `… meka-physics` for the arm in physics.
+`python tools/pereira2016_sensitivity.py` for the arm in physics, `… servo` for servos; names of variants after that
+choose some.
 
 Each variant of the plant has its one number fitted anew to the error of K on the spiral with the best gains, if it has
 one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how far
@@ -206,17 +207,22 @@ def main() -> None:
     plant = sys.argv[1] if len(sys.argv) > 1 else PLANTS[0]
     if plant not in PLANTS:
         sys.exit(f"plant: one of {', '.join(PLANTS)}")
+    known, wanted = SERVOS if plant == SERVO else IN_PHYSICS, sys.argv[2:]
+    if unknown := set(wanted) - set(known):
+        sys.exit(f"variants: no {', '.join(sorted(unknown))}; there are {', '.join(known)}")
+    chosen = {label: variant for label, variant in known.items() if label in (wanted or known)}
     if plant == SERVO:
-        print(table(plant, SERVOS).markdown())
+        print(table(plant, chosen).markdown())
         return
     with tempfile.TemporaryDirectory() as folder:
         file = with_feedforward(folder)
         variants = {
             label: {"controllers": file} if "feedforward" in variant else variant
-            for label, variant in IN_PHYSICS.items()
+            for label, variant in chosen.items()
         }
         print(table(plant, variants).markdown())
-    print(robust_laws().markdown())
+    if not wanted:
+        print(robust_laws().markdown())
 
 
 if __name__ == "__main__":

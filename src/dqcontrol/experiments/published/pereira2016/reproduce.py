@@ -68,7 +68,11 @@ def _compared(
     ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
     settings = {where: studies[spec].setting() for where, spec in chosen.specs.items()}
     title = "" if plant == SERVO else plant
-    tables = comparison_tables(cells, ours, _SHORT, title=title)
+    tables = []
+    for where, setting in settings.items():
+        here = [cell for cell in cells if cell.experiment == where]
+        in_physics = setting.cases[0].names.plant != SERVO
+        tables += comparison_tables(here, ours, _SHORT, title=title if in_physics else "")
     second = None
     if chosen.scaled:
         scaled = {experiment: studies[_scaled(spec)] for experiment, spec in chosen.specs.items()}
