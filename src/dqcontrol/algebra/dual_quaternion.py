@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import conversions, functions
 from dqcontrol.algebra.batch import Array
 from dqcontrol.algebra.exponential import exp_screw, log_screw, power, sclerp
-from dqcontrol.algebra.operands import add, as_number, batch_text, close, coefficients
+from dqcontrol.algebra.operands import add, as_number, batch_text, close, coefficients, pose_markdown
 from dqcontrol.errors import ValueRangeError, as_array
 
 TOLERANCE = 1e-12  # of comparisons, relative to the largest coefficient where that exceeds 1
@@ -288,6 +288,8 @@ class DualQuaternion:
 
     def __str__(self) -> str:
         return batch_text(self._data)
+
+    _repr_markdown_ = pose_markdown
 
 
 def _wrap(data: Array) -> DualQuaternion:

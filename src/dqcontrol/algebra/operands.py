@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.batch import Array, broadcast_lead
-from dqcontrol.errors import ShapeError, as_array
+from dqcontrol.errors import Error, ShapeError, as_array
 
 _SHOWN_AS_ZERO = 5e-13
 _UNITS = ("", "i", "j", "k")
@@ -71,3 +71,15 @@ def _quaternion_text(q: Array) -> str:
             sign = (" - " if value < 0 else " + ") if out else ("-" if value < 0 else "")
             out += f"{sign}{abs(value):.6g}{unit}"
     return out
+
+
+def pose_markdown(x: Any) -> str | None:
+    """Return what notebooks show of a `DualQuaternion`: position and turn of a pose; None if it is no single pose."""
+    if x.batch_shape:
+        return None
+    try:
+        (axis, angle), place = x.axis_angle(), x.translation
+    except Error:  # not of unit norm
+        return None
+    p, n = (", ".join(f"{value + 0.0:.4g}" for value in vector.round(6)) for vector in (place, axis))
+    return f"pose: position ({p}) m, turned by {np.rad2deg(angle):.4g}° about ({n})"

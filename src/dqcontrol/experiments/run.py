@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -120,6 +122,18 @@ class Run:
 
         notes = {"spec": self.spec, "label": self.label}
         return export_record(self.record, path, **_units(self.robot), notes=notes, force=force)
+
+    def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
+        """Return what notebooks show: the metrics in a line, and the hand's path."""
+        from dqcontrol.experiments.comparison import summary
+        from dqcontrol.view import path_3d
+
+        picture = io.BytesIO()
+        path_3d(self.record).savefig(picture, format="png", dpi=100)
+        image = base64.b64encode(picture.getvalue()).decode("ascii")
+        html = f'<img alt="path" src="data:image/png;base64,{image}">'
+        table = summary({self.label: self})
+        return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""

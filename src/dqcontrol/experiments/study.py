@@ -84,6 +84,10 @@ class Study:
             return means_table(self.rows, MEANS, self.name)
         return summary_of(((Trial.of(row).names.label, row) for row in self.rows), self.name)
 
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the table."""
+        return self.table().markdown()
+
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``spec.yaml``, tables and comparison plots, and what was kept of each trial.
 

@@ -107,6 +107,8 @@ class Table:
         caption = [f"**{_one_line(self.title)}**", ""] if self.title else []
         return "\n".join([*caption, line(headings), rule + "|", *map(line, rows)]) + "\n"
 
+    _repr_markdown_ = markdown  # what notebooks show
+
     def csv(self) -> str:
         """Return it as CSV with all digits; missing numbers are empty, a spread has a column of its own."""
         stream = io.StringIO()

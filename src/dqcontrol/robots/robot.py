@@ -122,6 +122,20 @@ class Robot(InverseKinematics):
         gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out)
         return out.reshape(values.shape)
 
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: a table of the coordinates with their limits."""
+        from dqcontrol.robots.load import describe
+
+        about = describe(self)
+        mass = "" if about.mass is None else f", moving mass {about.mass:.3g} kg"
+        lines = ["| joint | type | lower | upper | velocity |", "|:--|:--|--:|--:|--:|"]
+        for joint in about.joints:
+            unit = "°" if joint.type == "revolute" else " m"
+            ends = [f"{end:.4g}{unit}" for end in (joint.lower, joint.upper)]
+            speed = "–" if joint.velocity is None else f"{joint.velocity:.4g}{unit}/s"
+            lines.append(f"| {joint.name} | {joint.type} | {' | '.join(ends)} | {speed} |")
+        return "\n".join([f"**{about.name}**: reach {about.reach:.3g} m{mass}", "", *lines])
+
 
 def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Array, Array]:
     """Return the common leading axes of configurations and of what goes with them, and both as rows."""
