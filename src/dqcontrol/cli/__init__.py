@@ -20,6 +20,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "export": "Write all signals of a run for other programs.",
     "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
+    "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
     "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
     "robots": "List the robots that come with dqcontrol, or show one.",
 }

@@ -1,0 +1,228 @@
+"""Light painting: an arm holds a lamp and draws what a file says, pen up and pen down. [P16 5.9]"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol import algebra
+from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws import LinearQuadraticDQ
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop import Record, simulate
+from dqcontrol.plants import Servo
+from dqcontrol.references import Drawing, JerkLimited, Line, Rest
+from dqcontrol.references import Sequence as InSequence
+from dqcontrol.references.drawing_file import parse_drawing
+from dqcontrol.references.plane import Plane, plane_axes
+from dqcontrol.references.strokes import Arc, Stroke, Trace
+from dqcontrol.references.svg_file import PenStroke, load_svg
+from dqcontrol.references.text_file import read_text
+from dqcontrol.robots import Robot, load_robot
+
+Array = NDArray[np.float64]
+
+PERIOD = 0.01  # s
+START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)  # of the Panda: the hand points forward, along y
+_WIDEST, _NARROWEST = 0.45, 0.05  # m; what is tried if no width is given
+_SHRINK = 0.88
+_POSES = 60  # of the drawing that must be reached
+_POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad
+_TRAVEL = 2.0  # times as fast with the lamp off
+_ACCELERATION, _JERK = 1.0, 12.0  # m/s², m/s³
+_LONGEST = 1200.0  # s
+
+
+@dataclass(frozen=True)
+class Painting:
+    """What was drawn.
+
+    Attributes
+    ----------
+    record
+        The run.
+    lit
+        Whether the lamp was on, shape (N,).
+    robot
+        The arm.
+    size
+        Width and height of the drawing, m.
+    """
+
+    record: Record
+    lit: NDArray[np.bool_]
+    robot: Robot
+    size: tuple[float, float]
+
+
+def paint(
+    drawing: str | Path,
+    robot: Robot | str = "panda",
+    start: ArrayLike | None = None,
+    *,
+    width: float | None = None,
+    speed: float = 0.1,
+    plane: Plane = "xz",
+) -> Painting:
+    """Draw a file with a lamp in the hand, by the law LQR-DQ on the default servos.
+
+    The middle of the drawing is where the hand is in the start configuration. Between two outlines the lamp is off.
+    The hand rests at corners; joints keep their velocity limits.
+
+    Parameters
+    ----------
+    drawing
+        An SVG file, or a drawing file (``.txt``).
+    robot
+        An arm, or what `load_robot` takes.
+    start
+        Configuration with the hand in the middle of the paper, rad or m; default, for the Panda only: it looks along
+        y.
+    width
+        m; default: as wide as the arm reaches, up to 0.45 m; a drawing file keeps its own size.
+    speed
+        Of the lit lamp, m/s.
+    plane
+        How the paper lies; see `Drawing`.
+
+    Raises
+    ------
+    ReachError
+        If the drawing is too wide; the message says how wide it may be.
+    dqcontrol.Error
+        If the file cannot be drawn or an argument does not fit.
+    """
+    pens = _pens(drawing)
+    arm = load_robot(robot) if isinstance(robot, str) else robot
+    if start is None:
+        if robot != "panda":
+            raise ValueRangeError(
+                f"start: needed to paint with {arm.name}; only for 'panda' there is a default"
+            )
+        start = START
+    q = as_array("start", start, (arm.configuration_size,))
+    axes, pace = plane_axes("plane", plane), as_positive("speed", speed)
+    low, high = _box(pens)
+    extent = high - low
+    own_size = Path(drawing).suffix.lower() == ".txt"
+    if width is not None or own_size:
+        wide = float(extent[0]) if width is None else as_positive("width", width)
+        scale = wide / float(extent[0] or extent[1])
+        if not _reached(arm, q, axes, _scaled(pens, 0.5 * (low + high), scale, pace)):
+            best = _fitting(arm, q, axes, pens, low, high, pace, wide)
+            hint = f"at most about {best * extent[0] * 1e3:.0f} mm" if best else "move it: another start"
+            raise ReachError(f"width: {1e3 * wide:.0f} mm is more than {arm.name} reaches here; {hint}")
+    else:
+        scale = _fitting(arm, q, axes, pens, low, high, pace, _WIDEST)
+        if not scale:
+            raise ReachError(f"drawing: {arm.name} cannot reach any of it from this start; give another")
+    placed = _scaled(pens, 0.5 * (low + high), scale, pace)
+    reference, switched = _motion(arm.fkm(q), axes, placed, pace)
+    if reference.duration > _LONGEST:
+        raise ValueRangeError(
+            f"speed: {pace:g} m/s makes a drawing of {reference.duration:.0f} s, at most {_LONGEST:g} s are drawn"
+        )
+    first = arm.solve(reference.at(0.0).pose, q).q
+    law = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0)
+    limits = CommandLimits(velocity=True)
+    record = simulate(arm, reference, law, Servo(), first, PERIOD, limits=limits)
+    lit = np.searchsorted(switched, record.time, side="right") % 2 == 1
+    return Painting(record, lit, arm, (scale * float(extent[0]), scale * float(extent[1])))
+
+
+def _pens(drawing: str | Path) -> tuple[PenStroke, ...]:
+    suffix = Path(drawing).suffix.lower()
+    if suffix == ".svg":
+        return load_svg(drawing)
+    if suffix == ".txt":
+        return (PenStroke((0.0, 0.0), parse_drawing(read_text(drawing), str(drawing)).strokes),)
+    raise FileFormatError(f"{drawing}: expected a .svg or a .txt file, got '{suffix}'")
+
+
+def _relative(pen: PenStroke, origin: Array, scale: float, pace: float) -> tuple[Stroke, ...]:
+    """Return strokes in paper coordinates, about an origin."""
+
+    def moved(stroke: Stroke) -> Stroke:
+        if isinstance(stroke, Rest):
+            return stroke
+        x, y = scale * (np.array([stroke.x, stroke.y]) - origin)
+        if isinstance(stroke, Line):
+            return replace(stroke, x=float(x), y=float(y), speed=pace)
+        cx, cy = scale * (np.array([stroke.centre_x, stroke.centre_y]) - origin)
+        return Arc(float(x), float(y), float(cx), float(cy), stroke.clockwise, pace)
+
+    return tuple(map(moved, pen.strokes))
+
+
+def _box(pens: Sequence[PenStroke]) -> tuple[Array, Array]:
+    boxes = [Trace.of(_relative(pen, np.array(pen.start), 1.0, 1.0)).box() + pen.start for pen in pens]
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+    if (high - low).max() < 1e-6:
+        raise FileFormatError("drawing: has no size")
+    return low, high
+
+
+def _scaled(pens: Sequence[PenStroke], middle: Array, scale: float, pace: float) -> list[PenStroke]:
+    """Return strokes in m, each about its own start; starts about the middle."""
+    out = []
+    for pen in pens:
+        x, y = scale * (np.array(pen.start) - middle)
+        out.append(PenStroke((float(x), float(y)), _relative(pen, np.array(pen.start), scale, pace)))
+    return out
+
+
+def _fitting(
+    arm: Robot,
+    q: Array,
+    axes: Array,
+    pens: Sequence[PenStroke],
+    low: Array,
+    high: Array,
+    pace: float,
+    wide: float,
+) -> float:
+    """Return the largest scale that is reached and tried, or 0."""
+    longest = float((high - low).max())
+    while wide > _NARROWEST:
+        if _reached(arm, q, axes, _scaled(pens, 0.5 * (low + high), wide / longest, pace)):
+            return wide / longest
+        wide *= _SHRINK
+    return 0.0
+
+
+def _reached(arm: Robot, q: Array, axes: Array, pens: Sequence[PenStroke]) -> bool:
+    points = []
+    for pen in pens:
+        trace = Trace.of(pen.strokes)
+        points.append(trace.at(np.linspace(0.0, trace.times[-1], 8))[0] + pen.start)
+    flat = np.concatenate(points)
+    flat = flat[np.unique(np.linspace(0, len(flat) - 1, _POSES).astype(int))]
+    hand = arm.fkm(q)
+    poses = algebra.pose(hand[:4], algebra.translation(hand) + flat @ axes)
+    found = arm.solve(poses, q, position_tolerance=_POSITION, orientation_tolerance=_ORIENTATION, restarts=10)
+    return bool(np.all(found.success))
+
+
+def _motion(hand: Array, axes: Array, pens: Sequence[PenStroke], pace: float) -> tuple[InSequence, Array]:
+    """Return the motion, and the times at which the lamp is switched on and off in turn."""
+    parts, switched, now, pen_at = [], [], 0.0, None
+    for pen in pens:
+        begin = np.array(pen.start)
+        if pen_at is not None and (gap := begin - pen_at) @ gap > 1e-12:
+            way = [Line(float(gap[0]), float(gap[1]), _TRAVEL * pace)]
+            parts.append(_part(hand, axes, pen_at, way, _TRAVEL * pace))
+            now += parts[-1].duration
+        parts.append(_part(hand, axes, begin, pen.strokes, pace))
+        switched += [now, now := now + parts[-1].duration]
+        pen_at = begin + Trace.of(pen.strokes).ends()[0][-1]
+    return InSequence(parts), np.array(switched)
+
+
+def _part(hand: Array, axes: Array, begin: Array, strokes: Sequence[Stroke], pace: float) -> JerkLimited:
+    origin = algebra.pose(hand[:4], algebra.translation(hand) + begin @ axes)
+    drawing = Drawing(origin, strokes, plane=axes)
+    return JerkLimited(drawing, velocity=pace, acceleration=_ACCELERATION, jerk=_JERK)
