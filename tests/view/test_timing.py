@@ -5,7 +5,7 @@ import pytest
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop import Timing
-from dqcontrol.view import timing_histogram
+from dqcontrol.view import timing_histogram, timing_table
 
 print("seed 3")
 RNG = np.random.default_rng(3)
@@ -27,3 +27,15 @@ def test_all_steps_are_counted_and_the_overruns_told(tmp_path):
 def test_one_step_has_no_period():
     with pytest.raises(ShapeError, match="timing: needs at least two steps, got 1"):
         timing_histogram(made(1))
+
+
+def test_the_table_counts_late_steps_and_missed_periods():
+    begin = np.delete(0.008 * np.arange(100), [40, 41, 70])
+    late = np.diff(begin, prepend=-0.008) > 0.009
+    timing = Timing(0.008, begin, np.full(97, 2e-4), np.full(97, 0.007), late)
+    assert (timing.overruns, timing.missed) == (2, 3)
+    table = timing_table(timing)
+    assert table.title == "97 steps of 8 ms: 2 began late, 3 periods missed"
+    assert table.texts()[0] == ["period", "8", "16.4", "24"]
+    assert table.texts()[1] == ["computation", "0.2", "0.2", "0.2"]
+    assert made(500).missed == 0

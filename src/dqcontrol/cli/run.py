@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import console, progress_bar
 
+RealTime = Annotated[bool, Parameter(negative=())]
 
-def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | None = None) -> None:
+
+def run(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    real_time: RealTime = False,
+) -> None:
     """Run an experiment and write its table, recordings and plots; interrupted, the same command goes on.
 
     Parameters
@@ -21,11 +35,16 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | Non
         Replace an earlier folder of results, and discard an unfinished study of another spec or version.
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    real_time
+        One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     """
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.conduct import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
+    if real_time:
+        _in_real_time(spec, folder, force=force)
+        return
     try:
         with progress_bar() as progress:
             study = run_study_to(spec, folder, force=force, jobs=jobs, progress=progress)
@@ -35,4 +54,19 @@ def run(spec: Path, /, *, out: Out = None, force: Force = False, jobs: int | Non
     console().print(study.table().rich())
     for line in study.failures():
         print(line)
+    print(f"results: {folder}")
+
+
+def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
+    from dqcontrol.experiments import run_in_real_time, summary_table
+    from dqcontrol.view import timing_table
+
+    def watch(time: float, reasons: tuple[str, ...]) -> None:
+        print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
+
+    done = run_in_real_time(spec, folder, force=force, watch=watch)
+    console().print(summary_table(done.metrics, done.label).rich())
+    if done.timing:
+        console().print(timing_table(done.timing).rich())
+    print(f"ended: {done.record.stopped}")
     print(f"results: {folder}")

@@ -10,6 +10,7 @@ from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.lyapunov import Certificate, certificate
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
+from dqcontrol.experiments.real_time import run_in_real_time
 from dqcontrol.experiments.repeat_tables import (
     confidence_table,
     differences_table,
@@ -56,6 +57,7 @@ __all__ = [
     "read_spec",
     "repeatability_table",
     "run",
+    "run_in_real_time",
     "run_study",
     "run_study_to",
     "summary",

@@ -73,6 +73,25 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def open_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
+    """Give a folder that is in place while it is written: what was written stays, whatever happens.
+
+    Raises
+    ------
+    ExistsError
+        As for `check_new`.
+    """
+    with new_folder(folder, force=force):
+        pass
+    target = Path(folder)
+    try:
+        yield target
+    finally:
+        written = "".join(f"{name}\n" for name in sorted(_files(target)))
+        (target / _CONTENTS).write_text(written, encoding="utf-8")
+
+
 def folder_names(labels: Iterable[str]) -> dict[str, str]:
     """Return a folder name for each label of a run.
 

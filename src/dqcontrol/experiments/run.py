@@ -21,8 +21,9 @@ from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import Judged
-from dqcontrol.loop import Record, save_record
+from dqcontrol.loop import Clock, Record, RecordStream, Timing, save_record
 from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.supervision import Watch
 from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
@@ -47,6 +48,8 @@ class Run:
         Law and plant.
     judged
         Whether the metrics judge the true joint angles or those that the encoders gave.
+    timing
+        How a run in real time kept time.
     """
 
     spec: str
@@ -55,6 +58,7 @@ class Run:
     settle: float
     label: str
     judged: Judged = "true"
+    timing: Timing | None = None
 
     @property
     def time(self) -> Array:
@@ -137,11 +141,15 @@ class Run:
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
-        from dqcontrol.view import save_plots, write_report
+        from dqcontrol.view import save_plots, timing_histogram, timing_table, write_report
 
         self.write_data(folder)
+        tables = []
+        if self.timing and len(self.timing.begin) > 1:
+            timing_histogram(self.timing).savefig(folder / "timing.png")
+            tables.append(timing_table(self.timing))
         save_plots(self.record, folder, self.robot.limits, **_units(self.robot), robot=self.robot)
-        write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label)
+        write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label, tables=tables)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
@@ -182,8 +190,11 @@ def execute(
     *,
     interpreted: bool = False,
     progress: Progress | None = None,
+    clock: Clock | None = None,
+    recording: RecordStream | None = None,
+    watch: Watch | None = None,
 ) -> Record:
-    """Return the record of one trial of a prepared spec.
+    """Return the record of one trial of a prepared spec; with a clock in real time.
 
     Raises
     ------
@@ -202,6 +213,9 @@ def execute(
         seed=spec.seed + repeat,
         interpreted=interpreted,
         progress=progress,
+        clock=clock,
+        recording=recording,
+        watch=watch,
     )
 
 

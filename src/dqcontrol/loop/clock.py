@@ -54,6 +54,11 @@ class Timing:
         return np.diff(self.begin)
 
     @property
+    def missed(self) -> int:
+        """How many periods passed without a step."""
+        return max(0, round((self.begin[-1] - self.begin[0]) / self.period) - len(self.begin) + 1)
+
+    @property
     def overruns(self) -> int:
         """How many steps began late because of the work before them."""
         return int(self.late.sum())

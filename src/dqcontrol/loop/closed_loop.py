@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from dqcontrol.limits.prepared_supervisor import STOP
 from dqcontrol.limits.supervisor_step import supervise, unsupervised
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
+from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
 from dqcontrol.loop.stream import RecordStream
@@ -64,6 +65,7 @@ def close_loop(
         Called with steps done and steps in all.
     clock
         Paces the loop in real time, one step a period of the law; it is then interpreted, and the clock measures it.
+        With supervision, the first interrupt (Ctrl-C) stops softly.
     supervision
         What stands between law and plant. A command or measurement that is not finite then ends nothing: it brakes.
     recording
@@ -101,7 +103,8 @@ def close_loop(
         _ = supervise.pointer  # compiled now, not while the robot moves
     if clock is not None:
         _warm_up(law, plant, samples, disturbance)
-        with clock.running(law.dt, len(samples)):
+        asked = first_interrupt(supervision.end) if supervision else nullcontext()
+        with asked, clock.running(law.dt, len(samples)):
             return _interpret(law, plant, samples, stop, disturbance, progress, clock, supervision, recording)
     if not interpreted and not recording and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel

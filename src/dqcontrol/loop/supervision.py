@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.limits.interventions import reasons
-from dqcontrol.limits.prepared_supervisor import GO, PreparedSupervisor
+from dqcontrol.limits.prepared_supervisor import END, GO, PreparedSupervisor
 from dqcontrol.loop.signals import Signal
 
 Array = NDArray[np.float64]
@@ -48,6 +48,11 @@ class Supervision:
         if self._watch and code != (self.codes[k - 1] if k else 0):
             self._watch(time, reasons(code))
         return halted
+
+    def end(self) -> None:
+        """Ask for a soft stop, unless another stop was asked for; interrupts may call it."""
+        if self.request == GO:
+            self.request = END
 
     def why(self, count: int) -> str:
         """Say why it is stopped after so many samples."""

@@ -20,7 +20,7 @@ from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
 from dqcontrol.view.surfaces import surface, surface_figure
 from dqcontrol.view.task_range import range_condition
-from dqcontrol.view.timing import timing_histogram
+from dqcontrol.view.timing import timing_histogram, timing_table
 
 __all__ = [
     "base_path",
@@ -49,5 +49,6 @@ __all__ = [
     "surface",
     "surface_figure",
     "timing_histogram",
+    "timing_table",
     "write_report",
 ]

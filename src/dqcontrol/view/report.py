@@ -28,6 +28,7 @@ _CAPTIONS = {
     "margins": "Distance of each joint from its nearest limit, as a share of half its range.",
     "inputs": "Commanded inputs and their norm.",
     "disturbance": "Twist that the disturbance gave the hand, inertial axes.",
+    "timing": "How often periods, computation and idle times of the loop occurred; counts are logarithmic.",
     "readings": "Forces that the plant sensed.",
 }
 _PAGE = """<!DOCTYPE html>

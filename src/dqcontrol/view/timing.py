@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
+from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop.clock import Timing
 from dqcontrol.view.style import COLOURS, DESIRED, new_figure, styled
 
@@ -52,3 +53,24 @@ def timing_histogram(timing: Timing) -> Figure:
         f"T = {1e3 * timing.period:.4g} ms, {len(timing.begin)} steps, {timing.overruns} overruns"
     )
     return figure
+
+
+def timing_table(timing: Timing) -> Table:
+    """Return median, 99 % and longest of periods, computation and idle times, and how many periods were missed.
+
+    Examples
+    --------
+    >>> print(timing_table(clock.timing).markdown())  # doctest: +SKIP
+    """
+    columns = [Column("timing"), *(Column(name, "ms", ".4g") for name in ("median", "99 % below", "longest"))]
+    rows = [
+        [name, *(1e3 * float(np.quantile(seconds, share)) for share in (0.5, 0.99, 1.0))]
+        for name, seconds in (
+            ("period", timing.periods),
+            ("computation", timing.computation),
+            ("idle", timing.idle[1:]),
+        )
+        if len(seconds)
+    ]
+    steps = f"{len(timing.begin)} steps of {1e3 * timing.period:.4g} ms"
+    return Table(columns, rows, f"{steps}: {timing.overruns} began late, {timing.missed} periods missed")

@@ -1,0 +1,68 @@
+"""One run in real time, recorded while it moves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.output import MARK, open_folder
+from dqcontrol.experiments.run import Run, as_run, execute
+from dqcontrol.experiments.setting import prepare
+from dqcontrol.loop import Clock, RecordStream
+from dqcontrol.loop.supervision import Watch
+
+
+def run_in_real_time(
+    source: str | Path | dict[str, Any],
+    folder: str | Path,
+    *,
+    force: bool = False,
+    clock: Clock | None = None,
+    watch: Watch | None = None,
+) -> Run:
+    """Run a spec of one run at its control period, and write its folder; the recording grows while it moves.
+
+    Whatever ends it, the folder holds spec and recording up to there.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a dictionary.
+    folder
+        A new folder.
+    force
+        Replace it, if it holds an earlier run.
+    clock
+        One that skips missed periods if omitted.
+    watch
+        Called with time (s) and reasons whenever what the supervisor does changes.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something is missing, malformed or does not fit, before anything moves; or the robot fails.
+    """
+    setting = prepare(source)
+    if not setting.spec.is_single:
+        raise ShapeError(
+            "spec: describes several runs; in real time there is one: name one law and one plant"
+        )
+    warn_unstable(setting, stacklevel=2)
+    (case,), clock = setting.cases, clock or Clock(overrun="skip")
+    text = setting.single_text(case, 0)
+    with open_folder(folder, force=force) as new:
+        (new / MARK).write_text(text, encoding="utf-8")
+        streamed = new / "record.mcap"
+        with RecordStream(streamed, case.scene.robot, text) as recording:
+            record = execute(setting, case, clock=clock, watch=watch, recording=recording)
+            recording.close(record.stopped)
+        done = replace(as_run(setting, case, 0, record), timing=clock.timing)
+        kept = streamed.rename(
+            new / "streamed.mcap"
+        )  # until the whole one, with all that was sensed, is there
+        done.write(new)
+        kept.unlink()
+    return done

@@ -1,0 +1,102 @@
+"""A run in real time: its folder grows while it moves, and stays whatever happens; Ctrl-C stops softly."""
+
+import os
+import signal
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+from dqcontrol import cli
+from dqcontrol.errors import Error, ExistsError, ShapeError
+from dqcontrol.experiments import load_run, run_in_real_time
+from dqcontrol.loop import load_record
+from dqcontrol.plants import CompiledPlant
+
+SPEC = {
+    "name": "tiny",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.01,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 0.8},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "servo"},
+    "supervisor": {"velocity": 0.1},
+}
+
+
+def test_the_folder_of_a_run_with_its_timing(tmp_path):
+    seen, begin = [], time.monotonic()
+    run = run_in_real_time(SPEC, tmp_path / "out", watch=lambda *what: seen.append(what))
+    assert time.monotonic() - begin >= 0.8
+    assert run.timing is not None
+    assert len(run.timing.begin) == len(run.record) == 81
+    assert seen[0][0] < 0.5
+    assert "velocity limit" in seen[0][1]
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html", "timing.png"} <= names
+    assert "streamed.mcap" not in names
+    report = (tmp_path / "out/report.html").read_text()
+    assert f"{run.timing.overruns} began late, {run.timing.missed} periods missed" in report
+    assert "periods, computation and idle times" in report
+    loaded = load_run(tmp_path / "out")
+    assert np.array_equal(loaded.q, run.q)
+    assert loaded.record.stopped == "duration"
+    with pytest.raises(ExistsError):
+        run_in_real_time(SPEC, tmp_path / "out")
+    with pytest.raises(ShapeError, match="in real time there is one"):
+        run_in_real_time(SPEC | {"repeats": 2}, tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_stops_softly(tmp_path, first):
+    long = SPEC | {"supervisor": {"velocity": 0.005}, "reference": SPEC["reference"] | {"duration": 30}}
+    before = signal.getsignal(first)
+    sent = []
+
+    def send(*_):
+        if not sent:
+            sent.append(threading.Timer(0.3, os.kill, (os.getpid(), first)))
+            sent[0].start()
+
+    run = run_in_real_time(long, tmp_path / "out", watch=send)
+    assert signal.getsignal(first) is before
+    assert run.record.stopped.endswith("soft stop")
+    assert len(run.record) < 2000
+    assert np.abs(np.diff(run.command, axis=0)).max() <= 10.0 * 0.01 * (1 + 1e-9)
+    assert not run.command[-1].any()
+
+
+def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
+    step, calls = CompiledPlant.step, []
+
+    def failing(self, command):
+        calls.append(command)
+        if len(calls) > 40:
+            raise Error("plant: the robot does not answer")
+        step(self, command)
+
+    monkeypatch.setattr(CompiledPlant, "step", failing)
+    with pytest.raises(Error, match="does not answer"):
+        run_in_real_time(SPEC, tmp_path / "out")
+    record = load_record(tmp_path / "out/record.mcap")
+    assert len(record) == 41
+    assert record.stopped == "broken off: plant: the robot does not answer"
+    assert (tmp_path / "out/spec.yaml").is_file()
+
+
+def test_from_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))
+    monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time"])
+    cli.main()
+    said = capsys.readouterr()
+    assert "81 steps of 10 ms:" in said.out
+    assert "periods missed" in said.out
+    assert said.out.endswith("ended: duration\nresults: results/tiny\n")
+    assert "s: " in said.err
+    assert "velocity limit" in said.err
