@@ -58,14 +58,14 @@ def run(
 
 
 def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
-    from dqcontrol.experiments import run_in_real_time, summary_table
+    from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.view import timing_table
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
     done = run_in_real_time(spec, folder, force=force, watch=watch)
-    console().print(summary_table(done.metrics, done.label).rich())
+    console().print(summary({done.label: done}).rich())
     if done.timing:
         console().print(timing_table(done.timing).rich())
     print(f"ended: {done.record.stopped}")

@@ -75,8 +75,9 @@ class Clock:
     ----------
     overrun
         What an overrun does. ``"catch up"``: the step begins at once, the deadlines of the following ones stay where
-        they are. ``"skip"``: the periods that were missed are left out and all deadlines move by them, so that no two
-        steps begin less than a period apart. ``"stop"``: the loop ends.
+        they are. ``"skip"``: the periods that were missed are left out and all deadlines move by them, so that no
+        burst of steps makes up for them (a step that is woken late is still followed by a shorter period). ``"stop"``:
+        the loop ends.
     priority
         1 … 99: asks for real-time scheduling (SCHED_FIFO) while the loop runs; warns and goes on where that is refused.
     now, sleep
