@@ -31,8 +31,10 @@ def jog(
         YAML file of one run: its robot, start, law, plant and supervisor. Or a robot, which is then simulated.
     poses
         New points file, made with the first pose; a spec's reference of kind points follows it.
-    speed, angular_speed
-        The fastest, m/s and rad/s.
+    speed
+        The fastest that the hand moves, m/s.
+    angular_speed
+        The fastest that it turns, rad/s.
     """
     from dqcontrol.cli.keyboard import Keyboard
     from dqcontrol.errors import as_positive
