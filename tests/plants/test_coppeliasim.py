@@ -59,15 +59,18 @@ def test_velocities_are_sent_as_such(served):
     assert not double.target
 
 
-def test_runs_a_spec_as_the_integrator_does(served):
+@pytest.mark.parametrize("supervised", [True, False])
+def test_runs_a_spec_as_the_integrator_does_behind_a_supervisor_unless_told_otherwise(served, supervised):
     _, port = served
     spec = {
         "name": "tiny", "robot": "iiwa7", "start": START.tolist(), "period": 0.01,
         "reference": {"kind": "circle", "radius": 0.05, "duration": 0.5},
         "law": {"kind": "proportional", "gain": 5},
     }  # fmt: skip
-    there = dqc.run({**spec, "plant": {"kind": "coppeliasim", "joints": PATHS, "port": port}})
-    here = dqc.run({**spec, "plant": {"kind": "integrator"}})
+    simulator = {"kind": "coppeliasim", "joints": PATHS, "port": port}
+    there = dqc.run({**spec, "plant": simulator} | ({} if supervised else {"supervisor": False}))
+    here = dqc.run({**spec, "plant": {"kind": "integrator"}, "supervisor": supervised})
+    assert ("interventions" in there.record.readings) is supervised
     np.testing.assert_allclose(there.q, here.q, atol=1e-12)
 
 
