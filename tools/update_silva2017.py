@@ -29,6 +29,8 @@ def main() -> None:
         short = name.partition("/")[2]
         for figure in PICTURED.get(short, ()):
             done.figures[figure]().savefig(PAGE.parent / "pictures" / f"silva2017-{short}-{figure}.png")
+        for file, write in done.files.items():
+            write(PAGE.parent / "pictures" / file)
         print(name)
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 

@@ -1,5 +1,6 @@
 """A cube ends up in the basket: gripped, carried and dropped in physics, from what a camera measures."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,9 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.experiments import published
 from dqcontrol.experiments.pick_and_drop import BASKET, CAMERA, CUBE, START, pick_and_drop, plan
+from dqcontrol.experiments.published.silva2017 import pick_and_drop as published_pick_and_drop
 from dqcontrol.plants import Basket, Cube
 
 pytest.importorskip("mujoco")
@@ -42,6 +45,21 @@ def test_it_goes_where_the_camera_sees_things(done):
     assert done.seen[:, :2] == pytest.approx(np.array([CUBE.position, BASKET.position]), abs=0.01)
     assert np.abs(done.seen[0, :2] - CUBE.position).max() > 1e-4
     assert np.abs(done.record.measured[:, :2] - done.record.q[:, :2]).max() > 1e-3
+
+
+def test_the_reproduction_judges_it_and_draws_it(done, monkeypatch):
+    monkeypatch.setattr(published_pick_and_drop, "pick_and_drop", lambda: done)
+    found = published.reproduce("silva2017/pick-and-drop")
+    table, verdicts = found.tables
+    assert [row[2] for row in verdicts.rows] == ["supported"]
+    assert all(np.isfinite(row[1]) for row in table.rows)
+    assert set(found.files) <= {"pick-and-drop.webp", "pick-and-drop.png"}  # none without OpenGL
+    left = replace(done.record, readings={**done.record.readings})
+    cube = left.readings["cube_1_position"]
+    left.readings["cube_1_position"] = cube._replace(values=cube.values[:1].repeat(len(left), axis=0))
+    monkeypatch.setattr(published_pick_and_drop, "pick_and_drop", lambda: replace(done, record=left))
+    _, verdicts = published.reproduce("silva2017/pick-and-drop").tables
+    assert [row[2] for row in verdicts.rows] == ["not supported"]
 
 
 def test_a_scene_elsewhere():

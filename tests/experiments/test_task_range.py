@@ -1,11 +1,15 @@
 """The range condition: against least squares, and that it tells runs that are stuck from those that arrive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.experiments import task_range
+from dqcontrol.experiments import load_run, task_range
+from dqcontrol.experiments.comparison import summary
+from dqcontrol.experiments.task_range import RANGE, outside_range, with_range
 from dqcontrol.laws import FeedbackLinearization, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.plants import Integrator
@@ -88,6 +92,47 @@ def test_a_plan_asks_for_nothing_outside(robot):
         found = task_range(robot, record, threshold=1e-6)
         assert found.asked.max() > 0.05
         assert found.outside.max() < 1e-5
+
+
+@pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
+def test_runs_record_it_and_tables_show_its_share(robot, tmp_path):
+    spec = {
+        "name": "range",
+        "robot": "little-john",
+        "start": HOME.tolist(),
+        "period": 0.05,
+        "duration": 20,
+        "reference": {"kind": "set-point", "offset": {"translation": [-0.5, 0.5, 0]}},
+        "law": {"kind": "proportional", "gain": 0.5},
+        "plant": {"kind": "integrator"},
+    }
+    run = dqc.run(spec)
+    found = task_range(robot, run.record)
+    values = run.record.readings[RANGE].values
+    np.testing.assert_array_equal(values[:, 1], found.outside)
+    mean = (values[1:] + values[:-1]) / 2
+    share = mean[:, 1].sum() / mean[:, 0].sum()
+    assert share > 0.3
+    assert run.metrics.outside_range == pytest.approx(share)
+    run.save(tmp_path / "run")
+    assert (tmp_path / "run" / "range.png").exists()
+    assert load_run(tmp_path / "run").metrics.outside_range == run.metrics.outside_range
+    table = summary({"stuck": run})
+    assert table.rows[0][[column.title for column in table.columns].index("outside range of J")] > 0.3
+
+
+def test_arms_have_none_and_a_run_that_diverged_has_gaps(robot):
+    arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    record = drive(arm, dqc.laws.Proportional(gain=1.0), arm.fkm(q + 0.1), 1.0, start=q)
+    assert RANGE not in with_range(arm, record).readings
+    assert np.isnan(outside_range(record))
+    good = drive(robot, dqc.laws.Proportional(gain=0.5), robot.fkm(HOME + BESIDE), 1.0)
+    bad = good.q.copy()
+    bad[-1], bad[-2, 0] = np.nan, 1e9
+    diverged = with_range(robot, replace(good, q=bad, pose=robot.fkm(np.nan_to_num(bad))))
+    values = diverged.readings[RANGE].values
+    assert np.isfinite(values[:-2]).all()
+    assert np.isnan(values[-2:]).all()
 
 
 def test_picture(robot, tmp_path):

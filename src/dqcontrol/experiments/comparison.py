@@ -28,6 +28,8 @@ TOUCHED = {  # shown where an obstacle is
     "recovery_time": Column("recovery", "s", ".3g"),
 }
 
+DRIVEN = {"outside_range": Column("outside range of J", "", ".2g")}  # shown where a differential drive is
+
 MEANS = (
     "position.settled_rms",
     "position.settled_peak",
@@ -50,8 +52,10 @@ def summary(runs: Mapping[str, Run], title: str = "") -> Table:
 def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -> Table:
     """Return the same of labels with rows as of `Study.rows`."""
     rows = list(rows)
-    touched = any(row.get("peak_contact") is not None for _, row in rows)
-    columns = COMPARED | TOUCHED if touched else COMPARED
+    columns = dict(COMPARED)
+    for some in (TOUCHED, DRIVEN):
+        if any(row.get(key) is not None for key in some for _, row in rows):
+            columns |= some
     lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
 

@@ -51,6 +51,7 @@ METRIC_COLUMNS: dict[str, Column] = {
     "limit_joint": Column("Nearest to limit"),
     "peak_contact": Column("Contact force peak", "N"),
     "recovery_time": Column("Recovery time", "s"),
+    "outside_range": Column("Outside the range of J"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 

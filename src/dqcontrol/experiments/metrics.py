@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.contact import peak_contact, recovery_time
 from dqcontrol.experiments.margins import least_margin
+from dqcontrol.experiments.task_range import outside_range
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.robots.limits import Limits
@@ -124,6 +125,9 @@ class Metrics:
         Largest force of an obstacle on the hand, N; NaN without obstacles.
     recovery_time
         From the end of the last contact until the hand is back where it was, s; see `contact.recovery_time`.
+    outside_range
+        How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
+        see `task_range`. NaN without differential drives.
     """
 
     duration: float
@@ -147,6 +151,7 @@ class Metrics:
     limit_joint: str
     peak_contact: float
     recovery_time: float
+    outside_range: float
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
@@ -230,6 +235,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
+            outside_range=outside_range(record),
         )
 
 

@@ -66,11 +66,14 @@ class PickAndDrop:
         As in any run.
     seen
         The cube and the basket as the camera showed them, x, y and yaw, shape (2, 3), m and rad.
+    errand
+        What was planned from that.
     """
 
     plant: MobilePlant
     record: Record
     seen: Array
+    errand: Errand
 
     @property
     def path(self) -> Array:
@@ -156,7 +159,8 @@ def pick_and_drop(
         scene=Scene(cubes=[cube], baskets=[basket]),
     )
     reference = Points(errand.times, errand.poses)
-    return PickAndDrop(plant, simulate(robot, reference, LAW, plant, START, PERIOD, seed=seed), seen)
+    record = simulate(robot, reference, LAW, plant, START, PERIOD, seed=seed)
+    return PickAndDrop(plant, record, seen, errand)
 
 
 def _bearing(start: Array, end: Array) -> float:

@@ -21,6 +21,7 @@ from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import Judged
+from dqcontrol.experiments.task_range import with_range
 from dqcontrol.loop import Clock, Record, RecordStream, Timing, save_record
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
@@ -202,7 +203,7 @@ def execute(
         If the very first command fails.
     """
     spec, scene = setting.spec, case.scene
-    return follow(
+    record = follow(
         case.prepare_law(spec),
         case.plant,
         scene.start,
@@ -217,6 +218,7 @@ def execute(
         recording=recording,
         watch=watch,
     )
+    return record if recording else with_range(scene.robot, record)  # a stream holds what came while it ran
 
 
 def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
 
 Array = NDArray[np.float64]
 
+RANGE = "range_condition"  # among the readings of a record
+
 _AT_LIMIT = 1e-6  # rad or m
+_FARTHEST = 1e6  # m; farther away a run has diverged
+_HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +49,11 @@ class TaskRange:
         """Outside over asked, 0 … 1, shape (N,); 0 where nothing is asked for."""
         return np.divide(self.outside, self.asked, out=np.zeros_like(self.asked), where=self.asked > 0)
 
+    @classmethod
+    def recorded(cls, record: Record) -> TaskRange:
+        """Return what `with_range` wrote into a record."""
+        return cls(record.time, *record.readings[RANGE].values.T)
+
 
 def task_range(
     robot: Robot, record: Record, body_twist: Array | None = None, threshold: float = 0.02
@@ -54,7 +65,7 @@ def task_range(
     robot
         That of the run. Drives count with what they can do, v and ω, in the unconstrained form too.
     record
-        Of the run.
+        Of the run; a sample that is not finite, or a million metres away, gives NaN.
     body_twist
         What was asked for, body twists (N, 6), rad/s and m/s. If omitted, what any law has to ask for sooner or later:
         the twist that leads straight to the desired pose in a second, 2 log(x*x_d) of the body logarithm, and that of
@@ -75,22 +86,51 @@ def task_range(
     (0.0, 1.0, True)
     """
     moved = robot.in_form("constrained") if isinstance(robot, WholeBody) else robot
+    usable = np.isfinite(record.q).all(axis=1) & (np.abs(record.pose).max(axis=1) < _FARTHEST)
+    q, pose = np.where(usable[:, None], record.q, 0.0), np.where(usable[:, None], record.pose, _HERE)
     if body_twist is None:
-        opposite = algebra.conjugate(record.pose)
+        opposite = algebra.conjugate(pose)
         error = algebra.short(algebra.multiply(opposite, record.desired_pose))
         body_twist = 2 * algebra.log_body(error) + algebra.adjoint_twist(opposite, record.desired[:, TWIST])
-    jacobian = np.where(_resting_at_limits(moved, record.q)[:, None, :], 0.0, moved.hand_jacobian(record.q))
+    jacobian = np.where(_resting_at_limits(moved, q)[:, None, :], 0.0, moved.hand_jacobian(q))
     left, values, _ = np.linalg.svd(jacobian)
-    rotation = np.hstack([record.pose[:, :4], np.zeros((len(record), 4))])
+    rotation = np.hstack([pose[:, :4], np.zeros((len(record), 4))])
     components = np.einsum("kij,ki->kj", left, algebra.adjoint_twist(rotation, body_twist))
     count = values.shape[1]  # fewer than six inputs leave directions without any singular value
     lost = np.hstack([values < threshold, np.ones((len(values), 6 - count), dtype=bool)])
     return TaskRange(
         time=record.time,
-        asked=row_norms(components),
-        outside=row_norms(np.where(lost, components, 0.0)),
-        smallest_singular_value=np.where(count < 6, 0.0, values[:, -1]),
+        asked=np.where(usable, row_norms(components), np.nan),
+        outside=np.where(usable, row_norms(np.where(lost, components, 0.0)), np.nan),
+        smallest_singular_value=np.where(usable, 0.0 if count < 6 else values[:, -1], np.nan),
     )
+
+
+def with_range(robot: Robot, record: Record) -> Record:
+    """Return a record that also holds its range condition, as the reading `RANGE`, if the robot has drives.
+
+    Parameters
+    ----------
+    robot
+        That of the run.
+    record
+        The run.
+    """
+    if not len(robot.drives):
+        return record
+    found = task_range(robot, record)
+    values = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+    signal = Signal(RANGE, ("asked", "outside", "smallest_singular_value"), ("", "", ""), values)
+    return replace(record, readings={**record.readings, RANGE: signal})
+
+
+def outside_range(record: Record) -> float:
+    """Return ∫ outside dt / ∫ asked dt over a run, 0 … 1; NaN without the reading `RANGE`."""
+    if RANGE not in record.readings:
+        return math.nan
+    found = TaskRange.recorded(record)
+    asked = float(np.trapezoid(found.asked, found.time))
+    return float(np.trapezoid(found.outside, found.time)) / asked if asked else math.nan
 
 
 def _resting_at_limits(robot: Robot, q: Array) -> NDArray[np.bool_]:

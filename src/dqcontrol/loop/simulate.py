@@ -55,7 +55,8 @@ def simulate(
     law, plant
         What commands and what moves.
     start
-        Start configuration, shape (n,), rad or m.
+        Start configuration, shape (n,), rad or m; it may lie outside the joint limits, as in specs it may not: a robot
+        may have been left there, and position limits bring it back.
     period
         T, control period, s.
     duration

@@ -30,6 +30,7 @@ _CAPTIONS = {
     "disturbance": "Twist that the disturbance gave the hand, inertial axes.",
     "timing": "How often periods, computation and idle times of the loop occurred; counts are logarithmic.",
     "readings": "Forces that the plant sensed.",
+    "range": "The twist that leads to the goal, and what of it the robot cannot give its hand.",
 }
 _PAGE = """<!DOCTYPE html>
 <html lang="en">

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 
 from dqcontrol.errors import ExistsError, unknown_name
+from dqcontrol.experiments.task_range import RANGE, TaskRange
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
@@ -18,6 +19,7 @@ from dqcontrol.view.disturbances import disturbance
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
 from dqcontrol.view.readings import has_readings, limit_margins, readings
+from dqcontrol.view.task_range import range_condition
 
 FORMATS = ("pdf", "png", "svg")
 
@@ -34,7 +36,8 @@ def save_plots(
 ) -> list[Path]:
     """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``.
 
-    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance`` and ``readings`` (of forces).
+    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces) and
+    ``range`` (the range condition).
 
     Of a robot that drives also ``base``, where its base went, and ``motion``, the robot at several times.
 
@@ -83,6 +86,8 @@ def save_plots(
         names.append("disturbance")
     if has_readings(record):
         names.append("readings")
+    if RANGE in record.readings:
+        names.append("range")
     if robot is not None and has_base(robot):
         names += ["base", "motion"]
     for kind in formats:
@@ -100,6 +105,7 @@ def save_plots(
         "inputs": lambda: control_signals(record, input_units),
         "disturbance": lambda: disturbance(record),
         "readings": lambda: readings(record),
+        "range": lambda: range_condition(TaskRange.recorded(record), record.error),
         "base": lambda: base_path(cast(Robot, robot), {"": record}),
         "motion": lambda: superimposed(cast(Robot, robot), {"": record}),
     }

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Draw = Callable[[], "Figure"]
+Write = Callable[[Path], None]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Reproduced:
         Beside those of the studies, by file name.
     plant
         What stood for the source's robot; empty where there is no choice.
+    files
+        What writes further files, pictures and clips of physics, by their names.
     """
 
     name: str
@@ -41,9 +44,10 @@ class Reproduced:
     studies: Mapping[str, Study] = field(default_factory=dict)
     figures: Mapping[str, Draw] = field(default_factory=dict)
     plant: str = ""
+    files: Mapping[str, Write] = field(default_factory=dict)
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write ``tables.md``, a CSV and a LaTeX file each table, figures, and a folder each study.
+        """Write ``tables.md``, a CSV and a LaTeX file each table, figures, further files, and a folder each study.
 
         Raises
         ------
@@ -61,4 +65,6 @@ class Reproduced:
                 study.save(new / label)
             for label, draw in self.figures.items():
                 draw().savefig(new / f"{label}.png")
+            for label, write in self.files.items():
+                write(new / label)
         return Path(folder)

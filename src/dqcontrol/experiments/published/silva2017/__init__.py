@@ -15,6 +15,7 @@ EXPERIMENTS = {
     "clamping": Experiment("a goal beyond the joint limits and back, in simulation (Figs 5.8–5.10)"),
     "clamping-robot": Experiment("motors that give up above their torque (Figs 5.11–5.13)"),
     "discretisation": Experiment("the effect of the control period, left to future work (chapter 6)"),
+    "pick-and-drop": Experiment("a cube into a basket, in physics, from what a camera sees (Fig. 5.1)"),
 }
 
 

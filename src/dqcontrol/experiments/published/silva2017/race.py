@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.experiments.metrics import evaluate
 from dqcontrol.experiments.published.silva2017.specs import GOOD_ENOUGH
-from dqcontrol.laws import Law
+from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.loop.simulate import follow
 from dqcontrol.plants import Integrator
+from dqcontrol.references import DriveTo
+from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
@@ -68,6 +70,14 @@ class Outcome:
 def outcome(robot: Robot, start: Array, samples: Array, law: Law, period: float) -> Outcome:
     """Run a law on ideal joints."""
     return Outcome.of(follow(law.prepare(robot, None, period), Integrator(), start, samples), period)
+
+
+def guided_outcome(robot: Robot, start: Array, samples: Array, period: float) -> Outcome:
+    """Run the remedy on ideal joints: a planned way to the goal of some samples, judged by its distance from that."""
+    way = DriveTo.pose(robot, start, samples[-1, POSE])
+    law = GuidedProportional(gain=1.0).prepare(robot, way, period)
+    record = follow(law, Integrator(), start, way.samples(samples[:, -1]))
+    return Outcome.of(replace(record, desired=samples), period)
 
 
 def matched_gain(settling: Callable[[float], float], target: float) -> float | None:
