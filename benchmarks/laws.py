@@ -71,6 +71,7 @@ class Task:
 def tasks() -> dict[str, Task]:
     """Return all by their names."""
     arm, john = dqc.load_robot("iiwa7"), dqc.load_robot("little-john")
+    assert isinstance(arm, dqc.SerialArm)
     drive = dqc.DifferentialDrive(wheel_radius=0.065, half_track=0.13)
     bodies = {
         "little-john": (john, np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])),
