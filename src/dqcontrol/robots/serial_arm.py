@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +42,11 @@ class SerialArm(Robot):
     inertia
         Link inertias, needed for gravity and physics.
 
+    Attributes
+    ----------
+    urdf
+        The URDF file that it came from and the link in whose frame its poses are, for pictures; None without.
+
     Raises
     ------
     ShapeError, ValueRangeError, UnknownNameError
@@ -78,6 +84,7 @@ class SerialArm(Robot):
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
         chain.flags.writeable = False
 
+        self.urdf: tuple[Path, str] | None = None
         self.name = name or "arm"
         self.chain: Array = chain
         self.joint_types = tuple(joint_types)

@@ -65,14 +65,14 @@ def load_urdf(
     >>> load_urdf(path)
     SerialArm('lever', 1 joints)
     """
-    tree = _Tree(CheckedXml(path))
+    tree = UrdfTree(CheckedXml(path))
     base = tree.link("base_link", base_link) if base_link is not None else tree.root
     tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
     joints = tree.path(base, tip)
 
     poses, axes, moving, before = [], [], [], np.eye(4)
     for joint in joints:
-        before = before @ _origin(joint)
+        before = before @ origin_matrix(joint)
         if joint.type == "fixed":
             continue
         tree.check_movable(joint)
@@ -83,7 +83,7 @@ def load_urdf(
     if not moving:
         raise UnknownNameError(f"tip_link: no joint moves between '{base}' and '{tip}' in {path}")
     fixed, turns = chain_from_axes(poses, axes, _pose7(before))
-    return SerialArm(
+    arm = SerialArm(
         np.array(fixed),
         ["prismatic" if joint.type == "prismatic" else "revolute" for joint in moving],
         limits=_limits(tree, moving),
@@ -91,9 +91,11 @@ def load_urdf(
         name=name or tree.name,
         inertia=lump(moving, tree.children, tree.links, turns),
     )
+    arm.urdf = Path(path), base
+    return arm
 
 
-class _Tree:
+class UrdfTree:
     """The links and joints of a robot, checked to be a tree."""
 
     def __init__(self, xml: CheckedXml) -> None:
@@ -194,7 +196,8 @@ def _is_movable(joint: Any) -> bool:
     return joint.type in _MOVABLE and joint.mimic is None
 
 
-def _origin(joint: Any) -> Array:
+def origin_matrix(joint: Any) -> Array:
+    """Return where a joint or visual is, as a homogeneous matrix."""
     return np.eye(4) if joint.origin is None else joint.origin
 
 
@@ -205,13 +208,13 @@ def _pose7(matrix: Array) -> Array:
     return np.concatenate([quaternion_from_matrix(matrix), matrix[:3, 3]])
 
 
-def _axis(tree: _Tree, joint: Any) -> Array:
+def _axis(tree: UrdfTree, joint: Any) -> Array:
     if np.linalg.norm(joint.axis) < 1e-9:
         raise tree.xml.error("joint", joint.name, f"axis must not be zero, got {joint.axis}")
     return joint.axis
 
 
-def _limits(tree: _Tree, joints: list[Any]) -> Limits:
+def _limits(tree: UrdfTree, joints: list[Any]) -> Limits:
     table = np.full((4, len(joints)), np.inf)
     for i, joint in enumerate(joints):
         limit = joint.limit

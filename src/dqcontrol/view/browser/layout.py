@@ -1,0 +1,61 @@
+"""Where the viewer stands and where runs side by side are put."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.view.browser.track import Track
+
+Array = NDArray[np.float64]
+
+_MOMENTS = 12  # of a run that are looked at
+_BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path
+_UP = 0.42
+
+
+class Extent(NamedTuple):
+    """Box around all robots and paths, m."""
+
+    lower: Array
+    upper: Array
+
+    @property
+    def size(self) -> float:
+        """Its diagonal."""
+        return float(np.linalg.norm(self.upper - self.lower)) or 1.0
+
+
+def extent(tracks: Sequence[Track]) -> Extent:
+    """Return the box around some runs, at rest in one place."""
+    points = [np.zeros((1, 3))]
+    for track in tracks:
+        for k in np.linspace(0, len(track.record) - 1, _MOMENTS).astype(int):
+            points.append(track.frames(k)[:, 4:])
+        points += [track.hand_path().reshape(-1, 3), track.record.desired_position]
+    cloud = np.vstack(points)
+    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    return Extent(cloud.min(axis=0), cloud.max(axis=0))
+
+
+def viewpoint(tracks: Sequence[Track], box: Extent) -> tuple[Array, Array]:
+    """Return where the viewer stands and what is looked at, m: the hands' paths from the front, robots behind them."""
+    middle = (box.lower + box.upper) / 2
+    hands = np.vstack([track.record.desired_position for track in tracks])
+    ahead = np.nanmean(hands, axis=0) - tracks[0].frames(0)[0, 4:]
+    azimuth = np.arctan2(ahead[1], ahead[0]) + _BESIDE if np.linalg.norm(ahead[:2]) > 1e-6 else _BESIDE
+    towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])
+    return middle + 1.3 * (box.size + 0.2) * towards / np.linalg.norm(towards), middle
+
+
+def places(count: int, box: Extent, *, beside: bool) -> Array:
+    """Return the displacement of each run, shape (count, 3), m: none, or side by side along the narrower direction."""
+    out = np.zeros((count, 3))
+    if beside:
+        wide = box.upper - box.lower
+        axis = int(np.argmin(wide[:2]))
+        out[:, axis] = (np.arange(count) - (count - 1) / 2) * (wide[axis] + 0.25 * box.size)
+    return out
