@@ -3,33 +3,87 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, ValueRangeError
+
+if TYPE_CHECKING:
+    from dqcontrol.view.browser import GrowingRecording, LiveRun, Track
 
 Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
 
 
-def view(*folders: Path, port: Port = 8080) -> None:
-    """Look at saved runs in a browser: robots, paths, frames and errors over time; Ctrl+C ends it.
+def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
+    """Look at runs in a browser: robots, paths, frames, errors and limits over time; Ctrl+C ends it.
 
     Parameters
     ----------
-    folders
-        Folders of runs, or of studies for all their runs.
+    runs
+        Folders of runs, or of studies for all their runs; or recordings (.mcap), also such as still grow.
+    live
+        A spec of one run, which is run in real time meanwhile and not saved.
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
     from dqcontrol.experiments import load_runs
-    from dqcontrol.view.browser import Page, Track
+    from dqcontrol.view.browser import LiveRun, Page, Track
     from dqcontrol.view.browser.page import import_viser
 
-    if not folders:
-        raise Error("view: give at least one folder of a run")
+    if not runs and live is None:
+        raise Error("view: give at least one folder of a run, a recording, or --live SPEC")
     import_viser()  # before the work: it may be missing
-    tracks = [Track(label, run.robot, run.record) for label, run in load_runs(folders).items()]
-    page = Page(tracks, port)
-    print(f"view: {page.url} (Ctrl+C ends)", flush=True)
-    page.serve()
+    recordings = [path for path in runs if path.suffix == ".mcap"]
+    saved = load_runs([path for path in runs if path not in recordings])
+    tracks = [Track(label, run.robot, run.record) for label, run in saved.items()]
+    running = LiveRun(live) if live is not None else None
+    try:
+        growing = [_follow(path, tracks) for path in recordings]
+        if running is not None:
+            growing.append(_follow_run(running, tracks))
+        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None)
+        print(f"view: {page.url} (Ctrl+C ends)", flush=True)
+        page.serve()
+    finally:
+        if running is not None:
+            running.close()
+
+
+def _follow(path: Path, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
+    """Add the track of a recording that may grow."""
+    from dqcontrol.experiments.evaluation import about_log
+    from dqcontrol.experiments.spec import RobotSpec
+    from dqcontrol.robots import load_robot
+    from dqcontrol.view.browser import GrowingRecording, Track
+    from dqcontrol.yaml_file import convert
+
+    about = about_log(path)
+    if "robot" not in about:
+        raise ValueRangeError(f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'")
+    chosen = convert(path, about["robot"], RobotSpec)
+    robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
+    growing = GrowingRecording(path, robot)
+    tracks.append(Track(path.stem if path.parent.name == "" else str(path), robot, growing.first()))
+    return growing, tracks[-1]
+
+
+def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
+    """Add the track of a run that goes on here."""
+    from dqcontrol.view.browser import GrowingRecording, Track
+
+    growing = GrowingRecording(running.path, running.robot)
+    tracks.append(Track(running.label, running.robot, growing.first(), running.planned))
+    return growing, tracks[-1]
+
+
+def _take_news(growing: list[tuple[GrowingRecording, Track]], running: LiveRun | None) -> bool:
+    """Give tracks their new samples; tell whether any recording still grows."""
+    if running is not None and running.failure is not None:
+        raise running.failure
+    goes_on = [recording.goes_on for recording, _ in growing]  # before the last look
+    for recording, track in growing:
+        record = recording.record()
+        if record is not None:
+            track.take(record)
+    return any(goes_on)

@@ -129,7 +129,7 @@ def evaluate_log(
     >>> run.metrics.position.rms  # mm  # doctest: +SKIP
     """
     path = Path(log)
-    about = _about(path)
+    about = about_log(path)
     if robot is not None:
         chosen = RobotSpec(source=str(robot), base_link=base_link, tip_link=tip_link)
     elif "robot" in about:
@@ -209,7 +209,7 @@ class _LoggedPoses:
     begin: float
 
 
-def _about(path: Path) -> dict[str, Any]:
+def about_log(path: Path) -> dict[str, Any]:
     """Return what a recording of ours, or the folder of a run, says about its run; nothing for other logs."""
     path = path / "record.mcap" if path.is_dir() else path
     data = parse_yaml(path, load_metadata(path)["spec"]) if is_own(path) else None

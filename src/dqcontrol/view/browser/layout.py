@@ -35,7 +35,7 @@ def extent(tracks: Sequence[Track]) -> Extent:
     for track in tracks:
         for k in np.linspace(0, len(track.record) - 1, _MOMENTS).astype(int):
             points.append(track.frames(k)[:, 4:])
-        points += [track.hand_path().reshape(-1, 3), track.record.desired_position]
+        points += [track.hand_path().reshape(-1, 3), track.target]
     cloud = np.vstack(points)
     cloud = cloud[np.isfinite(cloud).all(axis=1)]
     return Extent(cloud.min(axis=0), cloud.max(axis=0))
@@ -44,7 +44,7 @@ def extent(tracks: Sequence[Track]) -> Extent:
 def viewpoint(tracks: Sequence[Track], box: Extent) -> tuple[Array, Array]:
     """Return where the viewer stands and what is looked at, m: the hands' paths from the front, robots behind them."""
     middle = (box.lower + box.upper) / 2
-    hands = np.vstack([track.record.desired_position for track in tracks])
+    hands = np.vstack([track.target for track in tracks])
     ahead = np.nanmean(hands, axis=0) - tracks[0].frames(0)[0, 4:]
     azimuth = np.arctan2(ahead[1], ahead[0]) + _BESIDE if np.linalg.norm(ahead[:2]) > 1e-6 else _BESIDE
     towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])

@@ -55,7 +55,7 @@ class Page:
     port
         Of this machine; the next free one if it is taken.
     news
-        Called some times a second while runs go on; gives their tracks longer records, and says whether they still go.
+        Called some times a second while runs go on: gives their tracks longer records and tells whether they still go.
 
     Raises
     ------

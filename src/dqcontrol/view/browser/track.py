@@ -47,6 +47,8 @@ class Track:
         The arm or whole body.
     record
         Its samples.
+    planned
+        Positions that the hand shall pass, shape (M, 3), m, if more is known than the record shows.
 
     Examples
     --------
@@ -55,8 +57,8 @@ class Track:
     (8, 7)
     """
 
-    def __init__(self, label: str, robot: Robot, record: Record) -> None:
-        self.label, self.robot = label, robot
+    def __init__(self, label: str, robot: Robot, record: Record, planned: Array | None = None) -> None:
+        self.label, self.robot, self._planned = label, robot, planned
         self.take(record)
 
     def take(self, record: Record) -> None:
@@ -91,13 +93,18 @@ class Track:
         """Return the desired pose of the hand, [quaternion, position]."""
         return pose7("desired", self.record.desired_pose[k])
 
+    @property
+    def target(self) -> Array:
+        """Desired positions of the hand, shape (M, 3), m."""
+        return self.record.desired_position if self._planned is None else self._planned
+
     def hand_path(self) -> Array:
         """Return the hand's path as pieces, shape (M, 2, 3), m."""
         return pieces(self.record.position)
 
     def desired_path(self) -> Array:
         """Return the desired path as dashes, shape (M, 2, 3), m; none where it rests."""
-        path = pieces(self.record.desired_position)
+        path = pieces(self.target)
         middle = np.cumsum(np.linalg.norm(path[:, 1] - path[:, 0], axis=1))
         return path[middle % _DASH < 0.6 * _DASH]
 
