@@ -54,17 +54,19 @@ def _follow(path: Path, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a recording that may grow."""
     from dqcontrol.experiments.evaluation import about_log
     from dqcontrol.experiments.spec import RobotSpec
+    from dqcontrol.loop import load_metadata
     from dqcontrol.robots import load_robot
     from dqcontrol.view.browser import GrowingRecording, Track
     from dqcontrol.yaml_file import convert
 
+    load_metadata(path)  # or say that it is none
     about = about_log(path)
     if "robot" not in about:
         raise ValueRangeError(f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'")
     chosen = convert(path, about["robot"], RobotSpec)
     robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
     growing = GrowingRecording(path, robot)
-    tracks.append(Track(path.stem if path.parent.name == "" else str(path), robot, growing.first()))
+    tracks.append(Track(str(path), robot, growing.first()))
     return growing, tracks[-1]
 
 

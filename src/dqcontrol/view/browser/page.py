@@ -84,6 +84,11 @@ class Page:
         """Address of the page."""
         return f"http://{HOST}:{self.server.get_port()}"
 
+    @property
+    def time(self) -> float:
+        """What the slider shows, s."""
+        return float(self._time.value)
+
     def serve(self) -> None:
         """Keep the page going until interrupted."""
         try:
@@ -114,7 +119,8 @@ class Page:
 
     def _set_stage(self) -> None:
         server, box = self.server, self._box
-        server.gui.configure_theme(control_layout="fixed", control_width="large", show_share_button=False)
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")
         position, looked_at = viewpoint(self.tracks, box)
         server.initial_camera.position, server.initial_camera.look_at = position, looked_at
@@ -197,7 +203,7 @@ class _DrawnRun:
         self._scene, self._name, self._thickness = server.scene, f"/run{i}", 0.0022 * size
         self._colour = _rgb(self.css)
         self._root = self._scene.add_frame(self._name, show_axes=False)
-        length = 0.09 * size
+        length = min(0.09 * size, 0.12)
         axes = {"axes_length": length, "axes_radius": 0.03 * length, "origin_radius": 0.0}
         self._frames = [
             self._scene.add_frame(f"{self._name}/frame{j}", show_axes=False, **axes)
