@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
 
-.PHONY: demo test test-all lint format bench clean
+.PHONY: demo test test-all lint chromium format bench clean
 .DEFAULT_GOAL := help
 
 help:
@@ -34,6 +34,12 @@ $(VENV)/test: $(VENV)/created pyproject.toml
 	@$(PIP) -e '.[physics,robots,ros2,coppeliasim,test]'
 	@touch $@
 
+chromium:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \
+	  || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && echo "installing Chromium for the tests of the browser view (about 414 MB)" \
+	    && apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; } \
+	  || echo "the tests of the browser view are left out; for them: apt-get install chromium" >&2
+
 demo: $(VENV)/demo
 	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force
 
@@ -42,10 +48,10 @@ lint: $(VENV)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/pyright --project pyproject.toml
 
-test: lint
+test: lint chromium
 	@$(BIN)/pytest -n auto --maxprocesses 4
 
-test-all: lint
+test-all: lint chromium
 	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
 
 PEERS := $(VENV)-bench

@@ -72,6 +72,7 @@ class Visit:
 
     def __init__(self, browser, url):
         self.tab = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, device_scale_factor=0.5)
+        self.tab.set_default_timeout(120_000)  # ms; machines may be busy
         self.complaints, self.outside = [], []
         self.tab.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.tab.on("console", lambda line: line.type == "error" and self.complaints.append(line.text))
@@ -87,7 +88,9 @@ class Visit:
         """Return the pixels of the scene."""
         from PIL import Image
 
-        data = self.tab.screenshot(animations="disabled", clip={"x": 0, "y": 140, "width": SCENE, "height": HEIGHT - 140})
+        data = self.tab.screenshot(
+            animations="disabled", clip={"x": 0, "y": 140, "width": SCENE, "height": HEIGHT - 140}
+        )
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=int)
 
     def until_drawn(self):
@@ -106,7 +109,7 @@ class Visit:
             last = now
         raise AssertionError("the picture never stood still")
 
-    def until(self, condition, seconds=30):
+    def until(self, condition, seconds=120):
         end = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < end, "the page never came to it"
@@ -141,7 +144,9 @@ def test_two_runs_in_a_browser(arm, browser):
         visit.until(lambda: difference(visit.scene(), start) > 0.02)  # the arms have moved
         end = visit.settled()
 
-        checks = {name: tab.get_by_label(name, exact=True) for name in ("first run", "second run", "Side by side")}
+        checks = {
+            name: tab.get_by_label(name, exact=True) for name in ("first run", "second run", "Side by side")
+        }
         checks["second run"].uncheck()
         visit.until(lambda: tab.get_by_text("Position error").count() == 1)
         visit.until(lambda: difference(visit.scene(), end) > 0.005)
@@ -182,11 +187,12 @@ def test_playing_and_a_run_that_goes_on(arm, browser):
         visit.tab.get_by_role("slider").first.press("Home")
         visit.until(lambda: serving.page.time == 0.0)
         visit.until(lambda: difference(visit.scene(), ended) > 0.02)
+        start = visit.settled()
         visit.tab.get_by_text("Play", exact=True).click()
         visit.tab.get_by_text("Pause", exact=True).wait_for()
         visit.until(lambda: serving.page.time == 2.0)
         visit.tab.get_by_text("Play", exact=True).wait_for()
-        visit.until(lambda: difference(visit.scene(), ended) < 0.005)
+        visit.until(lambda: difference(visit.scene(), start) > 0.02)
         visit.check()
     finally:
         serving.close()

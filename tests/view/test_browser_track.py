@@ -1,6 +1,7 @@
 """What the browser view shows of a run, without a browser."""
 
 import io
+import itertools
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 from dqcontrol.view.browser import Track
 from dqcontrol.view.browser.layout import extent, places, viewpoint
-from dqcontrol.view.browser.page import numbers
+from dqcontrol.view.browser.numbers import numbers
 from dqcontrol.view.browser.shapes import robot_shapes
 from dqcontrol.view.browser.track import wheel_angles
 from dqcontrol.view.browser.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
@@ -21,10 +22,12 @@ URDF = """<robot name="lever">
 <material name="red"><color rgba="1 0 0 1"/></material>
 <link name="world"/>
 <link name="base"><visual><origin xyz="0 0 0.1"/><geometry><box size="0.2 0.3 0.2"/></geometry></visual></link>
-<link name="bar"><visual><origin xyz="0.2 0 0" rpy="0 0.3 0"/><geometry><cylinder radius="0.05" length="0.4"/></geometry>
+<link name="bar"><visual><origin xyz="0.2 0 0" rpy="0 0.3 0"/>
+  <geometry><cylinder radius="0.05" length="0.4"/></geometry>
   <material name="blue"><color rgba="0 0 1 1"/></material></visual></link>
 <link name="slide"><visual><geometry><sphere radius="0.04"/></geometry></visual>
-  <visual><origin xyz="0 0.1 0"/><geometry><mesh filename="package://parts/meshes/wedge.stl" scale="2 1 0.5"/></geometry></visual></link>
+  <visual><origin xyz="0 0.1 0"/>
+  <geometry><mesh filename="package://parts/meshes/wedge.stl" scale="2 1 0.5"/></geometry></visual></link>
 <link name="finger"><visual><origin xyz="0.01 0 0"/><geometry><box size="0.1 0.02 0.02"/></geometry></visual></link>
 <link name="tip"/>
 <joint name="foot" type="fixed"><origin xyz="1 2 0" rpy="0 0 0.5"/><parent link="world"/><child link="base"/></joint>
@@ -58,9 +61,7 @@ def sweep(robot, q, command=None, stopped="duration"):
     desired = np.hstack([np.tile(pose[0], (len(q), 1)), np.zeros((len(q), 13))])
     command = np.zeros((len(q), robot.input_size)) if command is None else command
     time = 0.1 * np.arange(len(q))
-    return Record(
-        time, q, q, command, pose, desired, robot.joint_names, robot.input_names, stopped=stopped
-    )
+    return Record(time, q, q, command, pose, desired, robot.joint_names, robot.input_names, stopped=stopped)
 
 
 @pytest.mark.parametrize("base_link", [None, "base"])
@@ -134,8 +135,10 @@ def test_rods_reach_from_joint_to_joint():
         ]
     )
     reach = np.linalg.norm(arm.chain[:, 4:7], axis=1).sum()
-    for a, b in zip(points[:-1], points[1:], strict=True):  # something is drawn near the middle of each link
-        assert np.linalg.norm(cloud - (a + b) / 2, axis=1).min() < max(0.06 * reach, 0.5 * np.linalg.norm(b - a))
+    for a, b in itertools.pairwise(points):  # something is drawn near the middle of each link
+        assert np.linalg.norm(cloud - (a + b) / 2, axis=1).min() < max(
+            0.06 * reach, 0.5 * np.linalg.norm(b - a)
+        )
     distance = np.min(np.linalg.norm(cloud[:, None] - points[None], axis=2), axis=1)
     assert distance.max() < reach  # and nothing far away
 
@@ -217,11 +220,13 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     arm = dqc.load_robot("iiwa7")
     tracks = [Track(str(i), arm, sweep(arm, [np.full(7, 0.2 * i)] * 2)) for i in range(3)]
     box = extent(tracks)
-    assert not places(3, box, beside=False).any()
-    apart = places(3, box, beside=True)
-    assert apart.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
-    axis = int(np.ptp(apart, axis=0).argmax())
-    assert (np.diff(apart[:, axis]) > (box.upper - box.lower)[axis]).all()
     position, middle = viewpoint(tracks, box)
     assert np.linalg.norm(position - middle) > box.size
     assert position[2] > middle[2]
+    apart = places(3, box, position - middle)
+    assert apart.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    ahead = middle - position
+    right = np.cross(ahead, [0, 0, 1.0]) / np.linalg.norm(np.cross(ahead, [0, 0, 1.0]))
+    corners = np.array(np.meshgrid(*zip(box.lower, box.upper, strict=True))).reshape(3, -1).T
+    assert (np.diff(apart @ right) > np.ptp(corners @ right)).all()
+    assert apart @ ahead == pytest.approx(np.zeros(3), abs=1e-12)

@@ -62,7 +62,9 @@ def _follow(path: Path, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     load_metadata(path)  # or say that it is none
     about = about_log(path)
     if "robot" not in about:
-        raise ValueRangeError(f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'")
+        raise ValueRangeError(
+            f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'"
+        )
     chosen = convert(path, about["robot"], RobotSpec)
     robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
     growing = GrowingRecording(path, robot)
@@ -75,7 +77,11 @@ def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording
     from dqcontrol.view.browser import GrowingRecording, Track
 
     growing = GrowingRecording(running.path, running.robot)
-    tracks.append(Track(running.label, running.robot, growing.first(), running.planned))
+    try:
+        first = growing.first()
+    except Error as error:
+        raise running.failure or error from None
+    tracks.append(Track(running.label, running.robot, first, running.planned))
     return growing, tracks[-1]
 
 

@@ -136,6 +136,7 @@ class UrdfTree:
             raise FileFormatError(f"{xml.path}: the links are not a tree: {loop} form a loop")
 
     def link(self, field: str, name: str) -> str:
+        """Return a link's name, or say that there is none such."""
         if name not in self.links:
             raise UnknownNameError(
                 f"{field}: unknown link '{name}'{suggest(name, self.links)} "
@@ -178,6 +179,7 @@ class UrdfTree:
         return best[0]
 
     def check_movable(self, joint: Any) -> None:
+        """Raise if a serial arm cannot have this joint."""
         if joint.mimic is not None:
             raise self.xml.error(
                 "joint",

@@ -51,11 +51,20 @@ def viewpoint(tracks: Sequence[Track], box: Extent) -> tuple[Array, Array]:
     return middle + 1.3 * (box.size + 0.2) * towards / np.linalg.norm(towards), middle
 
 
-def places(count: int, box: Extent, *, beside: bool) -> Array:
-    """Return the displacement of each run, shape (count, 3), m: none, or side by side along the narrower direction."""
-    out = np.zeros((count, 3))
-    if beside:
-        wide = box.upper - box.lower
-        axis = int(np.argmin(wide[:2]))
-        out[:, axis] = (np.arange(count) - (count - 1) / 2) * (wide[axis] + 0.25 * box.size)
+def places(count: int, box: Extent, towards: Array) -> Array:
+    """Return the displacement of each of several runs, shape (count, 3), m: from left to right for a viewer.
+
+    Parameters
+    ----------
+    count
+        Number of runs.
+    box
+        Around them all in one place.
+    towards
+        Direction from what is looked at to the viewer, shape (3,), not vertical.
+    """
+    right = np.array([-towards[1], towards[0], 0.0])
+    right /= np.linalg.norm(right)
+    width = float(np.abs(right) @ (box.upper - box.lower))
+    out: Array = np.outer(np.arange(count) - (count - 1) / 2, (width + 0.1 * box.size) * right)
     return out

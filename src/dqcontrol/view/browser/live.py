@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.errors import Error, FileFormatError, ShapeError
+from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.setting import prepare
 from dqcontrol.loop import Clock, Record, RecordStream, load_metadata
 from dqcontrol.loop.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
-from dqcontrol.loop.simulate import follow
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
@@ -107,7 +107,9 @@ class GrowingRecording:
         try:
             with open(self.path, "rb") as self._file:
                 reader = NonSeekingReader(self, decoder_factories=[DecoderFactory()])  # type: ignore[arg-type]
-                for _, channel, _, message in reader.iter_decoded_messages(list(_FIELDS), log_time_order=False):
+                for _, channel, _, message in reader.iter_decoded_messages(
+                    list(_FIELDS), log_time_order=False
+                ):
                     self._new[channel.topic].append(getattr(message, _FIELDS[channel.topic]))
         except (McapError, OSError):
             pass  # what was read until then is shown
@@ -148,20 +150,8 @@ class LiveRun:
         self._folder.cleanup()
 
     def _work(self) -> None:
-        spec, case = self._setting.spec, self._case
         try:
             with self._recording:
-                follow(
-                    case.prepare_law(spec),
-                    case.plant,
-                    case.scene.start,
-                    case.scene.samples,
-                    stop=spec.stop,
-                    disturbance=spec.disturbance,
-                    supervisor=spec.supervisor,
-                    seed=spec.seed,
-                    clock=Clock(),
-                    recording=self._recording,
-                )
+                execute(self._setting, self._case, clock=Clock(), recording=self._recording)
         except Error as error:
             self.failure = error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import html
 import importlib
 import io
 import time
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.view.browser.layout import extent, places, viewpoint
+from dqcontrol.view.browser.numbers import numbers
 from dqcontrol.view.browser.shapes import Colour, robot_shapes, tinted
-from dqcontrol.view.browser.track import Reading, Track
+from dqcontrol.view.browser.track import Track
 from dqcontrol.view.style import COLOURS, DESIRED
 
 Array = NDArray[np.float64]
@@ -63,7 +63,9 @@ class Page:
         If viser is not installed.
     """
 
-    def __init__(self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None) -> None:
+    def __init__(
+        self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
+    ) -> None:
         viser = import_viser()
         self.tracks, self._news = list(tracks), news
         with contextlib.redirect_stdout(io.StringIO()):  # its banner
@@ -104,7 +106,9 @@ class Page:
         passed, self._last = now - self._last, now
         fresh = self._look_for_news(now)
         if self._playing and not self._is_live:
-            self._time.value = min(self._time.value + passed * float(self._speed.value.split()[0]), self._time.max)
+            self._time.value = min(
+                self._time.value + passed * float(self._speed.value.split()[0]), self._time.max
+            )
             if self._time.value >= self._time.max:
                 self._set_playing(False)
         wanted = (
@@ -123,6 +127,7 @@ class Page:
         server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")
         position, looked_at = viewpoint(self.tracks, box)
+        self._apart = places(len(self.tracks), box, position - looked_at)
         server.initial_camera.position, server.initial_camera.look_at = position, looked_at
         server.initial_camera.fov = 0.7
         side = float(np.ceil(4 * box.size))
@@ -141,7 +146,10 @@ class Page:
     def _add_controls(self) -> None:
         gui = self.server.gui
         self._playing, many = False, len(self.tracks) > 1
-        end, period = self._end(), float(np.median(np.diff(self.tracks[0].record.time)) if len(self.tracks[0].record) > 1 else 0.01)
+        end, period = (
+            self._end(),
+            float(np.median(np.diff(self.tracks[0].record.time)) if len(self.tracks[0].record) > 1 else 0.01),
+        )
         self._time = gui.add_slider("Time [s]", 0.0, end, max(round(period, 6), 1e-4), 0.0)
         self._button = gui.add_button("Play")
         self._button.on_click(lambda _: self._set_playing(not self._playing))
@@ -182,7 +190,7 @@ class Page:
         return True
 
     def _draw(self) -> None:
-        moved = places(len(self._runs), self._box, beside=self._beside.value)
+        moved = self._apart if self._beside.value else np.zeros_like(self._apart)
         readings, first = [], True
         with self.server.atomic():
             for run, place, box in zip(self._runs, moved, self._visible, strict=True):
@@ -211,7 +219,9 @@ class _DrawnRun:
         ]
         self._hand = track.robot.configuration_size
         self._frames[self._hand].show_axes = True
-        self._desired = self._scene.add_frame(f"{self._name}/desired", **axes | {"axes_radius": 0.015 * length})
+        self._desired = self._scene.add_frame(
+            f"{self._name}/desired", **axes | {"axes_radius": 0.015 * length}
+        )
         self._meshes = []
         for j, (carrier, vertices, faces, colour) in enumerate(robot_shapes(track.robot)):
             parent = self._name if carrier < 0 else f"{self._name}/frame{carrier}"
@@ -245,34 +255,6 @@ class _DrawnRun:
             for mesh in self._meshes:
                 mesh.opacity = None if opacity == 1.0 else opacity
             self._opacity = opacity
-
-
-def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
-    """Return the read-outs of some runs, given by label, colour and numbers, as HTML."""
-    return "".join(_block(*reading) for reading in readings)
-
-
-def _block(label: str, css: str, reading: Reading) -> str:
-    scale, unit = (180 / np.pi, "°") if reading.unit == "rad" else (1e3, " mm")
-    rows = [
-        ("Position error", f"{1e3 * reading.position_error:.3f} mm", False),
-        ("Orientation error", f"{np.degrees(reading.orientation_error):.3f}°", False),
-    ]
-    if np.isfinite(reading.margin):
-        rows.append((f"To the limit of {reading.joint}", f"{scale * reading.margin:.1f}{unit}", reading.margin < 0))
-    if np.isfinite(reading.speed):
-        rows.append((f"Of the speed limit of {reading.input}", f"{100 * reading.speed:.0f} %", reading.speed > 1))
-    if reading.stopped:
-        rows.append(("Ended by", reading.stopped, False))
-    cells = "".join(
-        f"<tr><td>{html.escape(name)}</td>"
-        f"<td style='text-align:right;{'color:#B2182B;font-weight:bold' if bad else ''}'>{html.escape(value)}</td></tr>"
-        for name, value, bad in rows
-    )
-    return (
-        f"<div style='border-left:4px solid {css};margin:8px 12px;padding-left:8px;font-size:0.85em'>"
-        f"<b>{html.escape(label)}</b><table style='width:100%;font-variant-numeric:tabular-nums'>{cells}</table></div>"
-    )
 
 
 def _rgb(css: str) -> Colour:

@@ -100,7 +100,9 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
             if np.linalg.norm(points[i]) > 0.5 * radius:
                 yield i - 1, rod(np.zeros(3), points[i], radius, round_ends=i < n), SHELL if i else DARK
         if i < n and not bases[i]:
-            below = 0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0  # the first stands on the floor
+            below = (
+                0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0
+            )  # the first stands on the floor
             yield i, rod(*_along_z(-1.02 * below * radii[i], 1.02 * radii[i]), 1.15 * radii[i]), SHELL
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
 
@@ -131,7 +133,7 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
             for x in (-0.75 * half, 0.75 * half):
                 for y in (-0.68 * half, 0.68 * half):
                     ends = np.array([[x, y - 0.03, 0.05], [x, y + 0.03, 0.05]])
-                    yield carrier, rod(*ends, 0.05), TYRE
+                    yield carrier, rod(ends[0], ends[1], 0.05), TYRE
 
 
 def rod(start: Array, end: Array, radius: float, *, round_ends: bool = False) -> Any:

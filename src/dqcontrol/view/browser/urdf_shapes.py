@@ -125,7 +125,9 @@ def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
 
     data = path.read_bytes()
     kind = path.suffix.lower().removeprefix(".")
-    if kind == "dae" and any(word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")):
+    if kind == "dae" and any(
+        word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")
+    ):
         raise FileFormatError(f"{path}: declares a document type or entities, refused for safety")
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind)
