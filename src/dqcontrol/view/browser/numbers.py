@@ -8,6 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from dqcontrol.view.browser.track import Reading
+from dqcontrol.view.style import LIMIT
+
+_BAD = f"color:{LIMIT};font-weight:bold"
 
 
 def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
