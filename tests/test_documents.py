@@ -49,6 +49,15 @@ def test_commands_in_the_readme_exist():
         assert (ROOT / file).exists(), file
 
 
+def test_every_page_with_code_or_commands_has_a_test():
+    """Each is named by a test, which runs what stands there."""
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    for path in DOCUMENTS:
+        if re.search(r"^ *```(python|console)$", path.read_text(), re.MULTILINE):
+            named = path.name in tests or f'"{path.stem}"' in tests
+            assert named, f"{path.name}: no test runs its code"
+
+
 @pytest.fixture(scope="module")
 def demo():
     pytest.importorskip("mujoco")
