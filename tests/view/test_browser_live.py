@@ -51,6 +51,7 @@ def test_a_recording_is_read_while_it_grows(tmp_path):
     write(200, 100)
     until(lambda: len(growing.first()) > len(before))
     stream.close("the end")
+    path = path.rename(tmp_path / "elsewhere.mcap")  # as folders of results do
     until(lambda: not growing.goes_on)
     record, saved = growing.first(), load_record(path)
     assert record.stopped == "the end"

@@ -15,7 +15,7 @@ from dqcontrol import algebra
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.setting import prepare
-from dqcontrol.loop import Clock, Record, RecordStream, load_metadata
+from dqcontrol.loop import Clock, Record, RecordStream
 from dqcontrol.loop.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
@@ -44,6 +44,7 @@ class GrowingRecording:
 
     def __init__(self, path: Path, robot: Robot) -> None:
         self.path, self.robot, self.goes_on = path, robot, True
+        self._stopped = "the recording has no end"
         self._new: dict[str, list[Any]] = {topic: [] for topic in _FIELDS}
         self._values: dict[str, Array] = {}
         self._closed = threading.Event()
@@ -85,7 +86,7 @@ class GrowingRecording:
             desired=sample[:, 9:],
             joint_names=self.robot.joint_names,
             input_names=self.robot.input_names,
-            stopped="" if self.goes_on else load_metadata(self.path).get("stopped", "unknown"),
+            stopped="" if self.goes_on else self._stopped,
         )
 
     def close(self) -> None:
@@ -101,7 +102,7 @@ class GrowingRecording:
 
     def _work(self) -> None:
         from mcap.exceptions import McapError
-        from mcap.reader import NonSeekingReader
+        from mcap.reader import NonSeekingReader, make_reader
         from mcap_ros2.decoder import DecoderFactory
 
         try:
@@ -111,6 +112,9 @@ class GrowingRecording:
                     list(_FIELDS), log_time_order=False
                 ):
                     self._new[channel.topic].append(getattr(message, _FIELDS[channel.topic]))
+                self._file.seek(0)  # by now the path may lead elsewhere
+                for metadata in make_reader(self._file).iter_metadata():
+                    self._stopped = metadata.metadata.get("stopped", self._stopped)
         except (McapError, OSError):
             pass  # what was read until then is shown
         finally:
