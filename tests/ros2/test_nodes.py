@@ -109,7 +109,10 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
     log = read_until(controller, "measurement stale")
     assert "stopped" in log
     assert controller.wait(20) == 2
-    node.serve(seconds=0.5)
+    heard_before = -1
+    while heard_before != len(commands):  # until all that waits has been heard
+        heard_before = len(commands)
+        node.serve(seconds=0.5)
     assert not any(commands[-1])
 
 
