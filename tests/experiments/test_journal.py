@@ -12,9 +12,9 @@ from study_specs import spec
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, FileFormatError
 from dqcontrol.experiments import journal, load_study, run_study_to, trials
-from dqcontrol.experiments.conduct import working_folder
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.working_folder import working_folder
 
 pytest.importorskip("pyarrow")
 

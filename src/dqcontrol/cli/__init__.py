@@ -13,6 +13,7 @@ from dqcontrol.errors import Error
 USER_ERROR = 2
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
     "run": "Run an experiment and write its table, recordings and plots.",
+    "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",

@@ -9,8 +9,10 @@ from dqcontrol.cli.screen import console
 from dqcontrol.errors import Error
 
 
-def compare(*folders: Path, out: Out = None, force: Force = False) -> None:
+def compare(*folders: Path, out: Out = None, force: Force = False, by: str | None = None) -> None:
     """Compare saved runs: one table, and plots if --out is given; of studies with repeats, a table of means.
+
+    Of parameter studies (sweeps), and of studies with --by, the table lists the best points.
 
     Parameters
     ----------
@@ -20,15 +22,20 @@ def compare(*folders: Path, out: Out = None, force: Force = False) -> None:
         New folder for table and plots.
     force
         Replace an earlier folder of results.
+    by
+        Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
     """
-    from dqcontrol.experiments import load_rows, load_runs, means_table, summary
+    from dqcontrol.experiments import load_rows, load_runs, means_table, rank, summary
     from dqcontrol.experiments.comparison import MEANS, write_comparison
     from dqcontrol.experiments.output import MARK, new_folder
-    from dqcontrol.experiments.saved import is_study
+    from dqcontrol.experiments.ranking import BEST_BY
+    from dqcontrol.experiments.saved import is_study, is_sweep
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
-    if any(map(is_study, folders)):
+    if by is not None or any(map(is_sweep, folders)):
+        runs, table = {}, rank(folders, by or BEST_BY).table()
+    elif any(map(is_study, folders)):
         runs, table = {}, means_table(load_rows(folders), MEANS, "comparison")
     else:
         runs = load_runs(folders)

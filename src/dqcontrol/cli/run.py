@@ -39,7 +39,7 @@ def run(
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     """
     from dqcontrol.experiments import read_spec, run_study_to
-    from dqcontrol.experiments.conduct import working_folder
+    from dqcontrol.experiments.working_folder import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
     if real_time:

@@ -5,11 +5,13 @@ from dqcontrol.experiments.attenuation_cases import verify_attenuation
 from dqcontrol.experiments.check import Checks, LoopCheck, check
 from dqcontrol.experiments.comparison import summary
 from dqcontrol.experiments.conduct import run_study, run_study_to
+from dqcontrol.experiments.conduct_sweep import run_sweep_to
 from dqcontrol.experiments.evaluation import evaluate_log
 from dqcontrol.experiments.joint_log import JointLog, read_joint_log
 from dqcontrol.experiments.lyapunov import Certificate, certificate
 from dqcontrol.experiments.metric_tables import comparison_table, summary_table
 from dqcontrol.experiments.metrics import Metrics, evaluate
+from dqcontrol.experiments.ranking import Ranking, rank
 from dqcontrol.experiments.real_time import run_in_real_time
 from dqcontrol.experiments.repeat_tables import (
     confidence_table,
@@ -34,6 +36,7 @@ __all__ = [
     "LoopCheck",
     "Metrics",
     "PlusMinus",
+    "Ranking",
     "Run",
     "Spec",
     "Study",
@@ -53,6 +56,7 @@ __all__ = [
     "load_runs",
     "load_study",
     "means_table",
+    "rank",
     "read_joint_log",
     "read_spec",
     "repeatability_table",
@@ -60,6 +64,7 @@ __all__ = [
     "run_in_real_time",
     "run_study",
     "run_study_to",
+    "run_sweep_to",
     "summary",
     "summary_table",
     "task_range",

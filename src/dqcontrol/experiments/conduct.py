@@ -7,15 +7,17 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import DivergedError, LimitWarning, ValueRangeError
+from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.output import check_new
+from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, beyond_limits
 from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
+from dqcontrol.experiments.working_folder import working_folder
 
 StudyProgress = Callable[[float, int], None]  # trials done, with parts of the one that runs; trials in all
 
@@ -62,9 +64,9 @@ def run_study(
     """
     setting = prepare(source)
     if journal is None:
-        return _run(setting, _checked_jobs(jobs), progress, None)
+        return _run(setting, checked_jobs(jobs), progress, None)
     with Journal(Path(journal), setting) as kept:
-        return _run(setting, _checked_jobs(jobs), progress, kept)
+        return _run(setting, checked_jobs(jobs), progress, kept)
 
 
 def run_study_to(
@@ -96,7 +98,7 @@ def run_study_to(
     """
     setting, target = prepare(source), Path(folder)
     check_new(target, force=force)
-    jobs = _checked_jobs(jobs)
+    jobs = checked_jobs(jobs)
     if setting.spec.keeps_records and setting.spec.repeats == 1:
         study = _run(setting, jobs, progress, None)
         if not study.runs:
@@ -108,17 +110,6 @@ def run_study_to(
         study.save(target, force=force)
         journal.discard()
     return study
-
-
-def working_folder(folder: Path) -> Path:
-    """Return where the finished trials of a study are kept until its folder is complete."""
-    return folder.parent / f".{folder.name}.part"
-
-
-def _checked_jobs(jobs: int | None) -> int | None:
-    if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
-        raise ValueRangeError(f"jobs: expected an integer ≥ 1, got {jobs!r:.80}")
-    return jobs
 
 
 def _run(

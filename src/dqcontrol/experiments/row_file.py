@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -39,6 +40,24 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str
     ----------
     path
         The file.
+    rows, notes
+        As for `parquet`.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow is not installed.
+    Error
+        If the file cannot be written.
+    """
+    write_whole(path, parquet(rows, notes))
+
+
+def parquet(rows: Sequence[Mapping[str, Any]], notes: Mapping[str, str]) -> bytes:
+    """Return rows as the content of a Parquet file.
+
+    Parameters
+    ----------
     rows
         One mapping a row; what one lacks is missing there.
     notes
@@ -48,13 +67,16 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str
     ------
     MissingExtraError
         If pyarrow is not installed.
-    Error
-        If the file cannot be written.
     """
     arrow = import_pyarrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
     arrays = [arrow.array([row.get(name) for row in rows]) for name in names]
-    arrays = [array.cast(arrow.float64()) if array.type == arrow.null() else array for array in arrays]
+    arrays = [
+        array.cast(arrow.string() if name == "limit_joint" else arrow.float64())
+        if array.type == arrow.null()
+        else array
+        for name, array in zip(names, arrays, strict=True)
+    ]
     schema = arrow.schema(
         [
             arrow.field(name, array.type, metadata=_unit(name))
@@ -62,15 +84,54 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str
         ],
         metadata=dict(notes),
     )
+    content = io.BytesIO()
+    arrow.parquet.write_table(arrow.table(arrays, schema=schema), content)
+    return content.getvalue()
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file, which appears whole or not at all.
+
+    Raises
+    ------
+    Error
+        If it cannot be written.
+    """
     draft = path.with_name(f".{path.name}.tmp")
     try:
         with open(draft, "wb") as stream:
-            arrow.parquet.write_table(arrow.table(arrays, schema=schema), stream)
+            stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
         draft.replace(path)
     except OSError as error:
         raise Error(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def join_files(parts: Sequence[Path], target: Path, notes: Mapping[str, str]) -> None:
+    """Write the rows of Parquet files one after the other to a new one, in memory only one at a time.
+
+    Raises
+    ------
+    FileFormatError
+        If one cannot be read.
+    """
+    arrow = import_pyarrow()
+    schemas = []
+    for path in parts:
+        try:
+            schemas.append(arrow.parquet.read_schema(path))
+        except (OSError, arrow.ArrowException) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise FileFormatError(f"{path}: is damaged ({reason}); remove it to repeat its trials") from None
+    schema = arrow.unify_schemas(schemas, promote_options="permissive").with_metadata(dict(notes))
+    with arrow.parquet.ParquetWriter(target, schema) as writer:
+        for path in parts:
+            table = arrow.parquet.read_table(path)
+            for field in schema:
+                if field.name not in table.column_names:
+                    table = table.append_column(field, arrow.nulls(len(table), field.type))
+            writer.write_table(table.select(schema.names).cast(schema))
 
 
 def read_rows(path: Path) -> list[Row]:

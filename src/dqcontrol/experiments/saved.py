@@ -10,7 +10,7 @@ from dqcontrol.experiments.evaluation import saved_evaluation
 from dqcontrol.experiments.output import MARK
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec import read_data, read_spec
 from dqcontrol.experiments.study import ROWS, Study
 from dqcontrol.loop import load_record
 from dqcontrol.robots import load_robot
@@ -109,6 +109,11 @@ def is_study(folder: str | Path) -> bool:
     return (Path(folder) / ROWS).is_file()
 
 
+def is_sweep(folder: str | Path) -> bool:
+    """Tell whether a folder holds a parameter study."""
+    return is_study(folder) and "sweep:" in read_text(Path(folder) / MARK).splitlines()
+
+
 def load_study(folder: str | Path) -> Study:
     """Return a saved study with the rows of its trials, without their records.
 
@@ -123,4 +128,5 @@ def load_study(folder: str | Path) -> Study:
     for name in (MARK, ROWS):
         if not (path / name).is_file():
             raise FileFormatError(f"{path}: is no folder of a study with metrics ({name} is missing)")
-    return Study(read_spec(path / MARK)[0].name, read_text(path / MARK), {}, read_rows(path / ROWS))
+    _, data, _ = read_data(path / MARK)
+    return Study(str(data["name"]), read_text(path / MARK), {}, read_rows(path / ROWS))

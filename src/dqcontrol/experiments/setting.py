@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -30,9 +30,11 @@ from dqcontrol.references import Reference
 from dqcontrol.robots import Robot, load_robot
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
 _MOST_TRIALS = 10_000_000
+_MOST_KNOWN = 16  # robots and scenes
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,7 @@ class Setting:
 
     def fingerprint(self) -> str:
         """Return a hash of what trials depend on beside the spec's text: the files that it names, and this program."""
-        digest = hashlib.sha256(f"{source_hash()} {_versions()}".encode())
+        digest = hashlib.sha256(program().encode())
         for scene in self.scenes.values():
             robot = scene.robot
             limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
@@ -140,9 +142,9 @@ class Setting:
         return digest.hexdigest()
 
 
-def _versions() -> str:
-    """Return the versions of the libraries that draw the noise and move the joints."""
-    found = []
+def program() -> str:
+    """Return a hash of this program, and the versions of the libraries that draw the noise and move the joints."""
+    found = [source_hash()]
     for name in ("numpy", "mujoco"):
         with suppress(PackageNotFoundError):
             found.append(f"{name} {version(name)}")
@@ -159,10 +161,11 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
     """
     spec, folder = read_spec(source)
     with nullcontext() if isinstance(source, dict) else naming(str(source)):
-        return _prepare(spec, folder)
+        return prepare_spec(spec, folder, {})
 
 
-def _prepare(spec: Spec, folder: Path) -> Setting:
+def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
+    """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again."""
     variants, plants = spec.variants, spec.plant_by_label
     robots = spec.robot_by_label
     trials = len(robots) * len(variants) * len(plants) * spec.repeats
@@ -178,7 +181,8 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
     scenes, cases = {}, []
     for label, robot in robots.items():
         with naming(f"robots.{label}") if label else nullcontext():
-            scenes[label] = _scene(spec, robot, folder)
+            parts = spec.reference, spec.period, spec.duration, spec.settle, robot
+            scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             laws = list(_prepared_laws(spec, variants, scenes[label]))
             compiled = _checked_plants(spec, plants, scenes[label])
         for plant in plants:
@@ -188,9 +192,21 @@ def _prepare(spec: Spec, folder: Path) -> Setting:
     return Setting(spec, folder, scenes, tuple(cases))
 
 
-def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path) -> Scene:
+def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
+    """Return what is known under a key, or make it; all is forgotten when it becomes too much."""
+    text = msgspec.json.encode(key)
+    if text not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
+        known[text] = make()
+    return known[text]
+
+
+def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> Scene:
     near = folder / chosen.source
-    robot = load_robot(near if near.is_file() else chosen.source, chosen.base_link, chosen.tip_link)
+    source = near if near.is_file() else chosen.source
+    ends = chosen.base_link, chosen.tip_link
+    robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
     start = as_array("start", chosen.start, (robot.configuration_size,))
     outside = (start < robot.limits.lower) | (start > robot.limits.upper)
     if outside.any():

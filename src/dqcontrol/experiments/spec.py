@@ -243,6 +243,14 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     FileFormatError
         If the file is missing, malformed, or has an unknown or unfit key: ``path: field: …``.
     """
+    where, data, folder = read_data(source)
+    if "sweep" in data:
+        raise FileFormatError(f"{where}: sweep: describes a parameter study; run it with 'dqcontrol sweep'")
+    return as_spec(where, data, folder), folder
+
+
+def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any], Path]:
+    """Return the name, the plain data and the folder of a spec, not yet checked; see `read_spec`."""
     if not isinstance(source, str | Path | dict):
         raise ShapeError(f"spec: expected the path of a YAML file or a dictionary, got {source!r:.80}")
     if isinstance(source, dict):
@@ -258,6 +266,11 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         raise FileFormatError(
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
         )
+    return where, data, folder
+
+
+def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
+    """Return plain data as a spec; ``where`` is for the messages."""
     _locate_controllers(data, folder)
     spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
@@ -265,7 +278,7 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
             getattr(spec, check)
         except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
-    return spec, folder
+    return spec
 
 
 def _locate_controllers(data: dict[str, Any], folder: Path) -> None:
@@ -289,12 +302,17 @@ def _plain(value: Any) -> Any:
 def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
     data = msgspec.to_builtins(spec)
+    locate_files(data, folder)
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+
+
+def locate_files(data: dict[str, Any], folder: Path) -> None:
+    """Make the file names in a spec's plain data absolute."""
     _make_absolute(data["reference"], folder)
     if "robot" in data:
         data["robot"] = _absolute_robot(data["robot"], folder)
     for label, robot in data.get("robots", {}).items():
         data["robots"][label] = _absolute_robot(robot, folder)
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
 
 
 def _absolute_robot(robot: str | dict[str, Any], folder: Path) -> str | dict[str, Any]:

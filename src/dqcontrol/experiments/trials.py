@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-import os
 import shutil
-import signal
 import tempfile
-import threading
-import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
-from dqcontrol.errors import DivergedError, Error
+from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
 from dqcontrol.experiments.output import folder_names
+from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.experiments.setting import Case, Names, Setting
@@ -33,7 +29,7 @@ Steps = Callable[[int, int], None]
 _COMPILED, _INTERPRETED, _COMPLIANT, _TICK = 1.5e-6, 2e-4, 5e-5, {False: 7e-6, True: 1.6e-5}  # by `accurate`
 _STORED = 3e-4  # s a step, to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
-_WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
+WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
 
 
 class Trial(NamedTuple):
@@ -141,7 +137,7 @@ def sensible_jobs(batches: Sequence[Batch]) -> int:
     """Return the number of available processors, or 1 if there is too little to do for them."""
     import joblib
 
-    return joblib.cpu_count() if sum(batch.seconds for batch in batches) > _WORTH_PROCESSES else 1
+    return joblib.cpu_count() if sum(batch.seconds for batch in batches) > WORTH_PROCESSES else 1
 
 
 def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[Outcome]:
@@ -157,36 +153,10 @@ def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None)
         for batch in batches:
             yield from batch.outcomes(progress)
         return
-    from joblib import Parallel, delayed
-
-    _rehearse(batches)
-    pool = Parallel(
-        n_jobs=min(jobs, len(parts)),
-        return_as="generator_unordered",
-        max_nbytes=None,  # arrays travel with the tasks, not through files
-        initializer=_depend_on,
-        initargs=(os.getpid(),),
-    )
-    try:
-        results = pool(delayed(_in_process)(_alone(part)) for part in parts)
-        for some in cast(Iterator[list[Outcome]], results):
-            yield from map(_received, some)
-    except BrokenProcessPool:
-        raise Error(
-            "a process of the study was killed, perhaps for want of memory; try fewer jobs (--jobs)"
-        ) from None
-
-
-def _depend_on(parent: int) -> None:
-    """Leave Ctrl-C to the main process, and end with it even if it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    rehearse(batches)
+    results = in_processes(_in_process, map(_alone, parts), min(jobs, len(parts)))
+    for some in results:
+        yield from map(_received, some)
 
 
 def _in_process(batch: Batch) -> list[Outcome]:
@@ -208,7 +178,7 @@ def _alone(batch: Batch) -> Batch:
     return replace(batch, setting=setting, case=case)
 
 
-def _rehearse(batches: Sequence[Batch]) -> None:
+def rehearse(batches: Sequence[Batch]) -> None:
     """Run two samples of every kind of trial, so that what has to be compiled is compiled once, not in each process."""
     kinds = {}
     for batch in batches:

@@ -38,9 +38,12 @@ def row_norms(vectors: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
+FAILURES = ("diverged", "faulted", "halted")
+
+
 def has_failed(stopped: str) -> bool:
     """Return whether a run that ended so left the finite numbers, was halted, or switched its motors off and fell."""
-    return stopped.startswith(("diverged", "faulted", "halted"))
+    return stopped.startswith(FAILURES)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from dqcontrol.view.repeats import gain_figure, repeats_figure
 from dqcontrol.view.report import write_report
 from dqcontrol.view.save import save_comparison, save_plots
 from dqcontrol.view.surfaces import surface, surface_figure
+from dqcontrol.view.sweeps import sweep_figure
 from dqcontrol.view.task_range import range_condition
 from dqcontrol.view.timing import timing_histogram, timing_table
 
@@ -48,6 +49,7 @@ __all__ = [
     "superimposed",
     "surface",
     "surface_figure",
+    "sweep_figure",
     "timing_histogram",
     "timing_table",
     "write_report",

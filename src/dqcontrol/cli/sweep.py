@@ -1,0 +1,52 @@
+"""Run a parameter study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.screen import console, progress_bar
+
+
+def sweep(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    by: str = "error.integral",
+) -> None:
+    """Run a parameter study and list its best points; interrupted, the same command goes on.
+
+    Parameters
+    ----------
+    spec
+        YAML file with the key sweep; see docs/sweeps.md.
+    out
+        New folder for the results; default: results/NAME, NAME from the spec.
+    force
+        Replace an earlier folder of results, and discard an unfinished study of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    scheduler
+        Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers run the trials.
+    by
+        Number that says which points are best, as in runs.parquet.
+    """
+    from dqcontrol.experiments import run_sweep_to
+    from dqcontrol.experiments.sweep import read_sweep
+    from dqcontrol.experiments.working_folder import working_folder
+
+    folder = out or Path("results") / read_sweep(spec).name
+    try:
+        with progress_bar() as progress:
+            ranking = run_sweep_to(
+                spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
+            )
+    except KeyboardInterrupt:
+        kept = "; finished parts are kept, the same command goes on" * working_folder(folder).exists()
+        raise KeyboardInterrupt(kept) from None
+    console().print(ranking.table().rich())
+    print(f"results: {folder}")

@@ -1,0 +1,267 @@
+"""Parameter studies: a spec whose keys vary, each point of which is a study of its own."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
+from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.sampling import Point, Range, Sampling
+from dqcontrol.experiments.setting import Setting, prepare_spec
+from dqcontrol.experiments.spec import as_spec, locate_files, read_data
+from dqcontrol.experiments.trials import Batch
+from dqcontrol.yaml_file import convert, parse_yaml
+
+REFUSED = "refused: "
+_FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point
+_MARKED = {"sets", "grids"}
+_TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
+_PART = 1.0  # s of work in a part
+_MOST_IN_PART = 500  # trials
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A spec whose keys vary.
+
+    Attributes
+    ----------
+    where
+        Name for messages.
+    data
+        The spec as plain data, without ``sweep``.
+    folder
+        Where its relative file names start.
+    sampling
+        Its points.
+    """
+
+    where: str
+    data: dict[str, Any]
+    folder: Path
+    sampling: Sampling
+    _known: dict[bytes, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        """Of the spec."""
+        return self.first.spec.name
+
+    @property
+    def text(self) -> str:
+        """Everything as YAML with absolute file names, so that it runs anywhere."""
+        data, sampling = copy.deepcopy(self.data), msgspec.to_builtins(self.sampling)
+        locate_files(data, self.folder)
+        for key, values in sampling["over"].items():
+            if isinstance(values, list):
+                sampling["over"][key] = [self._located(value) for value in values]
+        return yaml.safe_dump({**data, "sweep": sampling}, sort_keys=False, allow_unicode=True)
+
+    @cached_property
+    def first(self) -> Setting:
+        """The first point."""
+        return self.setting(next(self.sampling.points_between(0, 1)))
+
+    @property
+    def trials(self) -> int:
+        """How many there are in all."""
+        return self.sampling.size * self.first.spec.repeats * len(self.first.cases)
+
+    @property
+    def runs_in_part(self) -> int:
+        """How many repeats of points, each of all cases, a part has; the same wherever and in how many jobs it runs."""
+        seconds = self.seconds / (self.sampling.size * self.first.spec.repeats)
+        most = max(_MOST_IN_PART // len(self.first.cases), 1)
+        return min(max(math.ceil(_PART / seconds), 1), most)
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes on one processor, roughly."""
+        cases = self.first.cases
+        once = sum(Batch(self.first, case, (0,), None).seconds + _TRIAL for case in cases)
+        return once * self.sampling.size * self.first.spec.repeats
+
+    @property
+    def parts(self) -> int:
+        """Number of parts."""
+        return math.ceil(self.sampling.size * self.first.spec.repeats / self.runs_in_part)
+
+    def runs_of(self, part: int) -> range:
+        """Return the numbers of a part's runs, which count the repeats of all points one after the other."""
+        size = self.runs_in_part
+        return range(part * size, min((part + 1) * size, self.sampling.size * self.first.spec.repeats))
+
+    def trials_in(self, part: int) -> int:
+        """Return how many trials a part has."""
+        return len(self.runs_of(part)) * len(self.first.cases)
+
+    def setting(self, point: Point) -> Setting:
+        """Return the study at a point, made ready.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If it is malformed, does not fit or is out of reach.
+        """
+        data = copy.deepcopy(self.data) | {"record": "metrics"}
+        for key, value in point.items():
+            _put(data, key, value)
+        return prepare_spec(as_spec(self.where, data, self.folder), self.folder, self._known)
+
+    def ends(self) -> Iterator[Setting]:
+        """Return the studies at the ends of all ranges and at all values of lists, one key at a time.
+
+        Raises
+        ------
+        dqcontrol.Error
+            If one is malformed, does not fit or is out of reach.
+        """
+        for point in self.sampling.ends():
+            with self._at(point):
+                yield self.setting(point)
+
+    def fingerprint(self) -> str:
+        """Return a hash of what trials depend on beside the spec's text."""
+        digest = hashlib.sha256()
+        for setting in self.ends():
+            digest.update(setting.fingerprint().encode())
+        return digest.hexdigest()
+
+    def rows(self, runs: range) -> Iterator[Row]:
+        """Run the trials of some runs, in the order of their points, repeats and cases."""
+        repeats = self.first.spec.repeats
+        points = self.sampling.points_between(runs[0] // repeats, runs[-1] // repeats + 1)
+        by_point = groupby(runs, key=lambda run: run // repeats)
+        for (number, group), point in zip(by_point, points, strict=True):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # thousands of points; their rows say it
+                yield from self._rows_at(number, point, [run % repeats for run in group])
+
+    def _rows_at(self, number: int, point: Point, repeats: list[int]) -> Iterator[Row]:
+        place: Row = {"point": number} | {
+            f"parameter.{key}": self._shown(key, value) for key, value in point.items()
+        }
+        try:
+            setting = self.setting(point)
+            outcomes = [list(Batch(setting, case, repeats, None).outcomes()) for case in setting.cases]
+        except Error as error:
+            yield from self._refused(place, f"{REFUSED}{error}", repeats)
+            return
+        for i in range(len(repeats)):
+            yield from (place | of_case[i].row for of_case in outcomes)
+
+    def _refused(self, place: Row, why: str, repeats: list[int]) -> Iterator[Row]:
+        nothing: Row = dict.fromkeys(METRIC_COLUMNS)
+        for repeat in repeats:
+            for case in self.first.cases:
+                trial: Row = {"repeat": repeat, "seed": None, "stopped": why}
+                yield {**place, **case.names._asdict(), **trial, **nothing}
+
+    def _shown(self, key: str, value: Any) -> float | str | None:
+        """Return a value as part of a row: numbers as such, if the key has no other values."""
+        values = self.sampling.over[key]
+        if isinstance(values, Range) or all(isinstance(each, int | float) for each in values):
+            return float(value)
+        return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+    def _located(self, value: Any) -> Any:
+        """Return the absolute name of a file, or the value itself."""
+        near = isinstance(value, str) and (self.folder / value).is_file()
+        return str((self.folder / value).resolve()) if near else value
+
+    @contextmanager
+    def _at(self, point: Point) -> Iterator[None]:
+        try:
+            yield
+        except Error as error:
+            text = str(error).removeprefix(f"{self.where}: ")
+            place = ", ".join(f"{key} = {self._shown(key, value)}" for key, value in point.items())
+            raise type(error)(f"{self.where}: {text} (at the point {place})") from None
+
+
+def read_sweep(source: str | Path | dict[str, Any]) -> Sweep:
+    """Return the parameter study that a spec with the key ``sweep`` describes.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a dictionary.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If it is missing or malformed, or a key cannot vary.
+    """
+    where, data, folder = read_data(source)
+    return _sweep(where, data, folder)
+
+
+def sweep_of_text(text: str, folder: Path) -> Sweep:
+    """Return the parameter study of which this is the text."""
+    return _sweep("spec", parse_yaml("spec", text), folder)
+
+
+def _sweep(where: str, data: dict[str, Any], folder: Path) -> Sweep:
+    data = dict(data)
+    if "sweep" not in data:
+        raise FileFormatError(f"{where}: missing key 'sweep'; a study without it is run with 'dqcontrol run'")
+    try:
+        sampling = convert("sweep", {"sweep": data.pop("sweep")}, _Whole).sweep
+    except FileFormatError as error:
+        raise FileFormatError(f"{where}: {str(error).removeprefix('sweep: ')}") from None
+    try:
+        sampling.check()
+        for key in sampling.over:
+            head = key.partition(".")[0]
+            if key in _FIXED or head in _MARKED:
+                raise FileFormatError(f"sweep.over.{key}: cannot vary; vary what is in it, or let it be")
+    except Error as error:
+        raise type(error)(f"{where}: {error}") from None
+    return Sweep(where, data, folder, sampling)
+
+
+class _Whole(msgspec.Struct):
+    sweep: Sampling
+
+
+def _put(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a key with dots, as ``law.gain``, ``start.2`` or, in all laws, ``laws.*.gain``."""
+    names = key.split(".")
+    places: list[Any] = [data]
+    for i, name in enumerate(names):
+        for inner in places:
+            if not _has(inner, name, i == len(names) - 1):
+                raise FileFormatError(
+                    f"sweep.over.{key}: the spec has no '{'.'.join(names[: i + 1])}' to vary"
+                )
+        if i < len(names) - 1:
+            places = [each for inner in places for each in _inside(inner, name)]
+    for inner in places:
+        inner[int(names[-1]) if isinstance(inner, list) else names[-1]] = copy.deepcopy(value)
+
+
+def _has(inner: Any, name: str, last: bool) -> bool:
+    if isinstance(inner, list):
+        return name.isdecimal() and int(name) < len(inner)
+    return isinstance(inner, dict) and (name != "*" if last else name == "*" or name in inner)
+
+
+def _inside(inner: Any, name: str) -> list[Any]:
+    if isinstance(inner, list):
+        return [inner[int(name)]]
+    return list(inner.values()) if name == "*" else [inner[name]]
