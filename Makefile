@@ -68,6 +68,7 @@ bench: $(PEERS)/bench
 	@$(PEERS)/bin/python benchmarks/laws.py
 	@$(PEERS)/bin/python benchmarks/physics.py
 	@$(PEERS)/bin/python benchmarks/pereira2016.py
+	@$(PEERS)/bin/python benchmarks/sweep.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .

@@ -258,3 +258,27 @@ def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys
     (here / "spec.yaml").write_text("robot: 3")
     code, _, err = call("check", "spec.yaml", capsys=capsys)
     assert (code, err.count("\n")) == (2, 1)
+
+
+def test_sweep_and_compare_list_the_best_points(here, capsys):
+    pytest.importorskip("pyarrow")
+    (here / "sweep.yaml").write_text(
+        yaml.safe_dump(SPEC | {"sweep": {"over": {"law.gain": [2, 20], "seed": [0]}}})
+    )
+    code, out, err = call("sweep", "sweep.yaml", capsys=capsys)
+    assert code == 0, err
+    assert "results: results/tiny" in out
+    assert (here / "results/tiny/sweep.png").is_file()
+    places = [row.split("│")[1:4] for row in out.splitlines() if row.startswith("│")]
+    assert [[cell.strip() for cell in row] for row in places] == [["1", "1", "20"], ["2", "0", "2"]]
+    code, out, _ = call("compare", "results/tiny", "--by", "effort", capsys=capsys)
+    assert code == 0
+    assert "best 2 of 2 by effort" in out
+    assert "law.gain" in out
+    for arguments in (
+        ["sweep", "spec.yaml"],
+        ["run", "sweep.yaml"],
+        ["compare", "results/tiny", "--by", "eror"],
+    ):
+        code, _, err = call(*arguments, capsys=capsys)
+        assert (code, err.count("\n")) == (2, 1)
