@@ -35,7 +35,7 @@ SPEC = {
 WANTED = 0.93  # of the control's speed-up
 
 PLAIN = """
-import sys, time
+import json, sys
 from dqcontrol.experiments.sweep import read_sweep
 study = read_sweep(json.loads(sys.argv[1]))
 first, last = int(sys.argv[2]), int(sys.argv[3])
