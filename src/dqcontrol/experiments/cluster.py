@@ -77,7 +77,8 @@ def on_cluster(client: Client, function: Callable[[T], R], items: Iterable[T]) -
     rest, waiting = iter(items), as_completed(loop=client.loop)
 
     def send() -> None:
-        room = _AHEAD * max(sum(dict(client.nthreads()).values()), 1)  # pyright: ignore[reportArgumentType, reportCallIssue] - waiting.count()
+        threads: Any = client.nthreads()
+        room = _AHEAD * max(sum(threads.values()), 1) - waiting.count()
         for item in islice(rest, max(room, 0)):
             waiting.add(client.submit(function, item, pure=False))
 
