@@ -105,6 +105,8 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
     controller = start(
         "controller", spec("pose.yaml", period=0.005), "--follow", "twist", "--autostart", until="active"
     )
+    before = len(commands)
+    assert node.serve(lambda: len(commands) > before + 10)  # it has seen the robot, and commands
     robot.kill()
     log = read_until(controller, "measurement stale")
     assert "stopped" in log

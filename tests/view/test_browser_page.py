@@ -99,12 +99,13 @@ class Visit:
         self.settled()
 
     def settled(self):
-        """Return the pixels once they no longer change."""
-        last = self.scene()
-        for _ in range(50):
-            self.tab.wait_for_timeout(150)
+        """Return the pixels once they no longer change, several times in a row: a busy machine draws seldom."""
+        last, still = self.scene(), 0
+        for _ in range(100):
+            self.tab.wait_for_timeout(300)
             now = self.scene()
-            if difference(now, last) < 1e-4:
+            still = still + 1 if difference(now, last) < 1e-4 else 0
+            if still == 4:
                 return now
             last = now
         raise AssertionError("the picture never stood still")
