@@ -147,7 +147,7 @@ def with_integral(model: LinearModel, reset_rate: float, period: float) -> Linea
     >>> from dqcontrol.experiments.stability import with_integral
     >>> from dqcontrol.plants.linear_model import LinearModel
     >>> ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
-    >>> sorted(with_integral(ideal, 25.0, 0.01).poles(100.0).real.round(6).tolist())  # z² − (2 − kT (1 + ρT)) z + 1 − kT
+    >>> sorted(with_integral(ideal, 25.0, 0.01).poles(100.0).real.round(6).tolist())  # z² − (2 − kT(1 + ρT)) z + 1 − kT
     [0.0, 0.75]
     """
     if not reset_rate:
