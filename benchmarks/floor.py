@@ -2,7 +2,7 @@
 
 Times are medians of rounds in turns, each the least of short spells; results are compared before they are timed.
 
-    python benchmarks/floor.py [--short] [--json FILE] [--picture FILE]
+    python benchmarks/floor.py [--short] [--json FILE] [--markdown FILE] [--picture FILE]
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ def main() -> None:
         "--short", action="store_true", help="few rounds: to see that all works, not how fast"
     )
     parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--markdown", type=Path, help="file for the table")
     parser.add_argument("--picture", type=Path, help="file for the picture of cost against size")
     chosen = parser.parse_args()
     parts = (
@@ -42,6 +43,8 @@ def main() -> None:
     ratios += sizes.ratios(chosen.short, chosen.picture)
     about = ", ".join(f"{name} {text}" for name, text in machine().items())
     Console(width=200).print(table(ratios, about).rich())
+    if chosen.markdown is not None:
+        chosen.markdown.write_text(table(ratios, about).markdown(), encoding="utf-8")
     if chosen.json is not None:
         write_json(ratios, chosen.json)
 
