@@ -194,12 +194,18 @@ def test_a_diverged_run_can_be_drawn():
         drawn(function(broken))
 
 
+def open_figures():
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    return pyplot.get_fignums() if pyplot else []
+
+
 def test_figures_ignore_and_keep_the_users_settings():
+    before = open_figures()
     with matplotlib.rc_context({"lines.linewidth": 9.0, "font.size": 30}):
         figure = errors(run())
         assert figure.axes[0].lines[0].get_linewidth() == 1.4
         assert matplotlib.rcParams["lines.linewidth"] == 9.0
-    assert "matplotlib.pyplot" not in sys.modules or not sys.modules["matplotlib.pyplot"].get_fignums()
+    assert open_figures() == before
 
 
 def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
