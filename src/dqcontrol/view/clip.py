@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
 from dqcontrol.errors import (
-    ExistsError,
     FileFormatError,
     ShapeError,
     ValueRangeError,
@@ -26,6 +25,7 @@ from dqcontrol.plants.mobile_live import coordinates_of
 from dqcontrol.plants.mujoco_model import compiled, import_mujoco
 from dqcontrol.plants.wheeled_base import WHEELS
 from dqcontrol.view.offscreen import offscreen, renderer
+from dqcontrol.view.picture_file import check_picture_file
 from dqcontrol.view.stage import add_stage
 
 if TYPE_CHECKING:
@@ -160,10 +160,7 @@ def _target(path: str | Path, endings: Sequence[str], overwrite: bool) -> Path:
     target = Path(path)
     if target.suffix.lower() not in endings:
         raise FileFormatError(f"{target}: must end in {' or '.join(endings)}, got '{target.suffix}'")
-    if not target.parent.is_dir():
-        raise FileFormatError(f"{target.parent}: there is no such folder for {target.name}")
-    if target.exists() and not overwrite:
-        raise ExistsError(f"{target}: exists already; choose another name, or overwrite=True")
+    check_picture_file(target, overwrite=overwrite)
     return target
 
 

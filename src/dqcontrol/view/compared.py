@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
+from dqcontrol.view.pose_panels import pose_panels
 from dqcontrol.view.style import DESIRED, LIMIT, at_least, legend_below, line_style, new_figure, styled
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _WIDTH = 7.0  # in
-_NAMES = ("$w$", "$i$", "$j$", "$k$")
 
 
 @styled
@@ -36,23 +36,16 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
     _first(records)
     longest = max(records.values(), key=len)
     desired = _without_jumps(longest.desired_pose)
-    figure = new_figure(_WIDTH, 6.2)
-    grid = figure.subplots(4, 2, sharex=True)
+    figure, panels = pose_panels(_WIDTH)
     for n, (label, record) in enumerate(records.items()):
         pose = _towards(record.pose, _without_jumps(record.desired_pose), desired)
-        for i in range(8):
-            grid[i % 4, i // 4].plot(record.time, pose[:, i], label=label, **line_style(n))
-    for i in range(8):
-        axes = grid[i % 4, i // 4]
+        for i, axes in enumerate(panels):
+            axes.plot(record.time, pose[:, i], label=label, **line_style(n))
+    for i, axes in enumerate(panels):
         axes.plot(longest.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
-        axes.set_ylabel(_NAMES[i % 4] + (" [m]" if i > 3 else ""))
         at_least(axes, 1e-3)
-    grid[0, 0].set_title("primary part")
-    grid[0, 1].set_title("dual part")
-    for axes in grid[-1]:
-        axes.set_xlabel("time [s]")
     figure.align_ylabels()
-    legend_below(figure, grid[0, 0])
+    legend_below(figure, panels[0])
     return figure
 
 

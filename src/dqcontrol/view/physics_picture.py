@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ExistsError, FileFormatError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.plants.mujoco_model import compiled, import_mujoco, skeleton
 from dqcontrol.view.offscreen import offscreen, render
+from dqcontrol.view.picture_file import check_picture_file
 from dqcontrol.view.stage import add_stage
 
 if TYPE_CHECKING:
@@ -82,13 +83,10 @@ def render_run(
     target = Path(path)
     if target.suffix.lower() != ".png":
         raise FileFormatError(f"{target}: pictures are PNG files, got the ending '{target.suffix}'")
-    if not target.parent.is_dir():
-        raise FileFormatError(f"{target.parent}: there is no such folder for {target.name}")
+    check_picture_file(target, overwrite=overwrite)
     for field, value, least in (("ghosts", ghosts, 0), ("width", width, 1), ("height", height, 1)):
         if not isinstance(value, int) or value < least:
             raise ValueRangeError(f"{field}: must be an integer ≥ {least}, got {value}")
-    if target.exists() and not overwrite:
-        raise ExistsError(f"{target}: exists already; choose another name, or overwrite=True")
     rows = as_array("q", q, (robot.configuration_size,))
     if rows.ndim != 2 or not len(rows):
         raise ShapeError(f"q: expected shape (N, {robot.configuration_size}), got {rows.shape}")

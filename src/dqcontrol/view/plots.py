@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
+from dqcontrol.view.pose_panels import pose_panels
 from dqcontrol.view.style import (
     COLOURS,
     DESIRED,
@@ -50,21 +51,13 @@ def pose_coefficients(record: Record) -> Figure:
     >>> pose_coefficients(run.record).savefig("pose.png")  # doctest: +SKIP
     """
     pose, desired = _continuous(record)
-    figure = new_figure(_WIDTH, 6.2)
-    grid = figure.subplots(4, 2, sharex=True)
-    for i, name in enumerate(("$w$", "$i$", "$j$", "$k$")):
-        for part, unit in ((0, ""), (1, " [m]")):
-            axes = grid[i, part]
-            axes.plot(record.time, pose[:, 4 * part + i], color=COLOURS[0], label="hand")
-            axes.plot(record.time, desired[:, 4 * part + i], color=DESIRED, ls="--", lw=1.1, label="desired")
-            axes.set_ylabel(name + unit)
-            at_least(axes, 1e-3)
-    grid[0, 0].set_title("primary part")
-    grid[0, 1].set_title("dual part")
-    for axes in grid[-1]:
-        axes.set_xlabel("time [s]")
+    figure, panels = pose_panels(_WIDTH)
+    for i, axes in enumerate(panels):
+        axes.plot(record.time, pose[:, i], color=COLOURS[0], label="hand")
+        axes.plot(record.time, desired[:, i], color=DESIRED, ls="--", lw=1.1, label="desired")
+        at_least(axes, 1e-3)
     figure.align_ylabels()
-    legend_below(figure, grid[0, 0])
+    legend_below(figure, panels[0])
     return figure
 
 
