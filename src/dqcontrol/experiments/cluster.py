@@ -37,12 +37,14 @@ def connect(address: str) -> Client:
     """
     try:
         from distributed import Client  # pyright: ignore[reportMissingImports]
+        from distributed.comm import parse_address, parse_host_port  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise MissingExtraError(
             "distributed: is not installed, and --scheduler needs it; install it with: pip install 'dqcontrol[dask]'"
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line of ours is enough
     try:
+        parse_host_port(parse_address(address)[1])  # a client that cannot begin complains when it is thrown away
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError):
         raise Error(f"scheduler: nobody answers at '{address}'; start one with: dask scheduler") from None
