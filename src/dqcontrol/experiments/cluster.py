@@ -44,7 +44,7 @@ def connect(address: str) -> Client:
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line of ours is enough
     try:
-        parse_host_port(parse_address(address)[1])  # a client that cannot begin complains when it is thrown away
+        parse_host_port(parse_address(address)[1])  # a client that never began complains later
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError):
         raise Error(f"scheduler: nobody answers at '{address}'; start one with: dask scheduler") from None
