@@ -37,7 +37,7 @@ def connect(address: str) -> Client:
     """
     try:
         from distributed import Client  # pyright: ignore[reportMissingImports]
-        from distributed.comm import parse_address, parse_host_port  # pyright: ignore[reportMissingImports]
+        from distributed.comm.addressing import parse_address, parse_host_port  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise MissingExtraError(
             "distributed: is not installed, and --scheduler needs it; install it with: pip install 'dqcontrol[dask]'"
