@@ -113,7 +113,7 @@ def table() -> Table:
 if __name__ == "__main__":
     print(table().markdown(), end="")
     print(
-        f"7 joints, {STEPS} samples of {PERIOD:g} s, medians of times measured in turns, ≤ 1.3 K wanted, < 3 with a drive; "
+        f"7 joints, {STEPS} samples of {PERIOD:g} s, medians of times in turns, ≤ 1.3 K wanted, < 3 with a drive; "
         f"dqcontrol {dqc.__version__}, Numba {numba.__version__}, NumPy {np.__version__}, "
         f"Python {platform.python_version()}, {platform.machine()}, {os.cpu_count()} cores"
     )

@@ -19,6 +19,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
     "view": "Look at runs in a browser, over time or while they go on.",
+    "clip": "Save a clip of a run: .mp4, .webp or .gif.",
     "export": "Write all signals of a run for other programs.",
     "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",

@@ -20,12 +20,13 @@ from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
-from dqcontrol.experiments.spec import Judged
+from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
 from dqcontrol.experiments.task_range import with_range
 from dqcontrol.loop import Clock, Record, RecordStream, Timing, save_record
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.robots import Robot
+from dqcontrol.yaml_file import parse_yaml
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -90,6 +91,12 @@ class Run:
     def error(self) -> Array:
         """|vec8(1 − short(x*x_d))|, shape (N,). [P16 5.1]"""
         return self.record.error
+
+    @property
+    def plant(self) -> AnyPlant | None:
+        """What moved, as the spec has it; None of an evaluated log."""
+        data = parse_yaml("spec", self.spec)
+        return None if "evaluation" in data else next(iter(read_spec(data)[0].plant_by_label.values()))
 
     @cached_property
     def metrics(self) -> Metrics:

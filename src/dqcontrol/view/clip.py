@@ -1,108 +1,106 @@
-"""Clips and picture strips of mobile manipulators in physics, drawn from their recordings."""
+"""Clips and picture strips of runs, drawn from their recordings by MuJoCo."""
 
 from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra import translation
 from dqcontrol.errors import (
     FileFormatError,
-    ShapeError,
     ValueRangeError,
     as_array,
     as_count,
     as_positive,
 )
-from dqcontrol.plants.gripper import FINGERS
-from dqcontrol.plants.mobile_live import coordinates_of
-from dqcontrol.plants.mujoco_model import compiled, import_mujoco
-from dqcontrol.plants.wheeled_base import WHEELS
-from dqcontrol.view.offscreen import offscreen, renderer
+from dqcontrol.plants.mobile import MobilePlant
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.view.clip_file import CLIPS, import_av, write_clip
+from dqcontrol.view.film import Film, frames
+from dqcontrol.view.film_arm import film_arm
+from dqcontrol.view.film_mobile import film_mobile
 from dqcontrol.view.picture_file import check_picture_file
-from dqcontrol.view.stage import add_stage
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
-    from dqcontrol.plants.mobile import MobilePlant
+    from dqcontrol.plants.plant import Plant
     from dqcontrol.robots.robot import Robot
 
-Pixels = NDArray[np.uint8]
-
-CLIPS = (".gif", ".webp")
-_MARGIN = 0.35  # m; around what moves
 _MOST_FRAMES = 3000
-_SHADOWS, _SAMPLES = 4096, 4  # less than for single pictures, as there are many
 
 
 def render_clip(
     robot: Robot,
-    plant: MobilePlant,
+    plant: Plant | None,
     record: Record,
     path: str | Path,
     *,
-    speed: float = 2.0,
-    rate: float = 12.5,
-    width: int = 480,
-    height: int = 360,
-    azimuth: float = -110.0,
-    elevation: float = -38.0,
+    speed: float = 1.0,
+    rate: float = 25.0,
+    width: int = 640,
+    height: int = 480,
+    azimuth: float | None = None,
+    elevation: float | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Save a run in physics as a clip that plays for ever.
+    """Save a clip of an arm, or of a mobile manipulator that was in physics, with the time in its corner.
+
+    Of an arm also the desired path (dashed, blue), the hand's path so far (red), and the balls in its way.
 
     Parameters
     ----------
     robot, plant, record
-        What moved, in which plant, and what happened; a saved recording will do.
+        What moved, in which plant, and what happened; a saved recording will do. An arm needs no plant.
     path
-        Where to save it: ``.gif``, which everything shows, or ``.webp``, a fifth of its size.
+        Where to save it: ``.mp4``, ``.webp``, or ``.gif``; the last two play for ever.
     speed
         How much faster than it was.
     rate
         Frames a second.
     width, height
-        Pixels.
+        Pixels; even for ``.mp4``.
     azimuth, elevation
-        Direction of view, degrees; negative elevations look down.
+        Direction of view, degrees; negative elevations look down. By default from before and above.
     overwrite
         True to replace an existing file.
 
     Raises
     ------
     MissingExtraError
-        If mujoco is not installed, or this machine has no OpenGL.
+        If mujoco is not installed, this machine has no OpenGL, or ``.mp4`` is wanted without PyAV.
     ExistsError, FileFormatError
         If the file exists, its folder does not, or its ending is another.
     ShapeError, ValueRangeError
-        If the recording is not of this robot and plant, or a number does not fit.
+        If the recording is not of this robot and plant, a number does not fit, or it cannot be drawn.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> run = dqc.run("examples/circle.yaml")  # doctest: +SKIP
+    >>> render_clip(run.robot, None, run.record, "circle.webp")  # doctest: +SKIP
     """
     target = _target(path, CLIPS, overwrite)
     step = as_positive("speed", speed) / as_positive("rate", rate)
     count = int(record.time[-1] / step + 1e-9) + 1
     if count > _MOST_FRAMES:
         raise ValueRangeError(f"rate: makes {count} frames, at most {_MOST_FRAMES} are drawn; or more speed")
-    view = (as_count("width", width), as_count("height", height), azimuth, elevation)
-    frames = _frames(robot, plant, record, np.linspace(0.0, step * (count - 1), count), *view)
-    image = importlib.import_module("PIL.Image")
-    pictures = [image.fromarray(frame) for frame in frames]
-    more: dict[str, Any] = (
-        {"quality": 75, "method": 4} if target.suffix.lower() == ".webp" else {"optimize": True}
-    )
-    pictures[0].save(
-        target, save_all=True, append_images=pictures[1:], duration=round(1000 / rate), loop=0, **more
-    )
+    if target.suffix.lower() == ".mp4":
+        import_av()  # before the work: it may be missing
+        if width % 2 or height % 2:
+            raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
+    moments = np.linspace(0.0, step * (count - 1), count)
+    pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
+    write_clip((np.asarray(picture) for picture in pictures), target, rate)
 
 
 def render_strip(
     robot: Robot,
-    plant: MobilePlant,
+    plant: Plant | None,
     record: Record,
     path: str | Path,
     times: Sequence[float],
@@ -110,11 +108,11 @@ def render_strip(
     columns: int = 3,
     width: int = 480,
     height: int = 360,
-    azimuth: float = -110.0,
-    elevation: float = -38.0,
+    azimuth: float | None = None,
+    elevation: float | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Save pictures of a run in physics at some times, side by side in one PNG file, each with its time.
+    """Save pictures of a run at some times, side by side in one PNG file, each with its time.
 
     Parameters
     ----------
@@ -143,16 +141,44 @@ def render_strip(
     across = as_count("columns", columns)
     if not across:
         raise ValueRangeError("columns: must be ≥ 1, got 0")
-    view = (as_count("width", width), as_count("height", height), azimuth, elevation)
-    frames = _frames(robot, plant, record, moments, *view)
-    image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
-    rows = math.ceil(len(frames) / across)
-    sheet = image.new("RGB", (across * width, rows * height), "white")
-    for k, (moment, frame) in enumerate(zip(moments, frames, strict=True)):
-        picture = image.fromarray(frame)
-        drawing.Draw(picture).text((12, 8), f"{moment:.1f} s", fill=(20, 20, 20), font_size=height / 18)
+    pictures = list(_pictures(robot, plant, record, moments, (width, height), (azimuth, elevation)))
+    rows = math.ceil(len(pictures) / across)
+    sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
+    for k, picture in enumerate(pictures):
         sheet.paste(picture, (k % across * width, k // across * height))
     sheet.save(target)
+
+
+def _pictures(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    times: NDArray[np.float64],
+    size: tuple[int, int],
+    view: tuple[float | None, float | None],
+) -> Iterator[Any]:
+    """Give the pictures of a run at some times, with the time in their corner."""
+    if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
+        raise ValueRangeError(f"width, height: must be ≥ 1, got {size[0]} and {size[1]}")
+    image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
+    samples = np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1)
+    film = _film(robot, plant, record)
+    for time, pixels in zip(times, frames(film, samples, *size, *view), strict=True):
+        picture = image.fromarray(pixels)
+        drawing.Draw(picture).text((12, 8), f"{time:.1f} s", fill=(20, 20, 20), font_size=size[1] / 18)
+        yield picture
+
+
+def _film(robot: Robot, plant: Plant | None, record: Record) -> Film:
+    """Return what a camera needs of a run."""
+    if isinstance(plant, MobilePlant):
+        return film_mobile(robot, plant, record)
+    if isinstance(robot, SerialArm):
+        return film_arm(robot, plant, record)
+    raise ValueRangeError(
+        f"clip: draws arms, and mobile manipulators that were in physics (plant: {{kind: mobile}}); "
+        f"to see {robot.name}: dqcontrol view"
+    )
 
 
 def _target(path: str | Path, endings: Sequence[str], overwrite: bool) -> Path:
@@ -162,78 +188,3 @@ def _target(path: str | Path, endings: Sequence[str], overwrite: bool) -> Path:
         raise FileFormatError(f"{target}: must end in {' or '.join(endings)}, got '{target.suffix}'")
     check_picture_file(target, overwrite=overwrite)
     return target
-
-
-def _frames(
-    robot: Robot,
-    plant: MobilePlant,
-    record: Record,
-    times: NDArray[np.float64],
-    width: int,
-    height: int,
-    azimuth: float,
-    elevation: float,
-) -> list[Pixels]:
-    """Return the pictures of a run at some times."""
-    if min(width, height) < 1:
-        raise ValueRangeError(f"width, height: must be ≥ 1, got {width} and {height}")
-    mujoco = import_mujoco()
-    spec = plant.picture_model(robot)
-    lower, upper = _extent(plant, record)
-    middle, extent = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
-    add_stage(mujoco, spec, extent, 0.0, azimuth, (width, height))
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = _SHADOWS, _SAMPLES
-    model = compiled(spec)
-    data = mujoco.MjData(model)
-    configurations = _configurations(robot, plant, record, model)
-    scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100)
-    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
-    options.geomgroup[4] = 0
-    camera.lookat[:], camera.distance = middle, 0.95 * extent
-    camera.azimuth, camera.elevation = azimuth, elevation
-    pictures = []
-    with offscreen(width, height), renderer(model, width, height) as draw:
-        for k in np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1):
-            data.qpos[:] = configurations[k]
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_camlight(model, data)
-            everything = mujoco.mjtCatBit.mjCAT_ALL.value
-            mujoco.mjv_updateScene(model, data, options, nobody, camera, everything, scene)
-            pictures.append(draw(scene))
-    return pictures
-
-
-def _extent(plant: MobilePlant, record: Record) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return two corners of the box that holds all that is to be seen."""
-    things = [[*thing.position, 0.0] for thing in (*plant.scene.cubes, *plant.scene.baskets)]
-    base = np.hstack([record.q[:, :2], np.zeros((len(record.q), 1))])
-    points = np.vstack([base, translation(record.desired[:, :8]), *things])
-    margin = np.array([_MARGIN, _MARGIN, 0.0])
-    return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any) -> NDArray[np.float64]:
-    """Return MuJoCo's coordinates at each sample; the base stands upright."""
-    readings = record.readings
-    cubes = [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))]
-    needed = ["wheel_angle", *(["gripper_opening"] if plant.gripper else [])]
-    needed += [f"{cube}_{what}" for cube in cubes for what in ("position", "quaternion")]
-    missing = [name for name in needed if name not in readings]
-    if missing or record.q.shape[1] != robot.configuration_size:
-        raise ShapeError(
-            f"record: is not of this robot and plant; missing: {', '.join(missing) or 'coordinates'}"
-        )
-    out = np.zeros((len(record.q), model.nq))
-    base = coordinates_of(model, ["base"])[0]
-    out[:, base : base + 2] = record.q[:, :2]
-    out[:, base + 3], out[:, base + 6] = np.cos(record.q[:, 2] / 2), np.sin(record.q[:, 2] / 2)
-    out[:, coordinates_of(model, [f"wheel_{name}" for name in WHEELS])] = readings["wheel_angle"].values
-    out[:, coordinates_of(model, robot.joint_names[3:])] = record.q[:, 3:]
-    if plant.gripper:
-        closed = 0.5 * (plant.gripper.opening - readings["gripper_opening"].values)
-        out[:, coordinates_of(model, FINGERS)] = closed
-    for name in cubes:
-        first = coordinates_of(model, [name])[0]
-        out[:, first : first + 3] = readings[f"{name}_position"].values
-        out[:, first + 3 : first + 7] = readings[f"{name}_quaternion"].values
-    return out

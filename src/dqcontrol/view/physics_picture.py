@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.algebra import translation
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.plants.mujoco_model import compiled, import_mujoco, skeleton
+from dqcontrol.view.drawn_path import add_actual, add_desired
 from dqcontrol.view.offscreen import offscreen, render
 from dqcontrol.view.picture_file import check_picture_file
+from dqcontrol.view.room import room_of_arm
 from dqcontrol.view.stage import add_stage
 
 if TYPE_CHECKING:
@@ -20,9 +23,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_DESIRED = (0.05, 0.45, 0.90, 1.0)
-_ACTUAL = (0.98, 0.25, 0.12, 1.0)
-_DASH = 0.045  # of the arm's length
 _GHOST = 0.16  # opacity
 _SUPERSAMPLING = 2
 _PIECES = 400  # of a path, at most
@@ -114,10 +114,7 @@ def _positions(field: str, value: ArrayLike) -> Array:
     rows = as_array(field, value)
     if rows.ndim != 2 or rows.shape[1] not in (3, 8) or not len(rows):
         raise ShapeError(f"{field}: expected shape (N, 8) or (N, 3), got {rows.shape}")
-    if rows.shape[1] == 3:
-        return rows
-    w, v, dw, dv = rows[:, :1], rows[:, 1:4], rows[:, 4:5], rows[:, 5:]
-    return 2 * (w * dv - dw * v - np.cross(dv, v))
+    return rows if rows.shape[1] == 3 else translation(rows)
 
 
 def _picture(
@@ -134,12 +131,10 @@ def _picture(
     """Return the picture's pixels."""
     mujoco = import_mujoco()
     spec = skeleton(robot)
-    reach = float(np.linalg.norm(robot.chain[:, 4:7], axis=1).sum()) or 1.0
-    frames = robot.frames(rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]])
-    points = np.vstack([actual, desired, _positions("frames", frames.reshape(-1, 8)), [np.zeros(3)]])
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    floor = min(0.0, lower[2] - 0.06 * reach) if lower[2] < -0.01 * reach else 0.0
-    add_stage(mujoco, spec, reach, floor, azimuth, (width, height))
+    shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
+    room = room_of_arm(robot, shown, np.vstack([actual, desired]))
+    reach = room.reach
+    add_stage(mujoco, spec, reach, room.floor, azimuth, (width, height))
     model = compiled(spec)
     data = mujoco.MjData(model)
     scene = mujoco.MjvScene(model, maxgeom=2 * _PIECES + (ghosts + 2) * (model.ngeom + 4))
@@ -152,8 +147,7 @@ def _picture(
 
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     pose_arm(rows[-1])
-    camera.lookat[:] = 0.5 * (lower + upper)
-    camera.distance = 1.45 * np.linalg.norm(upper - lower) + 0.2 * reach
+    camera.lookat[:], camera.distance = room.middle, room.distance
     camera.azimuth, camera.elevation = azimuth, elevation
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):
@@ -162,23 +156,7 @@ def _picture(
         mujoco.mjv_addGeoms(model, data, options, nobody, moving, scene)
         for geom in scene.geoms[first : scene.ngeom]:
             geom.rgba[3] = _GHOST
-    _trace(mujoco, scene, desired, 0.005 * reach, _DESIRED, _DASH * reach)
-    _trace(mujoco, scene, actual, 0.004 * reach, _ACTUAL, 0.0)
+    add_desired(mujoco, scene, desired, reach, _PIECES)
+    add_actual(mujoco, scene, actual, reach, _PIECES)
     with offscreen(width, height):
         return render(model, scene, width, height)
-
-
-def _trace(
-    mujoco: Any, scene: Any, points: Array, radius: float, colour: tuple[float, ...], dash: float
-) -> None:
-    """Add a path as a string of capsules; with a dash length, m, the second half of each is left out."""
-    points = points[np.linspace(0, len(points) - 1, min(len(points), _PIECES)).astype(int)]
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    middle = np.cumsum(steps) - 0.5 * steps
-    drawn = steps > 0 if not dash else middle % dash < 0.45 * dash
-    kind, rgba, zero = mujoco.mjtGeom.mjGEOM_CAPSULE, np.array(colour, dtype=np.float32), np.zeros(9)
-    for i in np.flatnonzero(drawn):
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, kind, zero[:3], zero[:3], zero, rgba)
-        mujoco.mjv_connector(geom, kind, radius, points[i], points[i + 1])
-        scene.ngeom += 1

@@ -85,7 +85,9 @@ def _files(done: PickAndDrop) -> dict[str, Write]:
     times = [0.0, closed, closed + 2.5, 0.5 * (closed + opened) + 1.0, opened, end]
 
     def clip(path: Path) -> None:
-        render_clip(robot, done.plant, done.record, path, overwrite=True)
+        render_clip(
+            robot, done.plant, done.record, path, speed=2, rate=12.5, width=480, height=360, overwrite=True
+        )
 
     def strip(path: Path) -> None:
         render_strip(robot, done.plant, done.record, path, times, width=440, height=330, overwrite=True)
