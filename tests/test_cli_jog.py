@@ -8,11 +8,13 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from dqcontrol import cli
 from dqcontrol.algebra import translation
 from dqcontrol.cli.keyboard import Keyboard
+from dqcontrol.experiments import load_run
 from dqcontrol.references import load_points
 
 pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")
@@ -61,7 +63,7 @@ class Session:
 
 
 def test_teach_two_poses_and_end(terminal, tmp_path):
-    session = Session(terminal, "iiwa7", "--poses", "taught.csv", cwd=tmp_path)
+    session = Session(terminal, "iiwa7", "--poses", "taught.csv", "--out", "jogged", cwd=tmp_path)
     session.see(r"(?s)hold to move.*active   x")
     raw = termios.tcgetattr(terminal[1])
     assert not raw[3] & (termios.ECHO | termios.ICANON)
@@ -80,6 +82,10 @@ def test_teach_two_poses_and_end(terminal, tmp_path):
     assert termios.tcgetattr(terminal[1]) == session.before
     reference = load_points(tmp_path / "taught.csv")
     first, last = (translation(reference.at(t).pose) for t in (0.0, reference.duration))
+    run = load_run(tmp_path / "jogged")
+    assert run.record.stopped == "soft stop"
+    assert "results: jogged" in session.text
+    assert np.ptp(run.record.position[:, 0]) == pytest.approx(last[0] - first[0], abs=0.01)
     forward = last - first
     assert forward[0] > 0.01
     assert abs(forward[1:]).max() < 0.1 * forward[0]

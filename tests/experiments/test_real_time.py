@@ -13,8 +13,12 @@ import yaml
 from dqcontrol import cli
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.experiments.task_range import RANGE
 from dqcontrol.loop import load_record
 from dqcontrol.plants import CompiledPlant
+from dqcontrol.robots import load_robot
 
 SPEC = {
     "name": "tiny",
@@ -87,6 +91,24 @@ def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
     assert len(record) == 41
     assert record.stopped == "broken off: plant: the robot does not answer"
     assert (tmp_path / "out/spec.yaml").is_file()
+
+
+def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
+    circle = SPEC["reference"] | {"duration": 0.1}
+    mobile = SPEC | {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], "reference": circle}
+    run_in_real_time(mobile | {"plant": {"kind": "integrator"}}, tmp_path / "out")
+    assert RANGE in load_run(tmp_path / "out").record.readings
+
+
+def test_killed_a_folder_may_be_replaced_when_asked(tmp_path):
+    robot = load_robot("iiwa7")
+    killed = StreamedRun(tmp_path / "out", robot, "name: killed")
+    recording = killed.record()
+    with pytest.raises(ExistsError, match="--force"):
+        StreamedRun(tmp_path / "out", robot, "")
+    StreamedRun(tmp_path / "out", robot, "", force=True)
+    recording.close()
 
 
 def test_from_the_command_line(tmp_path, monkeypatch, capsys):

@@ -5,8 +5,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
+from dqcontrol.limits import list_interventions
+from dqcontrol.loop import RecordStream, load_record
 from dqcontrol.loop.jog import HELP, MOVES, Jog
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.references import load_points
@@ -114,6 +116,35 @@ def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
     assert "is active, not stopped" in jog.press("g")
     moved, _ = hold(jog, "a", 0.4)
     assert moved[1] > 0.01
+
+
+def test_a_recording_has_all_that_happened_also_after_a_stop(jog, tmp_path):
+    with RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7")) as jog.recording:
+        hold(jog, "w", 0.3)
+        jog.press(" ")
+        hold(jog, "w", 0.3)
+        jog.press("g")
+        hold(jog, "w", 0.3)
+    record = load_record(tmp_path / "record.mcap")
+    assert record.time == pytest.approx(T * np.arange(3 * 150))
+    reasons = [
+        told.reason for told in list_interventions(record.time, record.readings["interventions"].values)
+    ]
+    assert "emergency stop" in reasons
+    assert record.position[-1, 0] - record.position[0, 0] > 0.02
+
+
+def test_a_recording_that_cannot_be_written_stops_the_robot(jog, tmp_path):
+    recording = RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7"))
+    jog.recording = recording
+    hold(jog, "w", 0.1)
+    recording.failure = "the recording cannot be written: No space left on device"
+    hold(jog, "w", 0.3)
+    assert jog.condition == (
+        "stopped: emergency stop: the recording cannot be written: No space left on device"
+    )
+    with pytest.raises(Error, match="No space left"):
+        recording.close()
 
 
 @pytest.mark.parametrize("first", ["c", " "])

@@ -1,6 +1,7 @@
 """Nodes in processes of their own, on the loopback, in a ROS domain that is the test's own."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import yaml
 from dqcontrol.ros2 import middleware
 
 # A machine full of other tests stalls processes for longer than a robot's would be.
+PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")
 SPEC = {
     "name": "tiny",
     "robot": "iiwa7",
@@ -46,12 +48,13 @@ def start():
     """Return what starts a ``dqcontrol ros2`` process and waits for a line of its log; all are ended after the test."""
     running = []
 
-    def run(*words, until=None):
+    def run(*words, until=None, file_limit=resource.RLIM_INFINITY):
         process = subprocess.Popen(
             [sys.executable, "-u", "-m", "dqcontrol", "ros2", *map(str, words)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit)),
         )
         running.append(process)
         if until:

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import read_until
+from conftest import PATIENT, read_until
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
@@ -21,21 +21,23 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
+from dqcontrol.experiments.run import measure
+from dqcontrol.loop import load_record
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
-from dqcontrol.ros2.trace import Tracer
+from dqcontrol.ros2.recorder import Recorder
 
 IIWA = dqc.load_robot("iiwa7")
-PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")  # a machine full of tests stalls longer than a robot's
 
 
-def in_process(path, interface):
-    """Return the run of the same law, supervisor and plant without messages between them."""
+def in_process(path, interface, folder):
+    """Return the mean error of the same law, supervisor and plant without messages between them, mm."""
     loaded = load(path)
-    control, tracer = (
-        Control(loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor(interface)),
-        Tracer(),
+    control = Control(
+        loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor(interface)
     )
+    recorder = Recorder(folder, loaded)
+    recorder.start()
     steps, period = len(loaded.case.scene.samples), loaded.period
     plant = loaded.case.plant.start(loaded.robot, loaded.case.scene.start, period, steps, 0)
     control.activate(plant.measured.copy())
@@ -43,9 +45,11 @@ def in_process(path, interface):
         measured = plant.measured.copy()
         control.step(k * period, measured, 0.0)
         assert control.phase is Phase.ACTIVE
-        tracer.take(k * period, measured, control.command, control.desired)
+        recorder.take(control, k * period)
         plant.step(control.command)
-    return tracer.run(loaded, "duration")
+    recorder.end(Phase.INACTIVE, "duration")
+    record = load_record(folder / "record.mcap")
+    return measure(record, loaded.robot, loaded.setting.spec.settle, "measured").position.mean
 
 
 def compare_with_in_process(start, path, folder, interface, patience=60):
@@ -54,8 +58,7 @@ def compare_with_in_process(start, path, folder, interface, patience=60):
     log, _ = controller.communicate(timeout=patience)
     assert controller.returncode == 0, log
     run = json.loads((folder / "metrics.json").read_text())
-    mean = in_process(path, interface).metrics.position.mean
-    return run["position"]["mean"] / mean, log
+    return run["position"]["mean"] / in_process(path, interface, folder.with_name("alone")), log
 
 
 def test_two_processes_follow_a_reference_to_its_end(spec, start, tmp_path):

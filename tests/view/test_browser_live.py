@@ -10,7 +10,7 @@ import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError
 from dqcontrol.loop import RecordStream, load_record
-from dqcontrol.view.browser import GrowingRecording, LiveRun
+from dqcontrol.view.browser import GrowingRecording, LiveRun, growing_recording
 from dqcontrol.view.browser.page import HOST, import_viser
 
 SPEC = {
@@ -57,6 +57,16 @@ def test_a_recording_is_read_while_it_grows(tmp_path):
     assert record.stopped == "the end"
     for name in ("time", "q", "measured", "command", "pose", "desired"):
         assert (getattr(record, name) == getattr(saved, name)).all(), name
+
+
+def test_the_folder_of_a_run_is_followed_until_it_has_results(tmp_path):
+    assert growing_recording(tmp_path) is None
+    recording = tmp_path / "record.mcap"
+    assert growing_recording(recording) == recording
+    recording.touch()
+    assert growing_recording(tmp_path) == recording
+    (tmp_path / "metrics.json").touch()
+    assert growing_recording(tmp_path) is None
 
 
 def test_a_recording_without_samples_says_so(tmp_path):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
+
+from dqcontrol.cli.options import Force, Out
 
 if TYPE_CHECKING:
     from dqcontrol.cli.keyboard import Keyboard
@@ -22,6 +25,8 @@ def jog(
     poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
     speed: float = 0.1,
     angular_speed: float = 0.5,
+    out: Out = None,
+    force: Force = False,
 ) -> None:
     """Drive a robot's hand by keys in the terminal, and keep poses as a points file.
 
@@ -38,7 +43,7 @@ def jog(
     """
     from dqcontrol.cli.keyboard import Keyboard
     from dqcontrol.errors import as_positive
-    from dqcontrol.experiments.jogging import prepare_jog
+    from dqcontrol.experiments.jogging import prepare_jog, recorded_jog
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.jog import HELP
     from dqcontrol.loop.targets import Speeds
@@ -46,11 +51,18 @@ def jog(
 
     keyboard = Keyboard()
     speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))
-    driven = prepare_jog(source, PointsWriter(poses, speeds.linear, speeds.angular), speeds)
-    print("\n".join(HELP))
-    with keyboard, first_interrupt(driven.end):
-        _drive(driven, keyboard)
-    print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
+    writer = PointsWriter(poses, speeds.linear, speeds.angular)
+    if out:
+        session = recorded_jog(source, writer, speeds, out, force=force)
+    else:
+        session = nullcontext(prepare_jog(source, writer, speeds))
+    with session as driven:
+        print("\n".join(HELP))
+        with keyboard, first_interrupt(driven.end):
+            _drive(driven, keyboard)
+        print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
+    if out:
+        print(f"results: {out}")
 
 
 def _drive(driven: Jog, keyboard: Keyboard) -> None:

@@ -57,16 +57,16 @@ def controller(
     with middleware.ros(ros_arguments, network=network):
         from dqcontrol.ros2.controller import ControllerNode
 
-        node = ControllerNode(spec, name=name, source=follow, interface=interface, autostart=autostart)
+        node = ControllerNode(
+            spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
+        )
         try:
             middleware.spin(node, ended=lambda: node.ended)
         except KeyboardInterrupt:
             node.retire()
             middleware.spin(node, ended=lambda: node.ended)
-    if out and node.following:
-        run = node.following.tracer.run(node.following.loaded, node.outcome or "interrupted")
-        run.save(out, force=force)
-        print(f"results: {out}")
+    if node.recorder:
+        print(f"results: {node.recorder.save()}")
     if node.outcome not in ("", "duration", "interrupted"):
         raise Error(f"{name}: stopped: {node.outcome}")
 

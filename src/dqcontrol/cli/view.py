@@ -21,25 +21,25 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     Parameters
     ----------
     runs
-        Folders of runs, or of studies for all their runs; or recordings (.mcap), also such as still grow.
+        Folders of runs, also of those that go on, or of studies for all their runs; or recordings (.mcap).
     live
         A spec of one run, which is run in real time meanwhile and not saved.
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
     from dqcontrol.experiments import load_runs
-    from dqcontrol.view.browser import LiveRun, Page, Track
+    from dqcontrol.view.browser import LiveRun, Page, Track, growing_recording
     from dqcontrol.view.browser.page import import_viser
 
     if not runs and live is None:
         raise Error("view: give at least one folder of a run, a recording, or --live SPEC")
     import_viser()  # before the work: it may be missing
-    recordings = [path for path in runs if path.suffix == ".mcap"]
+    recordings = {path: file for path in runs if (file := growing_recording(path))}
     saved = load_runs([path for path in runs if path not in recordings])
     tracks = [Track(label, run.robot, run.record) for label, run in saved.items()]
     running = LiveRun(live) if live is not None else None
     try:
-        growing = [_follow(path, tracks) for path in recordings]
+        growing = [_follow(file, str(path), tracks) for path, file in recordings.items()]
         if running is not None:
             growing.append(_follow_run(running, tracks))
         page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None)
@@ -50,7 +50,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
             running.close()
 
 
-def _follow(path: Path, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
+def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a recording that may grow."""
     from dqcontrol.experiments.evaluation import about_log
     from dqcontrol.experiments.spec import RobotSpec
@@ -68,7 +68,7 @@ def _follow(path: Path, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     chosen = convert(path, about["robot"], RobotSpec)
     robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
     growing = GrowingRecording(path, robot)
-    tracks.append(Track(str(path), robot, growing.first()))
+    tracks.append(Track(label, robot, growing.first()))
     return growing, tracks[-1]
 
 

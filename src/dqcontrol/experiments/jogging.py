@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.run import as_run
+from dqcontrol.experiments.setting import Setting, prepare
+from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.experiments.task_range import with_range
 from dqcontrol.limits import Supervisor
+from dqcontrol.loop import load_record
 from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
+from dqcontrol.plants.plant import command_mode
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
 from dqcontrol.robots.whole_body import base_coordinates
@@ -42,15 +49,53 @@ def prepare_jog(source: str, poses: PointsWriter | None = None, speeds: Speeds |
     dqcontrol.Error
         If something is missing, malformed or does not fit, or the law needs a reference.
     """
+    return _start(_setting(source), poses, speeds)
+
+
+@contextmanager
+def recorded_jog(
+    source: str, poses: PointsWriter | None, speeds: Speeds | None, folder: str | Path, *, force: bool = False
+) -> Iterator[Jog]:
+    """Give what `prepare_jog` returns; what happens to it is recorded meanwhile, and in the end a run like any other.
+
+    Parameters
+    ----------
+    source, poses, speeds
+        As for `prepare_jog`.
+    folder
+        A new folder.
+    force
+        Replace it, if it holds an earlier run.
+
+    Raises
+    ------
+    dqcontrol.Error
+        If something is wrong with them, or the recording cannot be written.
+    """
+    setting = _setting(source)
+    (case,), jog = setting.cases, _start(setting, poses, speeds)
+    robot = case.scene.robot
+    streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
+    with streamed.record() as recording:
+        jog.recording = recording
+        yield jog
+        recording.close(jog.reason)
+    streamed.complete(as_run(setting, case, 0, with_range(robot, load_record(streamed.path))))
+
+
+def _setting(source: str) -> Setting:
     setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
-    spec = setting.spec
-    if not spec.is_single:
+    if not setting.spec.is_single:
         raise ShapeError(f"{source}: describes several runs; name one law and one plant")
-    (case,) = setting.cases
+    return setting
+
+
+def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
+    (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
     law = case.variant.law.prepare(robot, None, spec.period, spec.limits)
     supervisor = spec.supervisor_of(plant) or Supervisor()
-    guard = supervisor.prepare(robot, spec.period, getattr(plant, "command_mode", "integrated"))
+    guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])
     live = plant.start(robot, start, spec.period, _STEPS, spec.seed)
     return Jog(law, guard, live, poses, speeds, _STEPS)

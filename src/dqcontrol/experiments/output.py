@@ -62,9 +62,7 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
     try:
         yield draft
-        (draft / _CONTENTS).write_text(
-            "".join(f"{name}\n" for name in sorted(_files(draft))), encoding="utf-8"
-        )
+        note_contents(draft)
         draft.chmod(0o755)
         check_new(target, force=force)
         _replace(target, draft)
@@ -73,23 +71,10 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         raise
 
 
-@contextmanager
-def open_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
-    """Give a folder that is in place while it is written: what was written stays, whatever happens.
-
-    Raises
-    ------
-    ExistsError
-        As for `check_new`.
-    """
-    with new_folder(folder, force=force):
-        pass
-    target = Path(folder)
-    try:
-        yield target
-    finally:
-        written = "".join(f"{name}\n" for name in sorted(_files(target)))
-        (target / _CONTENTS).write_text(written, encoding="utf-8")
+def note_contents(folder: Path) -> None:
+    """Remember all that was written to a folder by now, so that it may be replaced when asked."""
+    names = sorted(_files(folder) - {_CONTENTS})
+    (folder / _CONTENTS).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
 
 
 def folder_names(labels: Iterable[str]) -> dict[str, str]:

@@ -8,10 +8,10 @@ from typing import Any
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import warn_unstable
-from dqcontrol.experiments.output import MARK, open_folder
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.setting import prepare
-from dqcontrol.loop import Clock, RecordStream
+from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.loop import Clock
 from dqcontrol.loop.supervision import Watch
 
 
@@ -52,17 +52,11 @@ def run_in_real_time(
         )
     warn_unstable(setting, stacklevel=2)
     (case,), clock = setting.cases, clock or Clock(overrun="skip")
-    text = setting.single_text(case, 0)
-    with open_folder(folder, force=force) as new:
-        (new / MARK).write_text(text, encoding="utf-8")
-        streamed = new / "record.mcap"
-        with RecordStream(streamed, case.scene.robot, text) as recording:
-            record = execute(setting, case, clock=clock, watch=watch, recording=recording)
-            recording.close(record.stopped)
-        done = replace(as_run(setting, case, 0, record), timing=clock.timing)
-        kept = streamed.rename(
-            new / "streamed.mcap"
-        )  # until the whole one, with all that was sensed, is there
-        done.write(new)
-        kept.unlink()
+    robot = case.scene.robot
+    streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
+    with streamed.record() as recording:
+        record = execute(setting, case, clock=clock, watch=watch, recording=recording)
+        recording.close(record.stopped)
+    done = replace(as_run(setting, case, 0, record), timing=clock.timing)
+    streamed.complete(done)
     return done

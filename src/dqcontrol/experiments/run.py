@@ -225,7 +225,7 @@ def execute(
         recording=recording,
         watch=watch,
     )
-    return record if recording else with_range(scene.robot, record)  # a stream holds what came while it ran
+    return with_range(scene.robot, record)
 
 
 def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:

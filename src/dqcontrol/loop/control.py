@@ -12,7 +12,9 @@ from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.limits.prepared_supervisor import END, GO, STOP
+from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.targets import Target
+from dqcontrol.references.sample import TIME
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,8 @@ class Control:
         Last sample of the target, shape (21,).
     is_commanding
         Whether each step has a command for the robot.
+    measured
+        The last measured joints, shape (n,), rad or m.
     wanted, command
         What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
     """
@@ -51,8 +55,8 @@ class Control:
         m = self.robot.input_size
         self.wanted, self.command = np.zeros(m), np.zeros(m)
         self.desired: Array = np.zeros(21)
-        self._measured = np.zeros(self.robot.configuration_size)
-        self._request = GO
+        self.measured: Array = np.zeros(self.robot.configuration_size)
+        self._request, self._cause = GO, ""
         self._law_state = self._state = np.zeros(0)
         self.is_commanding = False
 
@@ -80,8 +84,8 @@ class Control:
             raise Error(f"activate: the controller is {self.phase.value}, not inactive")
         self._state = self.supervisor.start(measured)
         self._law_state = self.law.initial_state(measured)
-        self._measured[:] = measured
-        self.wanted[:], self.command[:], self._request = 0.0, 0.0, GO
+        self.measured[:] = measured
+        self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
         self.target.start(self.robot.fkm(measured))
         self.phase, self.reason, self.is_commanding = Phase.ACTIVE, "", True
 
@@ -97,9 +101,15 @@ class Control:
             raise Error(f"deactivate: the controller is {self.phase.value}, not active")
         self._request, self.phase = END, Phase.STOPPING
 
-    def emergency_stop(self) -> None:
-        """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start."""
-        self._request = STOP
+    def emergency_stop(self, cause: str = "") -> None:
+        """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start.
+
+        Parameters
+        ----------
+        cause
+            What else there is to say of it.
+        """
+        self._request, self._cause = STOP, cause
         if self.phase is Phase.INACTIVE:
             self.phase, self.reason = Phase.STOPPED, "emergency stop"
         elif self.phase is not Phase.STOPPED:
@@ -134,18 +144,36 @@ class Control:
         if self.phase is Phase.ACTIVE and self.target.is_over(time):
             self.deactivate()
         if measured is not None:
-            self._measured[:] = measured
+            self.measured[:] = measured
             self._ask_law(time)
         request, self._request = self._request, GO
-        rests = self.supervisor.step(self._measured, self.wanted, self._state, age, request, self.command)
+        rests = self.supervisor.step(self.measured, self.wanted, self._state, age, request, self.command)
         self._follow_supervisor(rests)
+
+    def record(self, recording: RecordStream, time: float, q: Array) -> None:
+        """Hand the last step over to a recording, and stop the robot if that cannot be written.
+
+        Parameters
+        ----------
+        recording
+            Of the motion.
+        time
+            Since the motion's start, s; increases from step to step.
+        q
+            True joints, shape (n,), rad or m.
+        """
+        sample = self.desired.copy()
+        sample[TIME] = time
+        recording.take(sample, q, self.measured, self.command, self.supervisor.code(self._state))
+        if recording.failure and self.phase is Phase.ACTIVE:
+            self.emergency_stop(recording.failure)
 
     def _ask_law(self, time: float) -> None:
         row = max(round(time / self.law.dt), 0)
         try:
-            pose = self.robot.kinematics(self._measured, self.law.kinematics).pose
+            pose = self.robot.kinematics(self.measured, self.law.kinematics).pose
             self.desired = self.target.sample(time, pose.copy())
-            self.law.step(self._measured, self.desired, row, self._law_state, self.wanted)
+            self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 
@@ -155,7 +183,8 @@ class Control:
             self.reason = ", ".join(words)
             return
         if self.phase in (Phase.ACTIVE, Phase.STOPPING):
-            self.reason, self.phase = ", ".join(words), Phase.STOPPING
+            cause = [f"emergency stop: {self._cause}"] if self._cause else []
+            self.reason, self.phase = ", ".join(cause or words), Phase.STOPPING
             if rests:
                 self.is_commanding = words != ("soft stop",)
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE

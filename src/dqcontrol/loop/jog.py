@@ -10,6 +10,7 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.targets import ByTwist, Speeds
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
@@ -64,6 +65,8 @@ class Jog:
         Of the fastest speeds, that keys ask for.
     of_hand
         Whether they mean the axes of the hand, or those of the base.
+    recording
+        Gets every step, if there is one; when it cannot be written the robot stops.
 
     Raises
     ------
@@ -86,6 +89,7 @@ class Jog:
         self._control.activate(plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt
         self.share, self.of_hand, self._ending = 0.5, False, False
+        self.recording: RecordStream | None = None
 
     @property
     def period(self) -> float:
@@ -101,6 +105,11 @@ class Jog:
     def pose(self) -> Array:
         """Measured pose of the hand, shape (8,), inertial frame."""
         return self._control.robot.fkm(self._plant.measured)
+
+    @property
+    def reason(self) -> str:
+        """What the supervisor does, or why the robot stopped."""
+        return self._control.reason
 
     @property
     def condition(self) -> str:
@@ -150,6 +159,8 @@ class Jog:
             control.emergency_stop()
         age = plant.age if isinstance(plant, AgedPlant) else 0.0
         control.step(self._time, plant.measured.copy(), age)
+        if self.recording:
+            control.record(self.recording, self._done * self._dt, plant.q)
         self._time, self._done = self._time + self._dt, self._done + 1
         if isinstance(plant, CompiledPlant) and self._done % self._steps == 0:
             plant.rewind()

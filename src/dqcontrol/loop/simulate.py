@@ -18,7 +18,7 @@ from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.plant import Plant, command_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
@@ -186,8 +186,7 @@ def supervise(
     dqcontrol.Error
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
-    measured = getattr(plant, "command_mode", None) == "measured"
-    prepared = supervisor.prepare(law.robot, law.dt, "measured" if measured else "integrated")
+    prepared = supervisor.prepare(law.robot, law.dt, command_mode(plant))
     return Supervision(prepared, start, watch)
 
 

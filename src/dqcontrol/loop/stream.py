@@ -26,6 +26,13 @@ _CHUNK = 4096  # bytes before compression, some samples: what a kill costs besid
 _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 
+def prepare_to_record(robot: Robot) -> None:
+    """Import and compile what a recording needs: now, not while the robot moves."""
+    from mcap_ros2.writer import Writer
+
+    _ = Writer, pose_errors.compiled, robot.fkm(np.zeros(robot.configuration_size))
+
+
 class RecordStream:
     """Writes samples to an MCAP file from a thread, some times a second.
 
@@ -71,10 +78,7 @@ class RecordStream:
         self._writer.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._schemas = register(self._writer)
         self._file.flush()
-        _ = (
-            pose_errors.compiled,
-            robot.fkm(np.zeros(robot.configuration_size)),
-        )  # now, not while the robot moves
+        prepare_to_record(robot)
         self._switch = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH)
         self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
@@ -138,7 +142,7 @@ class RecordStream:
         while not self._end.wait(_EVERY):
             try:
                 self._drain()
-            except OSError as error:
+            except Exception as error:  # whatever it is: the robot must not move on unrecorded
                 self.failure = _worded(error)
                 return
 
@@ -170,5 +174,5 @@ class RecordStream:
         self._held = rows[ready:]
 
 
-def _worded(error: OSError) -> str:
-    return f"the recording cannot be written: {error.strerror or error}"
+def _worded(error: Exception) -> str:
+    return f"the recording cannot be written: {getattr(error, 'strerror', None) or error}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
@@ -53,6 +53,16 @@ class AgedPlant(Protocol):
         ...
 
 
+@runtime_checkable
+class TargetPlant(Protocol):
+    """Parameters of a plant whose commands move targets of joint controllers."""
+
+    @property
+    def command_mode(self) -> str:
+        """What they count from."""
+        ...
+
+
 class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a plant.
 
@@ -71,6 +81,12 @@ class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
+
+
+def command_mode(plant: Plant) -> Literal["integrated", "measured"]:
+    """Return what a plant's commands count from: the last target, or the measured joints."""
+    measured = isinstance(plant, TargetPlant) and plant.command_mode == "measured"
+    return "measured" if measured else "integrated"
 
 
 def start_configuration(robot: Robot, q0: ArrayLike) -> Array:

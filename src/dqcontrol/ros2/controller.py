@@ -13,6 +13,7 @@ from dqcontrol.loop.control import Phase
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.following import Following
 from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.recorder import Recorder
 
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
 
@@ -32,11 +33,15 @@ class ControllerNode(Node):
         What it sends: ``velocity``, ``position`` or ``trajectory``.
     autostart
         Whether it starts with the first joint states, and ends when it has followed its reference or was stopped.
+    out, force
+        A new folder that its motions are recorded to; with force it may hold an earlier run. None are if omitted.
 
     Attributes
     ----------
     following
         The configured controller; None before that.
+    recorder
+        What records its motions; None if nothing does.
     ended
         Whether it has nothing more to do.
     outcome
@@ -51,10 +56,14 @@ class ControllerNode(Node):
         source: str = "spec",
         interface: str = "velocity",
         autostart: bool = False,
+        out: Path | None = None,
+        force: bool = False,
     ) -> None:
         super().__init__(name)
         self._spec, self._source, self._interface, self._autostart = spec, source, interface, autostart
+        self._out, self._force = out, force
         self.following: Following | None = None
+        self.recorder: Recorder | None = None
         self.ended, self.outcome, self._is_retiring = False, "", False
         self._diagnostics = Diagnostics(self, self._condition)
         services: dict[str, Callable[[], None]] = {
@@ -85,8 +94,17 @@ class ControllerNode(Node):
         if self.following:
             raise Error("configure: was done before")
         loaded = load(self._spec)
+        if self._out:
+            self.recorder = Recorder(self._out, loaded, force=self._force)
         self.following = Following(
-            self, loaded, self._source, self._interface, self._diagnostics, self._follow_up, self._start
+            self,
+            loaded,
+            self._source,
+            self._interface,
+            self._diagnostics,
+            self._follow_up,
+            self._start,
+            self.recorder,
         )
         self._diagnostics.tell(f"configured: {loaded.robot.name}, {loaded.period * 1e3:g} ms")
 
@@ -127,6 +145,8 @@ class ControllerNode(Node):
             if phase is Phase.INACTIVE and before is Phase.STOPPING:
                 self.outcome = "interrupted" if self._is_retiring else "duration"
             self._diagnostics.tell(f"{phase.value}{f': {control.reason}' if control.reason else ''}")
+        if self.recorder and phase in (Phase.INACTIVE, Phase.STOPPED):
+            self.recorder.end(phase, self.outcome)
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)
 
     def _start(self) -> None:

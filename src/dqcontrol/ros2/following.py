@@ -21,7 +21,7 @@ from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.pace import Pace
 from dqcontrol.ros2.parameters import declare, number, on_change, read_once
-from dqcontrol.ros2.trace import Tracer
+from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
 
 Array = NDArray[np.float64]
@@ -46,13 +46,13 @@ class Following:
         Called with the phase before, when it has changed.
     ready
         Called with each joint states while inactive, once they have come steadily for half a second.
+    recorder
+        What records its motions, if they are to be kept.
 
     Attributes
     ----------
     control
         Law, supervisor and phase.
-    tracer
-        What happened since the last start.
     """
 
     def __init__(
@@ -64,16 +64,18 @@ class Following:
         diagnostics: Diagnostics,
         changed: Callable[[Phase], None],
         ready: Callable[[], None],
+        recorder: Recorder | None = None,
     ) -> None:
         self.loaded, self._source, self._interface = loaded, source, interface
-        self._diagnostics, self._changed, self._ready = diagnostics, changed, ready
+        self._diagnostics, self._changed, self._ready, self._recorder = diagnostics, changed, ready, recorder
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control, self.tracer = Control(law, self.target, supervisor), Tracer()
+        self.control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._origin = self._time = self._steady_since = 0.0
+        self._origin = self._time = self._steady_since = self._watched = 0.0
+        self._slept = False
         self._joints = self._joint_names()
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
@@ -108,8 +110,10 @@ class Following:
         heard, stamp, measured = self._latest
         if self._source == "spec":
             self._check_start(measured)
+        if self._recorder and self.control.phase is Phase.INACTIVE:
+            self._recorder.start()
         self.control.activate(measured)
-        self.tracer, self._origin = Tracer(), stamp
+        self._origin = stamp
         self._pace.start(heard, stamp)
         self._step(0.0, measured, now)
 
@@ -153,6 +157,8 @@ class Following:
 
     def _hear_joints(self, message: JointState) -> None:
         now = time.monotonic()
+        if not self.control.is_commanding and self.age > self._longest_silence:
+            self._stamps.forget()  # the robot may have begun anew, with another clock
         measured = by_name("joint states", list(message.name), list(message.position), self._joints)
         stamp = self._stamps.check(nanoseconds(message.header.stamp)) / NANOSECONDS
         if self.age > self._longest_silence:
@@ -177,6 +183,10 @@ class Following:
     def _watch(self) -> None:
         """Go on without joint states: the supervisor stops when they stay away."""
         now = time.monotonic()
+        self._slept = now - self._watched > self.loaded.period and not self._slept
+        self._watched = now
+        if self._slept:  # this process, not the robot: what came meanwhile is heard first
+            return
         if self.control.is_commanding and self._pace.is_overdue(now):
             self._step(self._time + self.loaded.period, None, now)
 
@@ -185,8 +195,8 @@ class Following:
         self._time = at
         control.step(at, measured, self._pace.age(now))
         self._commands.send(control.position, control.rate)
-        if measured is not None and control.phase is Phase.ACTIVE:
-            self.tracer.take(at, measured, control.command, control.desired)
+        if self._recorder:
+            self._recorder.take(control, at)
         if control.phase is not before:
             self._changed(before)
 

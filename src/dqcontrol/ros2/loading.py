@@ -16,6 +16,7 @@ from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
+from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -54,11 +55,6 @@ class Loaded:
         """Control period, s."""
         return self.setting.spec.period
 
-    @property
-    def command_mode(self) -> str:
-        """What the plant's servos move from: their last target, or the measured joints."""
-        return getattr(self.case.plant, "command_mode", "integrated")
-
     def target(self, source: str) -> Target:
         """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
         if source == "spec":
@@ -92,7 +88,7 @@ class Loaded:
         return limits.prepare(self.robot, self.period, mode), mode == "measured"
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
-        return "measured" if interface != "velocity" and self.command_mode == "measured" else "integrated"
+        return command_mode(self.case.plant) if interface != "velocity" else "integrated"
 
 
 def load(source: str | Path) -> Loaded:

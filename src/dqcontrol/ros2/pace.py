@@ -4,6 +4,7 @@ from __future__ import annotations
 
 _MOST = 1.5  # steps that may be saved up: a message half a period late or early costs none
 _SILENCE = 1.4  # periods without a message after which steps are taken without one
+_DRIFT = 1e-3  # by which two clocks may differ in speed: without it, one that is slow would seem ever later
 
 
 class Pace:
@@ -35,8 +36,9 @@ class Pace:
 
     def hear(self, now: float, stamp: float) -> bool:
         """Note a message; return whether a step may be taken."""
+        drifted = self._offset + _DRIFT * (now - self._heard)
         self._heard, self._stamp = now, stamp
-        self._offset = min(self._offset, now - stamp)
+        self._offset = min(drifted, now - stamp)
         return self._take(now)
 
     def is_overdue(self, now: float) -> bool:

@@ -26,6 +26,17 @@ _FIELDS = {STATES: "position", MEASURED: "position", COMMAND: "velocity", SAMPLE
 _POLL = 0.05  # s
 
 
+def growing_recording(path: Path) -> Path | None:
+    """Return the recording that a path stands for, if its run may go on; None for folders with results, or of no run.
+
+    A path of a recording stands for itself.
+    """
+    if path.suffix == ".mcap":
+        return path
+    inner = path / "record.mcap"
+    return inner if inner.is_file() and not (path / "metrics.json").exists() else None
+
+
 class GrowingRecording:
     """Reads a recording while it is written, by `RecordStream` in this process or another one.
 

@@ -1,0 +1,82 @@
+"""The folder of a run that fills while a robot moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.errors import Error
+from dqcontrol.experiments.output import MARK, check_new, new_folder, note_contents
+from dqcontrol.experiments.run import Run
+from dqcontrol.loop.stream import RecordStream, prepare_to_record
+from dqcontrol.robots import Robot
+
+RECORD = "record.mcap"
+
+
+class StreamedRun:
+    """A folder with spec and recording from the moment the robot moves: whatever ends it, these stay.
+
+    Parameters
+    ----------
+    folder
+        A new folder; made with the first recording.
+    robot
+        Which moves.
+    spec
+        Text of the run's spec.
+    force
+        Replace the folder, if it holds an earlier run.
+
+    Raises
+    ------
+    ExistsError
+        If the folder exists (and is not an earlier run, with ``force``).
+    """
+
+    def __init__(self, folder: str | Path, robot: Robot, spec: str, *, force: bool = False) -> None:
+        check_new(folder, force=force)
+        self.folder, self._robot, self._spec, self._force = Path(folder), robot, spec, force
+        self._count = 0
+        prepare_to_record(robot)
+
+    @property
+    def path(self) -> Path:
+        """Of the last recording."""
+        return self.folder / RECORD
+
+    def record(self) -> RecordStream:
+        """Begin a recording; an earlier one stays beside it under its number.
+
+        Raises
+        ------
+        Error
+            If it cannot be written.
+        """
+        try:
+            if not self._count:
+                with new_folder(self.folder, force=self._force) as new:
+                    (new / MARK).write_text(self._spec, encoding="utf-8")
+            else:
+                self.path.rename(self.folder / f"record-{self._count}.mcap")
+            self._count += 1
+            recording = RecordStream(self.path, self._robot, self._spec)
+            note_contents(self.folder)
+        except OSError as error:
+            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None
+        return recording
+
+    def complete(self, run: Run) -> None:
+        """Write what came of the last recording, with all that was not streamed, in its place.
+
+        Raises
+        ------
+        Error
+            If it cannot be written; the recording is then still there.
+        """
+        try:
+            streamed = self.path.rename(self.folder / "streamed.mcap")
+            run.write(self.folder)
+            streamed.unlink()
+            note_contents(self.folder)
+        except OSError as error:
+            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None

@@ -1,0 +1,86 @@
+"""What a controller measured and commanded: recorded while the robot moves, and in the end a run like any other."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from pathlib import Path
+
+from dqcontrol.errors import Error
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.loop import RecordStream, load_record
+from dqcontrol.loop.control import Control, Phase
+from dqcontrol.ros2.loading import Loaded
+
+
+class Recorder:
+    """Streams each motion of a controller to a run's folder.
+
+    Parameters
+    ----------
+    folder
+        A new folder.
+    loaded
+        The spec.
+    force
+        Replace the folder, if it holds an earlier run.
+
+    Raises
+    ------
+    ExistsError
+        If the folder exists (and is not an earlier run, with ``force``).
+    """
+
+    def __init__(self, folder: Path, loaded: Loaded, *, force: bool = False) -> None:
+        self._loaded = loaded
+        text = loaded.setting.single_text(loaded.case, 0)
+        self._streamed = StreamedRun(folder, loaded.robot, text, force=force)
+        self._stream: RecordStream | None = None
+        self._is_open, self._last = False, -math.inf
+
+    def start(self) -> None:
+        """Begin the recording of a motion; that of an earlier one stays beside it.
+
+        Raises
+        ------
+        Error
+            If it cannot be written.
+        """
+        if not self._is_open:  # or the last start failed
+            self._stream, self._last, self._is_open = self._streamed.record(), -math.inf, True
+
+    def take(self, control: Control, time: float) -> None:
+        """Record the controller's last step, at a time since the start, s; what comes after the reference is left out.
+
+        Messages give the times, so one may not be later than the last.
+        """
+        if self._stream and self._is_open and time > self._last and not control.target.is_over(time):
+            self._last = time
+            control.record(self._stream, time, control.measured)
+
+    def end(self, phase: Phase, outcome: str) -> None:
+        """Close the recording of a motion that ended in a phase, for a reason."""
+        if self._stream and self._is_open:
+            self._is_open = False
+            halted = f"halted at {max(self._last, 0.0):g} s: " if phase is Phase.STOPPED else ""
+            with suppress(Error):  # `save` says it, and the robot was stopped for it
+                self._stream.close(halted + outcome)
+
+    def save(self) -> Path:
+        """Judge the last motion by what was measured, and return the folder with all that a run has.
+
+        Raises
+        ------
+        Error
+            If there was none, or its recording could not be written.
+        """
+        if not self._stream or self._last < 0:
+            raise Error("ros2: the controller was never active, so there is nothing to save")
+        if self._stream.failure:
+            raise Error(f"{self._stream.path}: {self._stream.failure}")
+        loaded, record = self._loaded, load_record(self._stream.path)
+        text = loaded.setting.single_text(loaded.case, 0)
+        run = Run(text, loaded.robot, record, loaded.setting.spec.settle, "ROS 2", "measured")
+        self._streamed.complete(run)
+        return self._streamed.folder

@@ -1,0 +1,94 @@
+"""The recording of a controller's motion: watched while it grows, killed, and on a full disk."""
+
+import signal
+import time
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
+
+from conftest import PATIENT
+
+from dqcontrol.cli.view import _follow, _take_news
+from dqcontrol.errors import Error
+from dqcontrol.experiments import load_run
+from dqcontrol.limits import list_interventions
+from dqcontrol.loop import load_record
+from dqcontrol.loop.control import Control, Phase
+from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.recorder import Recorder
+from dqcontrol.view.browser import growing_recording
+
+CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
+
+
+def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_and_a_full_disk_stops_it(
+    spec, start, tmp_path
+):
+    out, path = tmp_path / "out", spec(reference=CIRCLE)
+    start("robot", path, until="serves")
+    controller = start("controller", path, "--autostart", "--out", out, *PATIENT, until="active")
+    active, tracks = time.monotonic(), []
+    following = _follow(growing_recording(out), "loop", tracks)
+    growing, track = following
+    for _ in range(4):
+        before, end = len(track.record), time.monotonic() + 10.0
+        while len(track.record) == before:
+            assert time.monotonic() < end
+            assert _take_news([following], None)
+            time.sleep(0.02)
+    assert time.monotonic() - active - track.record.time[-1] < 1.5  # half a second on a quiet machine
+    controller.send_signal(signal.SIGKILL)
+    killed = time.monotonic() - active
+    controller.wait()
+    growing.close()
+    record = load_run(out).record
+    assert record.time[-1] > killed - 1.0
+    assert record.stopped.startswith("cut off at")
+    assert record.position_error.max() < 0.05
+
+    words = (
+        "controller",
+        path,
+        "--autostart",
+        "--out",
+        out,
+        "--force",
+        *PATIENT,
+        "-p",
+        "start_tolerance:=1.0",
+    )
+    log, _ = start(*words, file_limit=40_000).communicate(timeout=60)
+    assert "stopped: emergency stop: the recording cannot be written: File too large" in log
+    assert log.splitlines()[-1] == (
+        f"dqcontrol: {out}/record.mcap: the recording cannot be written: File too large"
+    )
+    assert 20 < len(load_record(out / "record.mcap")) != len(record)
+
+
+def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_beside_it(spec, tmp_path):
+    loaded = load(spec(reference=CIRCLE))
+    control = Control(
+        loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor("velocity")
+    )
+    recorder, start = Recorder(tmp_path / "out", loaded), loaded.case.scene.start
+    with pytest.raises(Error, match="never active"):
+        recorder.save()
+    for motion in (1, 2):
+        recorder.start()
+        control.activate(start)
+        for k in range(200):
+            if k == 30 and motion == 1:
+                control.deactivate()
+            elif k == 30:
+                control.emergency_stop()
+            control.step(0.01 * k, start, 0.0)
+            recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
+            if control.phase in (Phase.INACTIVE, Phase.STOPPED):
+                break
+        recorder.end(control.phase, control.reason)
+    record, first = (load_record(tmp_path / "out" / f"{name}.mcap") for name in ("record", "record-1"))
+    assert first.stopped == "soft stop"
+    assert record.stopped == f"halted at {record.time[-1]:g} s: emergency stop"
+    told = list_interventions(record.time, record.readings["interventions"].values)
+    assert told[-1] == (0.3, record.time[-1], "emergency stop")
