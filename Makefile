@@ -4,13 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
 
-.PHONY: demo test test-all lint chromium format bench clean
+.PHONY: demo test test-all lint docs gallery chromium format bench clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
 	@echo "make test      check style and types, run the tests"
 	@echo "make test-all  also the long tests"
+	@echo "make docs      build the documentation as a site: results/docs/index.html"
 	@echo "make bench     compare speed with Pinocchio, MuJoCo, DQ Robotics, Pink, Mink and C, physics with real time"
 	@echo "make clean     remove the environment and the results of the demo"
 
@@ -31,7 +32,7 @@ $(VENV)/demo: $(VENV)/created pyproject.toml
 
 $(VENV)/test: $(VENV)/created pyproject.toml
 	@echo "installing dqcontrol with everything that its tests compare it with"
-	@$(PIP) -e '.[physics,robots,ros2,coppeliasim,test]'
+	@$(PIP) -e '.[physics,robots,ros2,coppeliasim,docs,test]'
 	@touch $@
 
 chromium:
@@ -53,6 +54,14 @@ test: lint chromium
 
 test-all: lint chromium
 	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
+
+docs: $(VENV)/test
+	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs
+	@echo "results/docs/index.html"
+
+gallery: $(VENV)/test
+	@for program in $(wildcard examples/[0-9]*.py); do \
+	  (cd docs/pictures/examples && "$(CURDIR)/$(BIN)/python" "$(CURDIR)/$$program") || exit 1; done
 
 PEERS := $(VENV)-bench
 

@@ -14,13 +14,6 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/mobile-physics.md").read_text()
 
 
-def test_python_on_the_page_prints_what_it_says(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    exec(compile(code, "page", "exec"), {"__name__": "__main__"})
-    (promised,) = re.findall(r"print\(.*\) +# (.*)", code)
-    assert capsys.readouterr().out.strip() == promised
-
-
 def test_plant_on_the_page_is_a_plant():
     (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
     plant = convert("page", parse_yaml("page", text)["plant"], MobilePlant)

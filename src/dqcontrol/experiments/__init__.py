@@ -1,6 +1,12 @@
 """Experiments: specs, runs, studies, metrics and tables."""
 
-from dqcontrol.experiments.attenuation import Attenuation, Gammas, attenuation, attenuation_table
+from dqcontrol.experiments.attenuation import (
+    Attenuation,
+    Gammas,
+    PremiseError,
+    attenuation,
+    attenuation_table,
+)
 from dqcontrol.experiments.attenuation_cases import verify_attenuation
 from dqcontrol.experiments.check import Checks, LoopCheck, check
 from dqcontrol.experiments.comparison import summary
@@ -36,6 +42,7 @@ __all__ = [
     "LoopCheck",
     "Metrics",
     "PlusMinus",
+    "PremiseError",
     "Ranking",
     "Run",
     "Spec",

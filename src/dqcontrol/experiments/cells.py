@@ -67,7 +67,7 @@ class Column:
     unit
         Shown with the heading; empty for none.
     format
-        Format of its floating-point numbers, as for `format`; integers and texts stand as they are.
+        Format of its floating-point numbers, as for Python's ``format``; integers and texts stand as they are.
     """
 
     title: str

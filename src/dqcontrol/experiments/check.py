@@ -208,7 +208,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed, does not fit or is out of reach.
 
     Examples

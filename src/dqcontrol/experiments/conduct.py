@@ -47,7 +47,7 @@ def run_study(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed, does not fit or is out of reach; before anything moves.
 
     Examples
@@ -93,7 +93,7 @@ def run_study_to(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         As for `run_study`, or if the folder must not be written.
     """
     setting, target = prepare(source), Path(folder)

@@ -109,7 +109,7 @@ def run_sweep_to(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed, does not fit or is out of reach, at the first point or with any end of a
         range or value of a list in it; or if the folder must not be written, or nobody answers at the address.
     """

@@ -119,7 +119,7 @@ def evaluate_log(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed or does not fit.
 
     Examples

@@ -46,7 +46,7 @@ def prepare_jog(source: str, poses: PointsWriter | None = None, speeds: Speeds |
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed or does not fit, or the law needs a reference.
     """
     return _start(_setting(source), poses, speeds)

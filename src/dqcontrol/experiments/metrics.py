@@ -124,7 +124,7 @@ class Metrics:
     peak_contact
         Largest force of an obstacle on the hand, N; NaN without obstacles.
     recovery_time
-        From the end of the last contact until the hand is back where it was, s; see `contact.recovery_time`.
+        From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
     outside_range
         How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
         see `task_range`. NaN without differential drives.

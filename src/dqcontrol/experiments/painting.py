@@ -93,7 +93,7 @@ def paint(
     ------
     ReachError
         If the drawing is too wide; the message says how wide it may be.
-    dqcontrol.Error
+    Error
         If the file cannot be drawn or an argument does not fit.
     """
     pens = _pens(drawing)

@@ -42,7 +42,7 @@ def run_in_real_time(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed or does not fit, before anything moves; or the robot fails.
     """
     setting = prepare(source)

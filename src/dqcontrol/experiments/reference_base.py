@@ -89,7 +89,7 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If the values do not fit together or a file cannot be read.
         """
         timings = [

@@ -127,7 +127,7 @@ class Run:
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If the suffix is unknown, the file exists (without ``force``), or a library is missing.
         """
         from dqcontrol.loop.export import export_record
@@ -250,7 +250,7 @@ def run(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed, does not fit or is out of reach; before anything moves.
 
     Examples

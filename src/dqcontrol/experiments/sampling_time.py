@@ -76,7 +76,7 @@ def sampling_times(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something does not fit; before anything moves.
 
     Examples

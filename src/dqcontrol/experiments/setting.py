@@ -156,7 +156,7 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed, does not fit or is out of reach.
     """
     spec, folder = read_spec(source)

@@ -91,7 +91,7 @@ class Study:
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``spec.yaml``, tables and comparison plots, and what was kept of each trial.
 
-        Without repeats and with records in memory: a folder a run. Otherwise ``runs.parquet`` with `rows`, and with
+        Without repeats and with records in memory: a folder a run. Otherwise ``runs.parquet`` with its rows, and with
         records ``runs/LABEL/REPEAT``.
 
         Parameters

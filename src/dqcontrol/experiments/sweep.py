@@ -115,7 +115,7 @@ class Sweep:
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If it is malformed, does not fit or is out of reach.
         """
         data = copy.deepcopy(self.data) | {"record": "metrics"}
@@ -128,7 +128,7 @@ class Sweep:
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If one is malformed, does not fit or is out of reach.
         """
         for point in self.sampling.ends():
@@ -204,7 +204,7 @@ def read_sweep(source: str | Path | dict[str, Any]) -> Sweep:
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If it is missing or malformed, or a key cannot vary.
     """
     where, data, folder = read_data(source)

@@ -75,7 +75,7 @@ class Table:
         return [any(isinstance(row[i], PlusMinus) for row in self.rows) for i in range(len(self.columns))]
 
     def rich(self) -> RichTable:
-        """Return it for `rich.print`, safe against markup in cells."""
+        """Return it for ``rich.print``, safe against markup in cells."""
         from rich.table import Table as RichTable
         from rich.text import Text
 

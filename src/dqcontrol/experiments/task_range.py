@@ -51,7 +51,7 @@ class TaskRange:
 
     @classmethod
     def recorded(cls, record: Record) -> TaskRange:
-        """Return what `with_range` wrote into a record."""
+        """Return what ``with_range`` wrote into a record."""
         return cls(record.time, *record.readings[RANGE].values.T)
 
 

@@ -198,7 +198,7 @@ _PARTS = {"position": position_proportional, "rotation": rotation_proportional, 
 
 
 class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportional"):
-    """P on a part of the pose; what is left free may serve a `null_space` motion. [P16 2.2.2]
+    """P on a part of the pose; what is left free may serve a ``null_space`` motion. [P16 2.2.2]
 
     ``position``: q̇ = J_p⁺ k (p_d − p); ``rotation``: orientation only, tan(θ/4) ∝ exp(−kt); ``axis``: only the
     direction of one axis of the hand, q̇ = J_l⁺ k (l_d − l), for tools that are symmetric about it. With ideal joints

@@ -33,7 +33,7 @@ _MOST_STEPS = 10_000_000
 
 
 class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """Parameters of a control law; subclasses name a kernel of signature `LAW`."""
+    """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
 
     kernel: ClassVar[Kernel | InterpretedKernel]
     null_space: AnyNullSpace | None = None
@@ -80,7 +80,7 @@ class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fi
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If a parameter is not allowed; nothing is raised later for that reason.
         """
         dt = as_positive("dt", dt)
@@ -108,7 +108,7 @@ class PreparedLaw:
     Attributes
     ----------
     kernel
-        Compiled function of signature `LAW`.
+        Compiled function of signature ``LAW``.
     parameters
         One row a sample, or one row for all, shape (K, p).
     dt

@@ -47,7 +47,7 @@ class Intervention(NamedTuple):
     start, end
         s.
     reason
-        One of `REASONS`.
+        One of ``REASONS``.
     """
 
     start: float

@@ -68,7 +68,7 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If one is not allowed, or the robot has no limits to keep.
         """
         raise NotImplementedError

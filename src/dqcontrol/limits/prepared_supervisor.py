@@ -102,7 +102,7 @@ class PreparedSupervisor:
         age
             Of the measurement, s.
         request
-            `GO`, `END` (soft stop), `STOP` (emergency stop) or `RESET` (go on after a stop, once it rests).
+            ``GO``, ``END`` (soft stop), ``STOP`` (emergency stop) or ``RESET`` (go on after a stop, once it rests).
         out
             Written in place and returned, if given, shape (m,).
 

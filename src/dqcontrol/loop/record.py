@@ -67,7 +67,7 @@ class Record:
     pose
         End pose of ``q``, shape (N, 8), inertial frame, m.
     desired
-        Samples of the reference, shape (N, 21): pose, twist, twist rate and time as in `Sample.data`.
+        Samples of the reference, shape (N, 21): pose, twist, twist rate and time as in ``Sample.data``.
     joint_names
         n names of the configuration variables.
     input_names

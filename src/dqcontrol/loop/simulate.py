@@ -83,7 +83,7 @@ def simulate(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something does not fit, or the very first command fails.
 
     Examples
@@ -183,7 +183,7 @@ def supervise(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
     prepared = supervisor.prepare(law.robot, law.dt, command_mode(plant))

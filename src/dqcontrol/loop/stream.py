@@ -92,7 +92,7 @@ class RecordStream:
         Parameters
         ----------
         sample
-            As of `Sample.data`, shape (21,); the time increases.
+            As of ``Sample.data``, shape (21,); the time increases.
         q, measured
             True and measured configuration, shape (n,), rad or m.
         command

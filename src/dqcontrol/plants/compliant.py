@@ -157,7 +157,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         ------
         MissingExtraError
             If mujoco is not installed.
-        dqcontrol.Error
+        Error
             If something does not fit the robot, or its motors cannot hold it at q0.
         """
         from dqcontrol.plants.compliant_live import LiveCompliant

@@ -65,7 +65,7 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something does not fit the robot, or its motors cannot hold it at q0.
     """
     mujoco = import_mujoco()

@@ -58,7 +58,7 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If CoppeliaSim does not answer, has no such joint, or another time step.
         """
         start = start_configuration(robot, q0)

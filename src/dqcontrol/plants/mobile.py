@@ -112,7 +112,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         ------
         MissingExtraError
             If mujoco is not installed.
-        dqcontrol.Error
+        Error
             If the robot has another base, or something does not fit it.
         """
         drive, arm = self._taken_apart(robot)
@@ -135,7 +135,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         return live
 
     def picture_model(self, robot: Robot) -> Any:
-        """Return an ``mjSpec`` of robot, gripper and scene; what `LiveMobile` moves."""
+        """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
         return self._spec(robot, *self._taken_apart(robot))
 
     def _taken_apart(self, robot: Robot) -> tuple[DifferentialDrive, SerialArm | None]:

@@ -82,7 +82,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If an argument or a parameter does not fit.
         """
         q0, dt = start_configuration(robot, q0), as_positive("dt", dt)

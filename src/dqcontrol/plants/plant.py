@@ -106,7 +106,7 @@ def whole_periods(field: str, seconds: float, dt: float) -> int:
 
 
 class CompiledPlant:
-    """A plant whose step is a compiled function of signature `PLANT`.
+    """A plant whose step is a compiled function of signature ``PLANT``.
 
     Attributes
     ----------

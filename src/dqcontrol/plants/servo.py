@@ -81,7 +81,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
         Raises
         ------
-        dqcontrol.Error
+        Error
             If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
             what is said of one.
         """

@@ -116,7 +116,7 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If a parameter is out of range, or there is sag.
     """
     driven = body.in_form("constrained") if isinstance(body, WholeBody) else body

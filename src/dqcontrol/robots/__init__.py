@@ -9,6 +9,7 @@ from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
 from dqcontrol.robots.urdf import load_urdf
 from dqcontrol.robots.whole_body import WholeBody
+from dqcontrol.robots.whole_body_file import WholeBodyFile
 
 __all__ = [
     "Description",
@@ -23,6 +24,7 @@ __all__ = [
     "SerialArm",
     "Solution",
     "WholeBody",
+    "WholeBodyFile",
     "describe",
     "load_robot",
     "load_robot_file",

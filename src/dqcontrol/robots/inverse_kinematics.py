@@ -27,7 +27,7 @@ _NEARLY_SINGULAR = 1e-2  # smallest singular value of the hand's Jacobian
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What `SerialArm.solve` found; for a batch of poses every field is an array with the batch's axes.
+    """What `Robot.solve` found; for a batch of poses every field is an array with the batch's axes.
 
     Attributes
     ----------

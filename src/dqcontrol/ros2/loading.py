@@ -96,7 +96,7 @@ def load(source: str | Path) -> Loaded:
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If something is missing, malformed or does not fit, or it describes several runs or a mobile base.
     """
     setting = prepare(source)

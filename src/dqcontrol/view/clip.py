@@ -131,7 +131,7 @@ def render_strip(
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         As `render_clip`.
     """
     target = _target(path, (".png",), overwrite)

@@ -143,7 +143,10 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     units
         ``"rad"`` or ``"m"`` for each input, meaning rad/s or m/s; rad if omitted. Each unit has its panel.
 
-    Raises `ShapeError` or `UnknownNameError` if the units do not fit the record, or one is neither.
+    Raises
+    ------
+    ShapeError, UnknownNameError
+        If the units do not fit the record, or one is neither.
     """
     units = _units("units", units, record.input_names)
     kinds = [unit for unit in ("rad", "m") if unit in units]

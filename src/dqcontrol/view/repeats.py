@@ -39,7 +39,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     Parameters
     ----------
     rows
-        Of a study; see `dqcontrol.experiments.repeats`.
+        Of a study; see ``dqcontrol.experiments.repeats``.
     key
         Name of a number as in `Metrics.flat`.
     level
@@ -99,7 +99,7 @@ def gain_figure(
     Parameters
     ----------
     rows
-        Of a study; see `dqcontrol.experiments.repeats`.
+        Of a study; see ``dqcontrol.experiments.repeats``.
     over
         Name of a label: ``"set"`` in the order of the rows, or a parameter as ``"parameter.gain"``. Runs without it are
         left out.

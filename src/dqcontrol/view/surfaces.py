@@ -92,7 +92,7 @@ def surface_figure(
     Parameters
     ----------
     rows
-        Of a study; see `dqcontrol.experiments.repeats`. Runs without both parameters are left out.
+        Of a study; see ``dqcontrol.experiments.repeats``. Runs without both parameters are left out.
     x, y
         Names of parameters in the rows, as ``"parameter.error_weight"``.
     keys

@@ -142,7 +142,7 @@ class LiveRun:
 
     Raises
     ------
-    dqcontrol.Error
+    Error
         If the spec is wrong, or describes several runs.
     """
 

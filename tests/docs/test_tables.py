@@ -1,61 +1,10 @@
-"""The README and the documents say what is true: their Python runs, their commands exist, their table is the demo's."""
-
-import re
-import subprocess
-import sys
-from pathlib import Path
+"""Tables in the README and the tutorial are those that come out; what the examples are there to show is so."""
 
 import pytest
+from page_blocks import PAGES, ROOT, blocks
 
+import dqcontrol as dqc
 from dqcontrol import experiments
-
-ROOT = Path(__file__).parent.parent
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-# The others bring files, and tests of their own.
-RUN_HERE = ("README.md", "experiments.md", "laws.md", "real-time.md", "statistics.md")
-BLOCKS = [
-    pytest.param(match[1], id=f"{path.name}-{i}")
-    for path in DOCUMENTS
-    if path.name in RUN_HERE
-    for i, match in enumerate(re.finditer(r"```python\n(.*?)```", path.read_text(), re.DOTALL))
-]
-
-
-@pytest.mark.parametrize("code", BLOCKS)
-def test_python_in_documents_runs(code, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    exec(compile(code, "document", "exec"), {"__name__": "__main__"})
-    printed = capsys.readouterr().out
-    for promised in re.findall(r"print\(.*\) +# (\S+)$", code, re.MULTILINE):
-        assert promised in printed
-
-
-def test_commands_in_the_readme_exist():
-    commands = re.findall(
-        r"^\$ dqcontrol (.*?)(?:  +#.*)?$", "".join(p.read_text() for p in DOCUMENTS), re.MULTILINE
-    )
-    assert commands
-    for command in {line.split()[0] for line in commands}:
-        done = subprocess.run(
-            [sys.executable, "-m", "dqcontrol", command, "--help"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        assert f"dqcontrol {command}" in done.stdout
-    for file in re.findall(r"examples/[\w./-]+", "".join(p.read_text() for p in DOCUMENTS)):
-        assert (ROOT / file).exists(), file
-
-
-def test_every_page_with_code_or_commands_has_a_test():
-    """Each is named by a test, which runs what stands there."""
-    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
-    for path in DOCUMENTS:
-        if re.search(r"^ *```(python|console)$", path.read_text(), re.MULTILINE):
-            named = path.name in tests or f'"{path.stem}"' in tests
-            assert named, f"{path.name}: no test runs its code"
 
 
 @pytest.fixture(scope="module")
@@ -130,3 +79,19 @@ def test_open_loop_drifts_on_creeping_joints_and_closed_loop_does_not():
     assert end["K+FF · creeping"] == pytest.approx(3.6e-4, rel=0.02)
     assert end["open · creeping"] > 50 * end["K+FF · creeping"]
     assert end["open · ideal"] < 1e-4
+
+
+def test_table_of_the_tutorial(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    (spec,) = [block.text for block in blocks("tutorial.md") if block.name == "mine.yaml"]
+    (tmp_path / "mine.yaml").write_text(spec, encoding="utf-8")
+    text = PAGES["tutorial.md"].read_text(encoding="utf-8")
+    shown = text.partition("<!-- tutorial table: begin -->")[2].partition("<!-- tutorial")[0]
+    table = dqc.run_study("mine.yaml").table().markdown()
+    for cell, own in zip(cells(shown), cells(table), strict=True):
+        assert cell == own or float(cell) == pytest.approx(float(own), rel=0.02, abs=1e-3)
+
+
+def cells(table):
+    return [cell.strip() for row in table.splitlines() if row.startswith("| ") for cell in row.split("|")]

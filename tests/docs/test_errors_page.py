@@ -11,7 +11,7 @@ import pytest
 from dqcontrol import compile as compiling
 from dqcontrol import errors
 
-PAGE = (Path(__file__).parents[1] / "docs/errors.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^##+ (\w+(?:Error|Warning))\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE))
 PHYSICS = ("SafetyWarning",)
 

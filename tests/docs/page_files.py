@@ -1,0 +1,75 @@
+"""What lies in the reader's folder before a page is done: the examples, and what stands for the reader's own files."""
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+from log_files import EPOCH, joint_state, numbers, pose_stamped, write_bag, write_mcap
+from page_blocks import ROOT, blocks
+
+import dqcontrol as dqc
+from dqcontrol.yaml_file import parse_yaml
+
+CIRCLE = {
+    "name": "own",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.02,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 2},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "integrator"},
+}
+
+
+def prepare(page: str, folder: Path) -> None:
+    """Put all files there that the page takes for granted."""
+    (folder / "examples").mkdir()
+    for path in (ROOT / "examples").iterdir():
+        (folder / "examples" / path.name).symlink_to(path)
+    for block in blocks(page):
+        if block.name:
+            (folder / block.name).write_text(block.text, encoding="utf-8")
+    _OWN_FILES.get(page, lambda _: None)(folder)
+
+
+def _demo(folder: Path) -> None:
+    """Results of the demo, shorter and without physics."""
+    spec = parse_yaml("demo", (ROOT / "examples/demo.yaml").read_text(encoding="utf-8"))
+    spec |= {"duration": 1.0, "settle": 0, "plants": {"servo": spec["plants"]["servo"]}}
+    (folder / "examples" / "short.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
+    dqc.run_study(folder / "examples" / "short.yaml").save(folder / "results" / "demo")
+
+
+def _short_sweep(folder: Path) -> None:
+    """The example with 16 points instead of 512."""
+    path = folder / "examples" / "sweep.yaml"
+    text = path.read_text(encoding="utf-8")
+    assert "points: 512" in text
+    path.unlink()
+    path.write_text(text.replace("points: 512", "points: 16"), encoding="utf-8")
+
+
+def _readme(folder: Path) -> None:
+    _demo(folder)
+    _short_sweep(folder)
+
+
+def _logs(folder: Path) -> None:
+    """One run as a user's recordings would hold it."""
+    run = dqc.run(CIRCLE)
+    run.save(folder / "results" / "circle")
+    names, messages = list(run.record.joint_names), []
+    for k, time in enumerate(run.time):
+        stamp = EPOCH + round(time * 1e9)
+        position = run.record.desired_position[k]
+        messages.append(("/joint_states", stamp, joint_state(stamp, names, run.q[k])))
+        messages.append(("/velocity_controller/commands", stamp, numbers(run.command[k])))
+        messages.append(("/target", stamp, pose_stamped(stamp, position, run.desired[k, :4])))
+    write_bag(folder / "bag", messages)
+    write_mcap(folder / "log.mcap", messages)
+    taught = np.column_stack([run.time, run.q])
+    header = "time," + ",".join(f"q{i + 1}" for i in range(7))
+    np.savetxt(folder / "taught.csv", taught, delimiter=",", header=header, comments="")
+
+
+_OWN_FILES = {"README.md": _readme, "sweeps.md": _short_sweep, "own-data.md": _logs}

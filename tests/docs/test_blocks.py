@@ -1,0 +1,158 @@
+"""The README and the pages do what they say: each block is run as a reader runs it, from top to bottom, in one folder.
+
+A command is run, or begins as one of NOT_RUN, with the reason; then at least its options, targets and extras exist.
+What takes long waits for the slow tests.
+"""
+
+import math
+import re
+import shlex
+import sys
+import tomllib
+
+import pytest
+from cyclopts import MissingArgumentError
+from page_blocks import PAGES, ROOT, blocks, inline_commands
+from page_files import prepare
+from page_specs import PageSpec
+
+from dqcontrol import cli
+
+NOT_RUN = {
+    "git clone": "the reader's own copy",
+    "python3 -m venv": "installs",
+    "pip install": "installs",
+    "make demo": "installs; what it runs, test_tables.py runs",
+    "make test": "is what runs this",
+    "ros2 ": "needs a ROS 2 installation",
+    "ssh ": "needs another computer",
+    "dqcontrol ros2": "goes on until it is stopped: tests/ros2",
+    "dqcontrol jog": "waits for keys: tests/test_cli_jog.py",
+    "dqcontrol view": "waits for a browser: tests/view/test_browser_page.py",
+}
+SLOW = {  # parts of commands and of Python
+    "README.md": ("run examples/", "reproduce", "paint"),
+    "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
+    "mobile-bases.md": ("run examples/",),
+    "mobile-physics.md": ("run examples/",),
+    "own-data.md": ("results/mine", "results/from-python"),
+    "painting.md": ("dqcontrol paint",),
+    "pereira2016.md": ("--repeats 2", "--plant servo"),
+    "physics.md": ("run examples/",),
+    "real-time.md": ("run examples/",),
+    "silva2017.md": ("reproduce",),
+    "tutorial.md": ("run mine.yaml", "compare results/mine"),
+    "view.md": ("run examples/",),
+}
+SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
+NOTHING_TO_RUN = ("", "text", "csv")  # what is printed; formats; files, if they have a name
+BUILT = ("{include}", "{toctree}", "{eval-rst}")  # by Sphinx: test_site.py
+KNOWN = ("python", "console", "yaml", *NOTHING_TO_RUN, *BUILT)
+WITH_BLOCKS = [page for page in PAGES if blocks(page) and page not in SEPARATELY]
+
+
+@pytest.fixture
+def reader(tmp_path, monkeypatch, capsys):
+    """Return a function that does a page, but for what is left out."""
+
+    def run(command):
+        monkeypatch.setattr(sys, "argv", shlex.split(command))
+        cli.main()  # a mistake would raise SystemExit
+        assert capsys.readouterr().out, command
+
+    def do(page, left_out=()):
+        prepare(page, tmp_path)
+        monkeypatch.chdir(tmp_path)
+        names, spec = {"__name__": "page"}, PageSpec(tmp_path)
+        for block in blocks(page):
+            if block.language == "yaml":
+                spec.take(block.text)
+            elif block.language == "python" and not holds(block.text, left_out):
+                exec(compile(block.text, f"{page}:{block.line}", "exec"), names)
+                assert_promises_kept(block.text, capsys.readouterr().out)
+            elif block.language == "console":
+                for command in block.commands:
+                    if not command.startswith(tuple(NOT_RUN)) and not holds(command, left_out):
+                        run(command)
+
+    return do
+
+
+def holds(text, parts):
+    return any(part in text for part in parts)
+
+
+def assert_promises_kept(code, printed):
+    """Each ``print(…)  # this`` has printed this; a number, to 5 %."""
+    for promise in re.findall(r"^ *print\(.*\)  # (.+)$", code, re.MULTILINE):
+        assert promise in printed or any(near(promise, line) for line in printed.splitlines()), promise
+
+
+def near(promise, line):
+    try:
+        return math.isclose(float(promise), float(line), rel_tol=0.05)
+    except ValueError:
+        return False
+
+
+@pytest.mark.parametrize("page", WITH_BLOCKS)
+def test_page_does_what_it_says(page, reader):
+    reader(page, left_out=SLOW.get(page, ()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SLOW)
+def test_page_does_what_it_says_with_what_takes_long(page, reader):
+    reader(page)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_nothing_on_a_page_escapes(page):
+    for block in blocks(page):
+        assert block.language in KNOWN, f"{page}:{block.line}: nobody runs blocks of {block.language}"
+        for command in block.commands if block.language == "console" else ():
+            assert command.startswith(("dqcontrol ", *NOT_RUN)), f"{page}:{block.line}: {command}"
+            assert_exists(command)
+    for command in inline_commands(page):
+        assert_exists(command)
+    for file in re.findall(r"(?<!pictures/)\bexamples/[\w./-]+\w", PAGES[page].read_text(encoding="utf-8")):
+        assert (ROOT / file).exists(), f"{page}: {file}"
+
+
+def test_the_lists_name_nothing_that_is_gone():
+    text = {page: path.read_text(encoding="utf-8") for page, path in PAGES.items()}
+    for beginning in NOT_RUN:
+        assert re.search(rf"^\$ {re.escape(beginning)}", "\n".join(text.values()), re.MULTILINE), beginning
+    for page, parts in SLOW.items():
+        for part in parts:
+            assert part in text[page], part
+
+
+def assert_exists(command):
+    """Options of our own commands, targets of make, extras of the package, programs."""
+    synopsis = re.sub(r" \[[^]]*…\]", "", command)
+    words = shlex.split(re.sub(r" \[([^]|]*)[^]]*\]", r" \1", synopsis))  # of several choices the first
+    if words[0] in ("ssh", "dqcontrol"):
+        parse(words[words.index("dqcontrol") + 1 :])
+    elif words[0] == "make":
+        assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), command
+    elif words[0] == "pip":
+        extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+        wanted = re.search(r"\[(.*)\]", command)
+        assert not wanted or set(wanted[1].split(",")) <= set(extras), command
+    elif words[0] in ("python", "pytest") and words[1] != "-m":
+        assert (ROOT / words[1]).exists(), command
+
+
+def parse(words):
+    if "COMMAND" in words or words == ["--help"]:  # any
+        return
+    try:
+        cli.app.parse_args(words, exit_on_error=False, print_error=False)
+    except MissingArgumentError:
+        assert words[-1] in cli.COMMANDS, words  # named in the prose, without its argument
+
+
+def test_a_wrong_option_would_be_found():
+    with pytest.raises(Exception, match="--jbs"):
+        assert_exists("dqcontrol run spec.yaml --jbs 2")
