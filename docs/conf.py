@@ -91,7 +91,9 @@ def formulas(app, what, name, obj, options, lines):
 
 def short_types(app, what, name, obj, options, lines):
     """Say ArrayLike where napoleon has looked up what that stands for."""
-    lines[:] = [re.sub(r"collections\.abc\.Sequence\[numpy\._typing.*\]", "ArrayLike", line) for line in lines]
+    lines[:] = [
+        re.sub(r"collections\.abc\.Sequence\[numpy\._typing.*\]", "ArrayLike", line) for line in lines
+    ]
 
 
 def setup(app):
