@@ -8,6 +8,7 @@ from log_files import EPOCH, joint_state, numbers, pose_stamped, write_bag, writ
 from page_blocks import ROOT, blocks
 
 import dqcontrol as dqc
+from dqcontrol.experiments.output import folder_names
 from dqcontrol.yaml_file import parse_yaml
 
 CIRCLE = {
@@ -33,11 +34,19 @@ def prepare(page: str, folder: Path) -> None:
 
 
 def _demo(folder: Path) -> None:
-    """Results of the demo, shorter and without physics."""
+    """Results of the demo, of its first second."""
     spec = parse_yaml("demo", (ROOT / "examples/demo.yaml").read_text(encoding="utf-8"))
-    spec |= {"duration": 1.0, "settle": 0, "plants": {"servo": spec["plants"]["servo"]}}
+    spec |= {"duration": 1.0, "settle": 0}
     (folder / "examples" / "short.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
-    dqc.run_study(folder / "examples" / "short.yaml").save(folder / "results" / "demo")
+    runs = dqc.run_study(folder / "examples" / "short.yaml").runs
+    for label, name in folder_names(runs).items():
+        _save(runs[label], folder / "results" / "demo" / name)
+
+
+def _save(run: dqc.Run, folder: Path) -> None:
+    """Write a run without plots and report, which take long."""
+    folder.mkdir(parents=True)
+    run.write_data(folder)
 
 
 def _short_sweep(folder: Path) -> None:
@@ -57,7 +66,7 @@ def _readme(folder: Path) -> None:
 def _logs(folder: Path) -> None:
     """One run as a user's recordings would hold it."""
     run = dqc.run(CIRCLE)
-    run.save(folder / "results" / "circle")
+    _save(run, folder / "results" / "circle")
     names, messages = list(run.record.joint_names), []
     for k, time in enumerate(run.time):
         stamp = EPOCH + round(time * 1e9)

@@ -32,7 +32,7 @@ NOT_RUN = {  # patterns of whole commands
     "dqcontrol reproduce pereira2016(/spiral)?": "thousands of runs; two repeats of each are slow enough",
 }
 SLOW = {  # parts of commands and of Python
-    "README.md": ("run examples/", "reproduce", "paint"),
+    "README.md": ("run examples/", "reproduce", "paint", "clip"),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "mobile-bases.md": ("run examples/",),
     "mobile-physics.md": ("run examples/",),
@@ -43,7 +43,7 @@ SLOW = {  # parts of commands and of Python
     "real-time.md": ("run examples/",),
     "silva2017.md": ("reproduce",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
-    "view.md": ("run examples/",),
+    "view.md": ("run examples/", "clip"),
 }
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
 NOTHING_TO_RUN = ("", "text", "csv")  # what is printed; formats; files, if they have a name

@@ -79,7 +79,7 @@ def load_rows(folders: Sequence[str | Path]) -> list[Row]:
 
     Returns
     -------
-    Rows as of `Study.rows`, and ``study``, the folder of a study or empty; a run has its label for ``law``.
+    Rows as those of a `Study`, and ``study``, its folder or empty; a run has its label for ``law``.
 
     Raises
     ------
