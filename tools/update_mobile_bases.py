@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.experiments import Run, run_study
-from dqcontrol.view.style import line_style, new_figure, styled
+from dqcontrol.view.style import DOUBLE, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 @styled
 def lost_camera(runs: dict[str, Run]) -> Figure:
     """Plot the speed of the base and the age of the last frame."""
-    figure = new_figure(7.0, 3.6)
+    figure = new_figure(DOUBLE, 3.6)
     speed, age = figure.subplots(2, 1, sharex=True)
     for i, (label, run) in enumerate(runs.items()):
         record = run.record

@@ -26,7 +26,7 @@ def test_criteria_are_the_norms_that_the_metrics_integrate():
     assert len(shown) == 12
     step = record.time[1] - record.time[0]
     expected = {
-        "error $|1 - x^{*} x_d|$": np.full(80, 0.005),
+        "$|1 - x^{*} x_d|$": np.full(80, 0.005),
         "control [rad/s or m/s]": np.linalg.norm(record.command, axis=1)[:-1],
         "joint step [rad or m]": np.linalg.norm(np.diff(record.q, axis=0), axis=1),
         "hand speed [m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle

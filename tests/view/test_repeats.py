@@ -69,7 +69,7 @@ def test_an_error_inverse_to_the_gain_has_slope_minus_one():
         ]
     figure = gain_figure(data, "parameter.gain")
     (axes,) = drawn(figure)
-    assert (axes.get_xscale(), axes.get_yscale(), axes.get_xlabel()) == ("log", "log", "gain")
+    assert (axes.get_xscale(), axes.get_yscale(), axes.get_xlabel()) == ("log", "log", "gain [1/s]")
     assert legend(figure) == ["K", "HIR"]
     gains, errors = axes.containers[0].lines[0].get_data()
     assert gains.tolist() == [2, 4, 8]

@@ -1,30 +1,14 @@
+import math
 import re
 from html.parser import HTMLParser
 
-import numpy as np
 import pytest
+from gallery import run
 
-from dqcontrol.errors import ExistsError, FileFormatError
-from dqcontrol.experiments.metrics import evaluate
+from dqcontrol.errors import ExistsError
+from dqcontrol.experiments.cells import Ratio, Verdict
 from dqcontrol.experiments.tables import Column, Table
-from dqcontrol.loop.record import Record
-from dqcontrol.view.report import write_report
-
-PIXEL = bytes.fromhex(
-    "89504e470d0a1a0a0000000d49484452000000010000000108060000001f15c4890000000d49444154789c63f8ffff3f0005fe02fe"
-    "a735811b0000000049454e44ae426082"
-)
-
-
-def make(stopped="duration"):
-    pose = np.tile([1.0, 0, 0, 0, 0, 0.05, 0, 0], (3, 1))
-    desired = np.hstack([np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (3, 1)), np.zeros((3, 13))])
-    q = np.zeros((3, 1))
-    return Record(np.array([0.0, 0.5, 1.0]), q, q, q, pose, desired, ("a",), stopped=stopped)
-
-
-RECORD = make()
-METRICS = evaluate(RECORD)
+from dqcontrol.view import errors, figure_files, path_3d, write_report
 
 
 class Page(HTMLParser):
@@ -50,71 +34,87 @@ class Page(HTMLParser):
             self.texts.setdefault(self.open[-1], []).append(data)
 
 
+def written(folder, *arguments, **options):
+    text = write_report(folder, *arguments, **options).read_text(encoding="utf-8")
+    return Page(text), text
+
+
 def test_a_report_holds_everything_and_asks_the_network_for_nothing(tmp_path):
-    plot = tmp_path / "path.png"
-    plot.write_bytes(PIXEL)
     table = Table([Column("Joint"), Column("Speed", "rad/s")], [["a", 1.5]], "Peaks")
-    path = write_report(
-        tmp_path, RECORD, METRICS, title="Circle", spec="law: K\n", plots=[plot], tables=[table]
+    verdicts = Table([Column("Question"), Column("Verdict")], [["End", Verdict("as wished", True)]])
+    page, text = written(
+        tmp_path,
+        "Circle",
+        facts="6 s",
+        command="dqcontrol run spec.yaml --out again",
+        verdicts=[verdicts],
+        tables=[table],
+        figures={"errors": errors(run()), "odd <name>": path_3d(run())},
+        files={"K · servo": "K-servo/report.html"},
+        spec="law: K\n",
+        origins=Table([Column("what"), Column("value")], [["seed", "7"]]),
     )
-    assert path == tmp_path / "report.html"
-    text = path.read_text(encoding="utf-8")
-    page = Page(text)
     assert page.texts["h1"] == ["Circle"]
-    assert page.texts["pre"] == ["law: K\n"]
-    assert "ended: duration" in "".join(page.texts["p"])
-    assert {"Position error mean", "100", "mm", "1.5"} <= set(page.texts["td"])
+    assert page.texts["h2"] == [
+        "Verdicts",
+        "The same again",
+        "Tables",
+        "Figures",
+        "Files beside this page",
+        "Experiment",
+        "Versions and seeds",
+    ]
+    assert page.texts["pre"] == ["dqcontrol run spec.yaml --out again", "law: K\n"]
+    assert {"✓ as wished", "a", "1.5", "seed", "7"} <= set(page.texts["td"])
     assert page.texts["caption"] == ["Peaks"]
-    assert [link[:22] for link in page.links] == ["data:image/png;base64,"]
+    assert page.texts["figcaption"][1] == "odd <name>"
+    assert [link.partition(",")[0] for link in page.links] == [
+        "data:image/svg+xml;base64",
+        "data:image/svg+xml;base64",
+        "K-servo/report.html",
+    ]
     assert "script" not in page.tags
     assert not re.search(r"https?://|@import|url\(", text)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["path.png", "report.html"]
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 
 def test_texts_are_escaped(tmp_path):
     evil = "</pre><script>alert('{metrics}')</script>&amp;"
     table = Table([Column(evil)], [[evil]], evil)
-    path = write_report(tmp_path, make(f"diverged: {evil}"), METRICS, title=evil, spec=evil, tables=[table])
-    page = Page(path.read_text(encoding="utf-8"))
-    assert "script" not in page.tags
-    for place in ("title", "h1", "pre", "th", "td", "caption"):
+    options = {"facts": evil, "notice": evil, "command": evil, "spec": evil, "files": {evil: '"><b>'}}
+    page, _ = written(tmp_path, evil, tables=[table], **options)
+    assert not {"script", "b"} & set(page.tags)
+    for place in ("title", "h1", "pre", "th", "td", "caption", "p", "a"):
         assert evil in page.texts[place], place
-    assert f"The run diverged: {evil}" in page.texts["p"]
 
 
-def test_one_format_of_each_figure_is_shown(tmp_path):
-    names = ["path.pdf", "path.png", "path.svg", "errors.svg", "odd <name>.png"]
-    for name in names:
-        (tmp_path / name).write_bytes(PIXEL)
-    page = Page(
-        write_report(tmp_path, RECORD, METRICS, plots=[tmp_path / name for name in names]).read_text(
-            encoding="utf-8"
-        )
-    )
-    assert [link.partition(";")[0] for link in page.links] == [
-        "data:image/png",
-        "data:image/svg+xml",
-        "data:image/png",
+def test_verdicts_have_marks_and_words_beside_their_colours(tmp_path):
+    words = [
+        Verdict("kept", True),
+        Verdict("failed", False),
+        Verdict("intervened", None),
+        Ratio(1.05),
+        Ratio(0.5),
     ]
-    assert page.texts["figcaption"][-1] == "odd <name>"
+    table = Table([Column("a")], [[word] for word in [*words[:3], "plain"]])
+    ratios = Table([Column("Ratio", "", ".3g")], [[Ratio(1.05)], [Ratio(0.5)], [Ratio(math.nan)]])
+    page, text = written(tmp_path, "Verdicts", verdicts=[table], tables=[ratios])
+    assert page.texts["td"] == [
+        *("✓ kept", "✗ failed", "• intervened", "plain"),
+        *("✓ agrees: 1.05", "✗ differs: 0.5", "–"),
+    ]
+    assert text.count("<td class=bad>") == 1
+    assert text.count('<td class="number bad">') == 1
+
+
+def test_a_figure_of_too_many_strokes_is_shown_in_pixels(tmp_path, monkeypatch):
+    monkeypatch.setattr(figure_files, "_LARGEST_SVG", 10_000)
+    page, _ = written(tmp_path, "Large", figures={"errors": errors(run())})
+    assert page.links[0].startswith("data:image/png;base64,")
 
 
 def test_an_existing_report_is_kept(tmp_path):
     (tmp_path / "report.html").write_text("precious")
     with pytest.raises(ExistsError, match="exists already"):
-        write_report(tmp_path, RECORD, METRICS)
+        write_report(tmp_path, "Circle")
     assert (tmp_path / "report.html").read_text() == "precious"
-
-
-def test_a_missing_figure_is_named_and_nothing_is_written(tmp_path):
-    with pytest.raises(FileFormatError, match=r"gone\.png: cannot be read"):
-        write_report(tmp_path / "new", RECORD, METRICS, plots=[tmp_path / "gone.png"])
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_figures_in_the_folder_are_found(tmp_path):
-    for name in ("inputs.png", "path.svg", "path.png", "other.png"):
-        (tmp_path / name).write_bytes(PIXEL)
-    page = Page(write_report(tmp_path, RECORD, METRICS).read_text(encoding="utf-8"))
-    assert [link.partition(";")[0] for link in page.links] == ["data:image/png"] * 2
-    assert [text.split()[0] for text in page.texts["figcaption"]] == ["Path", "Commanded"]

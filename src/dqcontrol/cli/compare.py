@@ -10,7 +10,7 @@ from dqcontrol.errors import Error
 
 
 def compare(*folders: Path, out: Out = None, force: Force = False, by: str | None = None) -> None:
-    """Compare saved runs: one table, and plots if --out is given; of studies with repeats, a table of means.
+    """Compare saved runs: one table; with --out plots and a report. Of studies with repeats, a table of means.
 
     Of parameter studies (sweeps), and of studies with --by, the table lists the best points.
 
@@ -28,8 +28,10 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     from dqcontrol.experiments import load_rows, load_runs, means_table, rank, summary
     from dqcontrol.experiments.comparison import MEANS, write_comparison
     from dqcontrol.experiments.output import MARK, new_folder
+    from dqcontrol.experiments.provenance import AGAIN, command, origins
     from dqcontrol.experiments.ranking import BEST_BY
     from dqcontrol.experiments.saved import is_study, is_sweep
+    from dqcontrol.view import write_report
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
@@ -43,7 +45,17 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     if out is not None:
         with new_folder(out, force=force) as new:
             (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
-            write_comparison(table, {label: run.record for label, run in runs.items()}, new)
+            figures = write_comparison(table, {label: run.record for label, run in runs.items()}, new)
+            places = [str(folder.resolve()) for folder in folders]
+            write_report(
+                new,
+                "Comparison",
+                facts=", ".join(map(str, folders)),
+                command=command("compare", *places, by=by, out=AGAIN),
+                tables=[table],
+                figures=figures,
+                origins=origins({}),
+            )
     console().print(table.rich())
     if out is not None:
         print(f"results: {out}")

@@ -9,6 +9,7 @@ from typing import TypeVar
 T = TypeVar("T")
 
 MISSING = "–"
+_AGREES = 0.1
 _DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
 
 
@@ -51,6 +52,52 @@ class PlusMinus:
     def __str__(self) -> str:
         """Return the cell as text, without a column."""
         return Column("").show(self)
+
+
+class Verdict(str):
+    """A cell in words that says, too, whether it is good: pages mark it.
+
+    Parameters
+    ----------
+    words
+        As ``"kept"``.
+    good
+        None where it is neither good nor bad.
+
+    Examples
+    --------
+    >>> verdict = Verdict("kept", True)
+    >>> verdict, verdict.good
+    ('kept', True)
+    """
+
+    good: bool | None
+
+    def __new__(cls, words: str, good: bool | None) -> Verdict:
+        """Make a text that knows."""
+        self = super().__new__(cls, words)
+        self.good = good
+        return self
+
+
+class Ratio(float):
+    """A cell of our number over another's, which pages mark by whether they agree within 10 %.
+
+    Examples
+    --------
+    >>> Ratio(1.04).good, Ratio(0.5).good
+    (True, False)
+    """
+
+    @property
+    def good(self) -> bool:
+        """Whether the two agree."""
+        return abs(self - 1) <= _AGREES
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return "agrees" if self.good else "differs"
 
 
 Cell = str | float | int | PlusMinus | None

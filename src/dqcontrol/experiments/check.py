@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import StabilityWarning
+from dqcontrol.experiments.cells import Verdict as Words
 from dqcontrol.experiments.setting import Names, Setting, prepare
 from dqcontrol.experiments.stability import (
     MOST_STATES,
@@ -190,8 +191,13 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         gains.get("orientation"),
         1e3 * row.period,
         *(number if number is not None and math.isfinite(number) else None for number in numbers),
-        row.verdict,
+        judged(row),
     ]
+
+
+def judged(row: LoopCheck) -> Words:
+    """Return the verdict as a cell of a table."""
+    return Words(row.verdict, {"monotone": True, "unstable": False}.get(row.verdict))
 
 
 def check(source: str | Path | dict[str, Any]) -> Checks:
@@ -228,12 +234,14 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     return Checks(setting.spec.name, tuple(loop_checks(setting)))
 
 
-def warn_unstable(setting: Setting, *, stacklevel: int) -> None:
-    """Warn, once, where a prepared spec has loops that are expected to be unstable."""
-    unstable = [row for row in loop_checks(setting) if row.verdict == "unstable"]
+def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
+    """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
+    checks = list(loop_checks(setting))
+    unstable = [row for row in checks if row.verdict == "unstable"]
     if unstable:
         more = f" (and {len(unstable) - 1} more: dqcontrol check lists them)" if len(unstable) > 1 else ""
         warnings.warn(unstable[0].remark + more, StabilityWarning, stacklevel=stacklevel + 1)
+    return checks
 
 
 def loop_checks(setting: Setting) -> Iterator[LoopCheck]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
     "position.settled_mean": Column("mean", "mm", ".3g"),
@@ -60,13 +63,15 @@ def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
 
 
-def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> None:
-    """Write a table, and plots of a dozen records at most, into an existing folder."""
-    from dqcontrol.view import save_comparison
+def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
+    """Write a table, and plots of a dozen records at most, into an existing folder; return the plots."""
+    from dqcontrol.view import comparison_figures, save_figures
 
     write_table(table, folder, "table")
-    if records:
-        save_comparison(dict(list(records.items())[:MOST_CURVES]), folder)
+    few = dict(list(records.items())[:MOST_CURVES])
+    figures = {name: draw() for name, draw in comparison_figures(few).items()} if few else {}
+    save_figures(figures, folder)
+    return figures
 
 
 def write_table(table: Table, folder: Path, name: str) -> None:

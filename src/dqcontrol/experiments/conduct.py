@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +116,7 @@ def run_study_to(
 def _run(
     setting: Setting, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
 ) -> Study:
-    warn_unstable(setting, stacklevel=3)
+    expected = {check.names: check for check in warn_unstable(setting, stacklevel=3)}
     spec = setting.spec
     rows = journal.finished() if journal else {}
     taken_over = len(rows)
@@ -133,7 +134,7 @@ def _run(
     for outcome in outcomes(batches, jobs, lambda done, all_: report(len(rows) + done / all_, len(order))):
         rows[outcome.trial] = outcome.row
         if outcome.run is not None:
-            runs[outcome.trial] = outcome.run
+            runs[outcome.trial] = replace(outcome.run, expected=expected[outcome.trial.names])
         if journal:
             journal.add(outcome)
         report(len(rows), len(order))

@@ -11,17 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error
+from dqcontrol.experiments.cells import Cell, Verdict
 from dqcontrol.experiments.comparison import write_table
 from dqcontrol.experiments.metric_tables import number_column
 from dqcontrol.experiments.output import MARK, check_new, new_folder
 from dqcontrol.experiments.processes import checked_jobs, in_processes
+from dqcontrol.experiments.provenance import AGAIN, command, origins
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.setting import program
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
+from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, rehearse
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
+from dqcontrol.yaml_file import parse_yaml
 
 SweepProgress = Callable[[int, int], None]  # trials done; trials in all
 _ONE_AT_A_TIME = (
@@ -128,7 +132,7 @@ def run_sweep_to(
             (new / MARK).write_text(sweep.text, encoding="utf-8")
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
-            _write_best(ranking, new)
+            _write_best(ranking, sweep.text, new)
         parts.discard()
     return ranking
 
@@ -170,9 +174,24 @@ def _run(sweep: Sweep, parts: WorkingFolder, carry_out: CarryOut, report: SweepP
         report(done, sweep.trials)
 
 
-def _write_best(ranking: Ranking, new: Path) -> None:
-    write_table(ranking.table(), new, "best")
-    if ranking.placed:
-        from dqcontrol.view import sweep_figure
+def _write_best(ranking: Ranking, spec: str, new: Path) -> None:
+    from dqcontrol.view import save_figures, sweep_figure, write_report
 
-        sweep_figure(ranking).savefig(new / "sweep.png")
+    table, count = ranking.table(), len(ranking.groups)
+    write_table(table, new, "best")
+    figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
+    save_figures(figures, new)
+    data = parse_yaml(MARK, spec)
+    whole = ranking.placed == count
+    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("as wished" if whole else "failed", whole)]
+    write_report(
+        new,
+        str(data["name"]),
+        facts=f"{count:,} points, ranked by {ranking.by}",
+        command=command("sweep", MARK, by=ranking.by, out=AGAIN),
+        verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
+        tables=[table],
+        figures=figures,
+        spec=spec,
+        origins=origins(data),
+    )

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.task_range import task_range
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop.record import Record
+from dqcontrol.plants import Integrator
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 from dqcontrol.robots import Robot, WholeBody
 
@@ -126,3 +128,10 @@ def _what_moved(robot: Robot, record: Record) -> tuple[Robot, Array]:
     if isinstance(robot, WholeBody) and robot.form == "unconstrained":
         return robot.in_form("constrained"), robot.feasible_inputs(record.q, record.command)
     return robot, record.command
+
+
+def recorded_certificate(spec: Spec, robot: Robot, record: Record) -> Certificate | None:
+    """Return the certificate of a run of this law on ideal joints; None for other runs, and those that diverged."""
+    ((law,), (plant,)) = spec.law_by_label.values(), spec.plant_by_label.values()
+    fits = isinstance(law, FeedbackLinearization) and isinstance(plant, Integrator) and len(record) > 1
+    return certificate(robot, record, law) if fits and np.isfinite(record.q).all() else None

@@ -88,6 +88,31 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     return Table([Column("Metric"), Column("Value"), Column("Unit")], rows, title)
 
 
+def metrics_tables(metrics: Metrics) -> list[Table]:
+    """Return the numbers of one run as its report shows them: tables of deviations, of signals, and of all others."""
+    flat = metrics.flat()
+    first = [Column("Signal"), Column("Unit")]
+    deviations: list[list[Cell]] = [
+        [title, unit, *(flat[f"{key}.{part}"] for part in _PARTS)]
+        for key, (title, unit) in _DEVIATIONS.items()
+    ]
+    parts = {"mean": "mean", "rms": "RMS", "peak": "peak", "integral": "integral"}
+    signals: list[list[Cell]] = [
+        [title, unit, *(flat[f"{key}.{part}"] for part in parts), whole]
+        for key, (title, unit, whole) in _SIGNALS.items()
+    ]
+    others: list[list[Cell]] = [
+        [column.title, column.show(flat[key]), column.unit]
+        for key, column in METRIC_COLUMNS.items()
+        if "." not in key and flat[key] not in (None, "")
+    ]
+    return [
+        Table([*first, *map(Column, _PARTS.values())], deviations),
+        Table([*first, *map(Column, parts.values()), Column("of the integral")], signals),
+        Table([Column("Number"), Column("Value"), Column("Unit")], others),
+    ]
+
+
 def comparison_table(runs: Mapping[str, Metrics], keys: Sequence[str] = SHORT, title: str = "") -> Table:
     """Return one row a run.
 

@@ -50,13 +50,13 @@ def run_in_real_time(
         raise ShapeError(
             "spec: describes several runs; in real time there is one: name one law and one plant"
         )
-    warn_unstable(setting, stacklevel=2)
+    (expected,) = warn_unstable(setting, stacklevel=2)
     (case,), clock = setting.cases, clock or Clock(overrun="skip")
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
     with streamed.record() as recording:
         record = execute(setting, case, clock=clock, watch=watch, recording=recording)
         recording.close(record.stopped)
-    done = replace(as_run(setting, case, 0, record), timing=clock.timing)
+    done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
     streamed.complete(done)
     return done

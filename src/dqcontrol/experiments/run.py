@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ShapeError
-from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
@@ -52,6 +52,8 @@ class Run:
         Whether the metrics judge the true joint angles or those that the encoders gave.
     timing
         How a run in real time kept time.
+    expected
+        What was to be expected of its loops, if that was asked before it ran.
     """
 
     spec: str
@@ -61,6 +63,7 @@ class Run:
     label: str
     judged: Judged = "true"
     timing: Timing | None = None
+    expected: LoopCheck | None = None
 
     @property
     def time(self) -> Array:
@@ -133,7 +136,7 @@ class Run:
         from dqcontrol.loop.export import export_record
 
         notes = {"spec": self.spec, "label": self.label}
-        return export_record(self.record, path, **_units(self.robot), notes=notes, force=force)
+        return export_record(self.record, path, **units_of(self.robot), notes=notes, force=force)
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Return what notebooks show: the metrics in a line, and the hand's path."""
@@ -149,15 +152,10 @@ class Run:
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
-        from dqcontrol.view import save_plots, timing_histogram, timing_table, write_report
+        from dqcontrol.experiments.run_report import write_run_report
 
         self.write_data(folder)
-        tables = []
-        if self.timing and len(self.timing.begin) > 1:
-            timing_histogram(self.timing).savefig(folder / "timing.png")
-            tables.append(timing_table(self.timing))
-        save_plots(self.record, folder, self.robot.limits, **_units(self.robot), robot=self.robot)
-        write_report(folder, self.record, self.metrics, spec=self.spec, title=self.label, tables=tables)
+        write_run_report(self, folder)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
@@ -168,7 +166,7 @@ class Run:
         )
 
 
-def _units(robot: Robot) -> dict[str, list[str]]:
+def units_of(robot: Robot) -> dict[str, list[str]]:
     """Return the units of coordinates and inputs as exports and figures take them."""
     kinds = {"joint_units": robot.joint_types, "input_units": robot.input_types}
     return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
@@ -267,10 +265,10 @@ def run(
     setting = prepare(source)
     if not setting.spec.is_single:
         raise ShapeError("spec: describes several runs; use dqcontrol.run_study for it")
-    warn_unstable(setting, stacklevel=2)
+    (expected,) = warn_unstable(setting, stacklevel=2)
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
-    done = as_run(setting, case, 0, record)
+    done = replace(as_run(setting, case, 0, record), expected=expected)
     if done.metrics.limit_margin < 0:
         warnings.warn(beyond_limits(done.label, [done.metrics.flat()]), LimitWarning, stacklevel=2)
     return done

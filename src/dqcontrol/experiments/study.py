@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
@@ -29,6 +30,9 @@ from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.loop import Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.yaml_file import parse_yaml
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROWS = "runs.parquet"
 
@@ -89,7 +93,7 @@ class Study:
         return self.table().markdown()
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write ``spec.yaml``, tables and comparison plots, and what was kept of each trial.
+        """Write ``spec.yaml``, ``report.html``, tables and comparison plots, and what was kept of each trial.
 
         Without repeats and with records in memory: a folder a run. Otherwise ``runs.parquet`` with its rows, and with
         records ``runs/LABEL/REPEAT``.
@@ -106,16 +110,21 @@ class Study:
         ExistsError
             If the folder exists (and holds no results, with ``force``).
         """
+        from dqcontrol.experiments.study_report import write_study_report
+
         with new_folder(folder, force=force) as new:
             (new / MARK).write_text(self.spec, encoding="utf-8")
-            if self.runs and not self.is_repeated:
-                for label, name in folder_names(self.runs).items():
-                    (new / name).mkdir()
-                    self.runs[label].write(new / name)
-                records = {label: run.record for label, run in self.runs.items()}
-                write_comparison(self.table(), records, new)
-            else:
+            names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
+            for label, name in names.items():
+                (new / name).mkdir()
+                self.runs[label].write(new / name)
+            if not names:
                 self._write_trials(new)
+            records = {label: self.runs[label].record for label in names} or self._first_repeats()
+            tables = self._write_tables(new)
+            figures = write_comparison(self.table(), records, new) | self._write_repeats(new)
+            pages = {label: f"{name}/report.html" for label, name in names.items()}
+            write_study_report(self, new, tables, figures, pages)
         return Path(folder)
 
     def _write_trials(self, new: Path) -> None:
@@ -128,18 +137,32 @@ class Study:
                     inner = trial_folder(new / "runs", Trial.of(row))
                     inner.mkdir(parents=True)
                     run.write_data(inner)
-        if self.is_repeated:
-            if len(by_label(self.rows)) <= MOST_CURVES:
-                from dqcontrol.view import repeats_figure
 
-                repeats_figure(self.rows).savefig(new / "repeats.png")
-            write_table(confidence_table(self.rows, MEANS), new, "confidence")
-            spec, _ = read_spec(parse_yaml("spec", self.spec))
-            write_table(repeatability_table(self.rows, noise=noise_model(spec)), new, "repeatability")
-            groups = [(row["robot"], row["set"], row["plant"]) for row in self.rows if row["repeat"] == 0]
-            if len(groups) > len(set(groups)):  # somewhere two laws can be compared
-                write_table(differences_table(self.rows), new, "differences")
-        write_comparison(self.table(), self._first_repeats(), new)
+    def _write_tables(self, new: Path) -> list[Table]:
+        """Write the tables of repeats, and return them."""
+        if not self.is_repeated:
+            return []
+        spec, _ = read_spec(parse_yaml("spec", self.spec))
+        tables = {
+            "confidence": confidence_table(self.rows, MEANS),
+            "repeatability": repeatability_table(self.rows, noise=noise_model(spec)),
+        }
+        groups = [(row["robot"], row["set"], row["plant"]) for row in self.rows if row["repeat"] == 0]
+        if len(groups) > len(set(groups)):  # somewhere two laws can be compared
+            tables["differences"] = differences_table(self.rows)
+        for name, table in tables.items():
+            write_table(table, new, name)
+        return list(tables.values())
+
+    def _write_repeats(self, new: Path) -> dict[str, Figure]:
+        """Write the figure of repeats, and return it; none where there are none, or too many for it."""
+        if not self.is_repeated or len(by_label(self.rows)) > MOST_CURVES:
+            return {}
+        from dqcontrol.view import repeats_figure, save_figures
+
+        figures = {"repeats": repeats_figure(self.rows)}
+        save_figures(figures, new)
+        return figures
 
     def setting(self) -> Setting:
         """Return the spec made ready once more, without the warnings that were given before."""

@@ -55,7 +55,7 @@ def base_path(robot: Robot, records: Mapping[str, Record]) -> Figure:
     bases = _bases(robot)
     if not records or not bases:
         raise ShapeError("records: expected at least one run of a robot with a mobile base")
-    figure = new_figure(6.0, 5.2)
+    figure = new_figure(6.0, 5.0)
     axes = figure.subplots()
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
@@ -213,6 +213,6 @@ def _frame(axes: Any, points: Array) -> None:
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(4))
         axis.set_pane_color(PANE)
-    axes.set_box_aspect(size, zoom=1.0)
+    axes.set_box_aspect(size, zoom=1.15)
     axes.tick_params(pad=0)
     axes.view_init(elev=24.0, azim=-62.0)

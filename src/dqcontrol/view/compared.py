@@ -12,14 +12,22 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
 from dqcontrol.view.pose_panels import pose_panels
-from dqcontrol.view.style import DESIRED, LIMIT, at_least, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import (
+    DESIRED,
+    DOUBLE,
+    LIMIT,
+    at_least,
+    legend_below,
+    line_style,
+    new_figure,
+    panels_across,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-_WIDTH = 7.0  # in
 
 
 @styled
@@ -36,7 +44,7 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
     _first(records)
     longest = max(records.values(), key=len)
     desired = _without_jumps(longest.desired_pose)
-    figure, panels = pose_panels(_WIDTH)
+    figure, panels = pose_panels()
     for n, (label, record) in enumerate(records.items()):
         pose = _towards(record.pose, _without_jumps(record.desired_pose), desired)
         for i, axes in enumerate(panels):
@@ -75,9 +83,10 @@ def compare_joints(
         If there is no run.
     """
     first = _first(records)
-    rows = -(-len(joints) // 2)
-    figure = new_figure(_WIDTH, 0.8 + 1.5 * rows)
-    panels = figure.subplots(rows, 2, sharex=True, squeeze=False).T.ravel()
+    across = panels_across(2)
+    rows = -(-len(joints) // across)
+    figure = new_figure(DOUBLE, 0.8 + 1.5 * rows)
+    panels = figure.subplots(rows, across, sharex=True, squeeze=False).T.ravel()
     for axes, i in zip(panels, joints, strict=False):
         for n, (label, record) in enumerate(records.items()):
             axes.plot(record.time, np.degrees(record.q[:, i]), label=label, **line_style(n))
@@ -87,7 +96,7 @@ def compare_joints(
         if span is not None:
             axes.axvspan(*span, color="#dddddd", lw=0, zorder=0)
         axes.set_title(first.joint_names[i], loc="left")
-        axes.set_ylabel("[°]")
+        axes.set_ylabel("angle [°]")
     for axes in panels[len(joints) :]:
         axes.set_axis_off()
     for axes in panels[: len(joints)]:
@@ -116,9 +125,10 @@ def compare_inputs(inputs: Mapping[str, tuple[Array, Array]], names: Sequence[st
     """
     if not inputs:
         raise ShapeError("inputs: expected at least one run, got none")
-    rows = -(-len(names) // 2)
-    figure = new_figure(_WIDTH, 0.8 + 1.4 * rows)
-    panels: Any = figure.subplots(rows, 2, sharex=True, squeeze=False).T.ravel()
+    across = panels_across(2)
+    rows = -(-len(names) // across)
+    figure = new_figure(DOUBLE, 0.8 + 1.4 * rows)
+    panels: Any = figure.subplots(rows, across, sharex=True, squeeze=False).T.ravel()
     for i, name in enumerate(names):
         for n, (label, (time, values)) in enumerate(inputs.items()):
             panels[i].step(time, values[:, i], where="post", label=label, **line_style(n))

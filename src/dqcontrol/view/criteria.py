@@ -12,12 +12,16 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.view.style import (
     DESIRED,
+    DOUBLE,
+    ERROR,
     FLOOR,
     at_least,
     legend_below,
     line_style,
     line_widths,
+    logarithmic,
     new_figure,
+    panels_across,
     styled,
 )
 
@@ -29,7 +33,7 @@ Array = NDArray[np.float64]
 _DECADES = 5  # of the criteria below their peak that are shown
 
 _LABELS = (
-    r"error $|1 - x^{*} x_d|$",
+    ERROR,
     "control [rad/s or m/s]",
     "joint step [rad or m]",
     "hand speed [m/s]",
@@ -61,8 +65,9 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
     """
     if not records:
         raise ShapeError("records: expected at least one run, got none")
-    figure = new_figure(10.0, 7.2)
-    grid = figure.subplots(4, 3, sharex=True)
+    across = max(2, panels_across(3))
+    figure = new_figure(DOUBLE, 1.6 * 12 / across)
+    grid = figure.subplots(12 // across, across, sharex=True)
     panels = grid.T.ravel()
     criteria, coordinates, coefficients = panels[:5], panels[5:8], panels[8:]
     widths = line_widths(len(records))
@@ -83,9 +88,7 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
         at_least(axes, 1e-3)
     for axes, label in zip(criteria, _LABELS, strict=True):
         axes.set_ylabel(label)
-        axes.set_yscale("log")
-        low, high = axes.get_ylim()
-        axes.set_ylim(bottom=max(low, high * 10.0**-_DECADES))
+        logarithmic(axes, _DECADES)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     figure.align_ylabels()

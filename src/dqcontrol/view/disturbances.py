@@ -8,7 +8,7 @@ import numpy as np
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record
-from dqcontrol.view.style import legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import DOUBLE, legend_below, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,13 +37,13 @@ def disturbance(record: Record) -> Figure:
     omega = record.disturbance[:, :3]
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
         velocity = record.disturbance[:, 3:] - np.cross(record.position, omega)
-    figure = new_figure(7.0, 3.8)
+    figure = new_figure(DOUBLE, 3.8)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, values, label in zip(
         panels, (omega, velocity), ("rotation [rad/s]", "velocity of hand [m/s]"), strict=True
     ):
         for i, name in enumerate("xyz"):
-            axes.step(record.time, values[:, i], where="post", label=name, **line_style(i))
+            axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **line_style(i))
         axes.set_ylabel(label)
         low, high = axes.get_ylim()
         if high - low < 1e-6:  # nothing but round-off

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.experiments.statistics import mean_of
-from dqcontrol.view.style import COLOURS, DESIRED, new_figure, styled
+from dqcontrol.view.style import COLOURS, DESIRED, DOUBLE, new_figure, panels_across, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,9 +45,9 @@ def histogram(values: Mapping[str, ArrayLike], label: str = "sampling period [ms
     low, high = float(everything.min()), float(everything.max())
     margin = max(0.02 * (high - low), 1e-3 * abs(high), 1e-9)
     edges = np.linspace(low - margin, high + margin, _BINS + 1)
-    columns = 2 if len(samples) in (2, 4) else min(3, len(samples))
+    columns = panels_across(2 if len(samples) in (2, 4) else min(3, len(samples)))
     rows = -(-len(samples) // columns)
-    figure = new_figure(7.0, 0.5 + 2.0 * rows)
+    figure = new_figure(DOUBLE, 0.5 + 2.0 * rows)
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axes, (name, numbers) in zip(panels.flat, samples.items(), strict=False):
         axes.hist(numbers, edges, color=COLOURS[0], edgecolor="white", linewidth=0.3)

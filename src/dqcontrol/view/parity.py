@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.view.style import DESIRED, legend_below, mark_style, new_figure, styled
+from dqcontrol.view.style import DESIRED, DOUBLE, legend_below, mark_style, new_figure, panels_across, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Pairs = Sequence[tuple[float, float]]
+
+_ACROSS = 3
 
 
 @styled
@@ -40,8 +42,13 @@ def parity(
     """
     from matplotlib.ticker import LogLocator, NullLocator
 
-    figure = new_figure(2.6 * len(panels) + 0.4, 3.2)
-    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    across = panels_across(min(len(panels), _ACROSS))
+    rows = -(-len(panels) // across)
+    figure = new_figure(DOUBLE, 0.4 + 2.8 * rows)
+    everywhere = figure.subplots(rows, across, squeeze=False).ravel()
+    grid = everywhere[: len(panels)]
+    for axes in everywhere[len(panels) :]:
+        axes.remove()
     known = list(dict.fromkeys(label for groups in panels.values() for label in groups))
     for axes, (title, groups) in zip(grid, panels.items(), strict=True):
         points = np.array([pair for pairs in groups.values() for pair in pairs], dtype=np.float64)

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop.record import Record
-from dqcontrol.view.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import (
+    DESIRED,
+    DOUBLE,
+    NEUTRAL,
+    PANE,
+    legend_below,
+    line_style,
+    new_figure,
+    panels_across,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,13 +73,14 @@ def _paths(records: Mapping[str, Record]) -> Figure:
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
 
-    figure = new_figure(7.0, 3.9) if plane else new_figure(5.2, 4.6)
-    space: Any = figure.add_subplot(1, 2 if plane else 1, 1, projection="3d")
+    rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
+    figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
+    space: Any = figure.add_subplot(rows, across, 1, projection="3d")
     _draw(space, desired, hands, np.eye(3), moving)
-    _frame_space(space, everything, plane)
+    _frame_space(space, everything, plane, 0.88 if across == 2 or not plane else 0.8)
     if plane:
         axes_of_plane, labels = plane
-        front = figure.add_subplot(1, 2, 2)
+        front = figure.add_subplot(rows, across, 2)
         _draw(front, desired, hands, axes_of_plane, moving)
         front.set_aspect("equal", adjustable="datalim")
         front.set_xlabel(labels[0])
@@ -111,7 +122,7 @@ def _mark(kind: str, colour: str) -> dict[str, Any]:
     }
 
 
-def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] | None) -> None:
+def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] | None, zoom: float) -> None:
     """Give a 3-D view one scale, room for its ticks, and an oblique view onto the path's plane."""
     from matplotlib.ticker import MaxNLocator
 
@@ -125,7 +136,7 @@ def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] 
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(4 if extent > 0.8 * size.max() else 3))
         axis.set_pane_color(PANE)
-    axes.set_box_aspect(size, zoom=0.88 if plane else 0.95)
+    axes.set_box_aspect(size, zoom=zoom)
     axes.tick_params(pad=0)
     elevation, azimuth = 24.0, -58.0
     if plane:

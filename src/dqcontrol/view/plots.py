@@ -15,12 +15,16 @@ from dqcontrol.view.pose_panels import pose_panels
 from dqcontrol.view.style import (
     COLOURS,
     DESIRED,
+    DOUBLE,
+    ERROR,
     FLOOR,
     LIMIT,
     at_least,
     legend_below,
     line_style,
+    logarithmic,
     new_figure,
+    panels_across,
     styled,
 )
 
@@ -31,7 +35,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 UNITS = ("m", "rad")
-_WIDTH = 7.0  # in; a full text width
+_DECADES = 12  # of the error below its peak that are shown
 
 
 @styled
@@ -51,7 +55,7 @@ def pose_coefficients(record: Record) -> Figure:
     >>> pose_coefficients(run.record).savefig("pose.png")  # doctest: +SKIP
     """
     pose, desired = _continuous(record)
-    figure, panels = pose_panels(_WIDTH)
+    figure, panels = pose_panels()
     for i, axes in enumerate(panels):
         axes.plot(record.time, pose[:, i], color=COLOURS[0], label="hand")
         axes.plot(record.time, desired[:, i], color=DESIRED, ls="--", lw=1.1, label="desired")
@@ -106,9 +110,9 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
     units = _units("units", units, record.joint_names)
     if limits is not None and len(limits.lower) != len(units):
         raise ShapeError(f"limits: expected {len(units)} as in the record's q, got {len(limits.lower)}")
-    columns = 2 if len(units) > 1 else 1
+    columns = panels_across(2) if len(units) > 1 else 1
     rows = -(-len(units) // columns)
-    figure = new_figure(_WIDTH, 0.7 + 1.35 * rows)
+    figure = new_figure(DOUBLE, 0.7 + 1.35 * rows)
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
     for i, (name, unit) in enumerate(zip(record.joint_names, units, strict=True)):
         axes = panels[i]
@@ -121,7 +125,7 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
             title += f"   ({_bound(lower)} … {_bound(upper)} {sign})"
             _near_limits(axes, lower, upper)
         axes.set_title(title, loc="left")
-        axes.set_ylabel(f"[{sign}]")
+        axes.set_ylabel("angle [°]" if unit == "rad" else "position [m]")
     for axes in panels[len(units) :]:  # an empty panel carries the time axis of its column
         axes.spines.left.set_visible(False)
         axes.tick_params(left=False, labelleft=False)
@@ -150,7 +154,7 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     """
     units = _units("units", units, record.input_names)
     kinds = [unit for unit in ("rad", "m") if unit in units]
-    figure = new_figure(_WIDTH, 1.9 * (len(kinds) + 1) + 0.4)
+    figure = new_figure(DOUBLE, 1.9 * (len(kinds) + 1) + 0.4)
     panels = figure.subplots(len(kinds) + 1, 1, sharex=True)
     for axes, kind in zip(panels, kinds, strict=False):
         mine = [i for i, unit in enumerate(units) if unit == kind]
@@ -173,15 +177,15 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
 def _errors(records: Mapping[str, Record]) -> Figure:
     if not records:
         raise ShapeError("records: expected at least one run, got none")
-    figure = new_figure(_WIDTH, 5.0)
+    figure = new_figure(DOUBLE, 5.0)
     panels = figure.subplots(3, 1, sharex=True)
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i) | {"label": label}
         panels[0].plot(record.time, np.maximum(record.error, FLOOR), **style)
         panels[1].plot(record.time, 1e3 * record.position_error, **style)
         panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
-    panels[0].set_yscale("log")
-    panels[0].set_ylabel(r"$|1 - x^{*} x_d|$")
+    logarithmic(panels[0], _DECADES)
+    panels[0].set_ylabel(ERROR)
     for axes, label in ((panels[1], "position [mm]"), (panels[2], "orientation [°]")):
         axes.set_ylabel(label)
         axes.set_ylim(0, max(1e-3, axes.get_ylim()[1]))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from dqcontrol.view.style import new_figure
+from dqcontrol.view.style import DOUBLE, new_figure
 
 _NAMES = ("$w$", "$i$", "$j$", "$k$")
 
 
-def pose_panels(width: float) -> tuple[Any, list[Any]]:
-    """Return a figure (width in inches) and its labelled axes: those of the primary part, then of the dual part."""
-    figure = new_figure(width, 6.2)
+def pose_panels() -> tuple[Any, list[Any]]:
+    """Return a figure and its labelled axes: those of the primary part, then of the dual part."""
+    figure = new_figure(DOUBLE, 6.2)
     grid = figure.subplots(4, 2, sharex=True)
     panels = [*grid[:, 0], *grid[:, 1]]
     for i, axes in enumerate(panels):

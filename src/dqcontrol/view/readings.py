@@ -10,7 +10,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.margins import joint_margins
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
-from dqcontrol.view.style import LIMIT, legend_below, line_style, new_figure, styled
+from dqcontrol.view.style import DOUBLE, LIMIT, legend_below, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,6 +23,11 @@ _TITLES = {  # those that are drawn, in this order; the others stand in the reco
     "payload": "payload",
     "spring_torque": "springs",
 }
+
+
+def has_margins(limits: Limits) -> bool:
+    """Return whether any variable has both limits, so that `limit_margins` can draw it."""
+    return bool(np.isfinite(limits.upper - limits.lower).any())
 
 
 def has_readings(record: Record) -> bool:
@@ -53,7 +58,7 @@ def readings(record: Record) -> Figure:
     names = _drawn(record)
     if not names:
         raise ShapeError("record: holds no readings of forces")
-    figure = new_figure(7.0, 0.5 + 1.45 * len(names))
+    figure = new_figure(DOUBLE, 0.5 + 1.45 * len(names))
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
         signal = record.readings[name]
@@ -87,10 +92,10 @@ def limit_margins(record: Record, limits: Limits) -> Figure:
     """
     half = (limits.upper - limits.lower) / 2
     margins = joint_margins(record, limits)
-    shown = np.flatnonzero(np.isfinite(half) & (half > 0))
+    shown = np.flatnonzero(np.isfinite(half))
     if not len(shown):
         raise ShapeError("limits: no joint has both")
-    figure = new_figure(7.0, 3.2)
+    figure = new_figure(DOUBLE, 3.2)
     axes = figure.subplots()
     for i in shown:
         axes.plot(record.time, margins[i] / half[i], label=record.joint_names[i], **line_style(int(i)))

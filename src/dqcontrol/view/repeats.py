@@ -9,13 +9,16 @@ import numpy as np
 
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.experiments.metric_tables import number_column
+from dqcontrol.experiments.parameter_units import with_unit
 from dqcontrol.experiments.repeats import LABELS, Repeats, Row
 from dqcontrol.experiments.statistics import LEVEL, Mean
 from dqcontrol.view.style import (
     DESIRED,
+    DOUBLE,
     legend_below,
     line_style,
     line_widths,
+    logarithmic,
     mark_style,
     new_figure,
     styled,
@@ -65,7 +68,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     kind = {group: study.describe(group, ["set", *study.parameters]) for group in study.groups}
     scene = {group: study.describe(group, {*LABELS} - {"law", "set"}) for group in study.groups}
     laws, kinds, scenes = (list(dict.fromkeys(of.values())) for of in (law, kind, scene))
-    figure = new_figure(7.0, 0.7 + 2.6 * len(scenes))
+    figure = new_figure(DOUBLE, 0.7 + 2.6 * len(scenes))
     panels = dict(zip(scenes, figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0], strict=True))
     width = 0.8 / len(kinds)
     for group in study.groups:
@@ -135,16 +138,16 @@ def gain_figure(
             curve.append((x, mean.mean, _half_width(mean, level)))
     if not curves:
         raise ShapeError(f"rows: no run that did not fail has '{key}' and '{over}'")
-    figure = new_figure(7.0, 3.8)
+    figure = new_figure(DOUBLE, 3.8)
     axes = figure.subplots()
     widths = line_widths(len(curves))
     for i, ((label, points), thickness) in enumerate(zip(curves.items(), widths, strict=True)):
         x, y, half_width = np.array(sorted(points)).T
         axes.errorbar(x, y, half_width, label=label, lw=thickness, **mark_style(i) | line_style(i))
     if all(y > 0 for points in curves.values() for _, y, _ in points):
-        axes.set_yscale("log")
+        logarithmic(axes)
     _mark_places(axes, places, numeric)
-    axes.set_xlabel(over.removeprefix("parameter."))
+    axes.set_xlabel(with_unit(over.removeprefix("parameter.")))
     axes.set_ylabel(heading)
     if any(curves):
         legend_below(figure, axes)

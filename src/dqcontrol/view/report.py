@@ -1,28 +1,27 @@
-"""A run as one HTML page that needs nothing else: no network, no scripts, no files beside it."""
+"""A run or a study as one page: what was run, what came of it, and how to get it again."""
 
 from __future__ import annotations
 
-import base64
 import os
 import secrets
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from dqcontrol.errors import ExistsError, FileFormatError
-from dqcontrol.experiments.metric_tables import summary_table
-from dqcontrol.experiments.metrics import Metrics
-from dqcontrol.experiments.tables import Column, Table
-from dqcontrol.limits import list_interventions
-from dqcontrol.loop.record import Record, has_failed
-from dqcontrol.loop.supervision import INTERVENTIONS
+from dqcontrol.errors import ExistsError
+from dqcontrol.experiments.tables import Table
+from dqcontrol.view.page import code, heading, html_figure, html_table, links, page, paragraph
 
-_TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg"}
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _CAPTIONS = {
     "path": "Path of the hand over the desired one.",
+    "paths": "Paths of the hands over the desired one.",
     "base": "Where the base went, seen from above; arrows are its headings at equal times.",
     "motion": "The robot at several times, later ones stronger.",
     "errors": "Error norm, distance and angle between the hand and its desired pose.",
+    "criteria": "Norms of error, control signal, joint step, speed and acceleration of the hand, and its pose.",
     "pose": "Coefficients of the end pose.",
     "joints": "Configuration; limits in the titles, dashed where they are near.",
     "margins": "Distance of each joint from its nearest limit, as a share of half its range.",
@@ -31,71 +30,53 @@ _CAPTIONS = {
     "timing": "How often periods, computation and idle times of the loop occurred; counts are logarithmic.",
     "readings": "Forces that the plant sensed.",
     "range": "The twist that leads to the goal, and what of it the robot cannot give its hand.",
+    "lyapunov": "The Lyapunov function V with its parts and rate, and how near the robot is to what it cannot do.",
+    "repeats": "Error integral of every repeat, with mean and confidence interval.",
+    "sweep": "The number that points are ranked by against each parameter; the best point is ringed.",
 }
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
-  content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
-<title>{title}</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 60rem;
-  margin: 2rem auto; padding: 0 1rem; }}
-h1 {{ font-size: 1.6rem; margin-bottom: 0.2rem; }}
-h2 {{ font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; }}
-p.facts {{ color: #555; margin-top: 0; }}
-p.bad {{ background: #fdecea; border-left: 4px solid #b2182b; padding: 0.5rem 0.8rem; }}
-table {{ border-collapse: collapse; font-size: 0.92rem; font-variant-numeric: tabular-nums; }}
-th, td {{ padding: 0.18rem 0.8rem; border-bottom: 1px solid #eee; text-align: left; }}
-th {{ border-bottom-color: #999; }}
-td.number {{ text-align: right; }}
-div.wide {{ overflow-x: auto; }}
-figure {{ margin: 1.4rem 0; }}
-figure img {{ max-width: 100%; height: auto; }}
-figcaption {{ color: #555; font-size: 0.9rem; }}
-pre {{ background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; }}
-@media print {{ pre {{ white-space: pre-wrap; }} figure, tr {{ break-inside: avoid; }} }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-<p class="facts">{facts}</p>
-{notice}{body}</body>
-</html>
-"""
+_WHERE = "In the folder of this page, or with the experiment below saved as spec.yaml."
 
 
 def write_report(
     folder: str | Path,
-    record: Record,
-    metrics: Metrics,
+    title: str,
     *,
-    title: str = "Run",
-    spec: str = "",
-    plots: Sequence[str | Path] | None = None,
+    facts: str = "",
+    notice: str = "",
+    command: str = "",
+    verdicts: Sequence[Table] = (),
     tables: Sequence[Table] = (),
+    figures: Mapping[str, Figure] | None = None,
+    files: Mapping[str, str] | None = None,
+    spec: str = "",
+    origins: Table | None = None,
 ) -> Path:
-    """Write ``report.html`` into a folder: facts, metrics, figures and the experiment's text in one file.
+    """Write ``report.html`` into a folder: everything in one file, for screens and for paper.
 
     Parameters
     ----------
     folder
         Made if missing; must not hold a ``report.html``.
-    record
-        The run, for why it ended; a divergence is shown as a warning.
-    metrics
-        Of the run.
     title
         Heading.
+    facts
+        A line below it.
+    notice
+        What a reader must not miss, as why a run failed.
+    command
+        The line that gives the results again.
+    verdicts
+        Tables whose `Verdict` cells have colours and marks.
+    tables
+        In this order.
+    figures
+        By name; known names have captions, others are their own.
+    files
+        Pages of single runs and others, relative to the folder, by label.
     spec
         Text of the resolved experiment.
-    plots
-        PNG, SVG or JPEG files, put into the page in this order; one format of each is shown. If omitted,
-        those that `save_plots` has written into the folder.
-    tables
-        More tables, shown after the metrics.
+    origins
+        Versions and seeds.
 
     Returns
     -------
@@ -105,89 +86,37 @@ def write_report(
     ------
     ExistsError
         If the folder holds a report.
-    FileFormatError
-        If a figure cannot be read.
 
     Examples
     --------
-    >>> save_plots(run.record, "out")  # doctest: +SKIP
-    >>> write_report("out", run.record, run.metrics, title="Circle")  # doctest: +SKIP
+    >>> write_report("out", "Circle", figures={"errors": errors(run.record)})  # doctest: +SKIP
     """
-    from dqcontrol import __version__
-
     target = Path(folder) / "report.html"
     if target.exists():
         raise ExistsError(f"{target}: exists already; choose another folder or remove it")
-    stopped = record.stopped
-    facts = [
-        f"{record.duration:.4g} s",
-        f"{len(record)} samples",
-        f"ended: {stopped}",
-        f"dqcontrol {__version__}",
-    ]
-    if plots is None:
-        candidates = (target.with_name(name + kind) for name in _CAPTIONS for kind in _TYPES)
-        plots = [path for path in candidates if path.exists()]
-    parts = ["<h2>Metrics</h2>", _table(summary_table(metrics)), *map(_table, tables)]
-    if INTERVENTIONS in record.readings:
-        parts += ["<h2>Interventions of the supervisor</h2>", _interventions(record)]
-    figures = _figures(plots)
+    parts = [paragraph(facts, "facts")] if facts else []
+    parts += [paragraph(notice, "notice")] if notice else []
+    if verdicts:
+        parts += [heading("Verdicts"), *map(html_table, verdicts)]
+    if command:
+        parts += [heading("The same again"), code(command, "command")]
+        parts += [paragraph(_WHERE)] if spec else []
+    if tables:
+        parts += [heading("Tables"), *map(html_table, tables)]
     if figures:
-        parts += ["<h2>Figures</h2>", *figures]
+        drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
+        parts += [heading("Figures"), *drawn]
+    if files:
+        parts += [heading("Files beside this page"), links(files)]
     if spec:
-        parts += ["<h2>Experiment</h2>", f"<pre>{escape(spec)}</pre>"]
-    page = _PAGE.format(
-        title=escape(title),
-        facts=escape(" · ".join(facts)),
-        notice=f'<p class="bad">The run {escape(stopped)}</p>\n' if has_failed(stopped) else "",
-        body="\n".join(parts) + "\n",
-    )
+        parts += [heading("Experiment"), code(spec, "spec")]
+    if origins is not None:
+        parts += [heading("Versions and seeds"), html_table(origins)]
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".report.{secrets.token_hex(4)}.part")
     try:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
+        temporary.write_text(page(title, parts), encoding="utf-8", newline="\n")
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
     return target
-
-
-def _table(table: Table) -> str:
-    """Return a table as HTML."""
-    numeric = table.numeric()
-    head = "".join(f"<th>{escape(column.heading)}</th>" for column in table.columns)
-    rows = [
-        "".join(
-            f"<td{' class=number' if right else ''}>{escape(text)}</td>"
-            for text, right in zip(row, numeric, strict=True)
-        )
-        for row in table.texts()
-    ]
-    caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
-    body = "\n".join(f"<tr>{row}</tr>" for row in rows)
-    return f'<div class="wide"><table>{caption}\n<tr>{head}</tr>\n{body}\n</table></div>'
-
-
-def _interventions(record: Record) -> str:
-    """Return when the supervisor intervened, and why."""
-    found = list_interventions(record.time, record.readings[INTERVENTIONS].values)
-    columns = [Column("from", "s", ".3f"), Column("to", "s", ".3f"), Column("reason")]
-    return _table(Table(columns, [list(row) for row in found])) if found else "<p>None.</p>"
-
-
-def _figures(plots: Sequence[str | Path]) -> list[str]:
-    """Return the figures as HTML, each in the first format that a page can hold."""
-    figures: dict[str, str] = {}
-    for path in map(Path, plots):
-        if path.suffix not in _TYPES or path.stem in figures:
-            continue
-        try:
-            data = base64.b64encode(path.read_bytes()).decode("ascii")
-        except OSError as error:
-            raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
-        caption = escape(_CAPTIONS.get(path.stem, path.stem))
-        source = f"data:{_TYPES[path.suffix]};base64,{data}"
-        figures[path.stem] = (
-            f'<figure><img src="{source}" alt="{caption}"><figcaption>{caption}</figcaption></figure>'
-        )
-    return list(figures.values())

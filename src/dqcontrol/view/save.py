@@ -1,27 +1,93 @@
-"""Figures written to files: those of one run, and those of several runs together."""
+"""The figures of one run, and those of several runs together; and these written to files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from dqcontrol.errors import ExistsError, unknown_name
 from dqcontrol.experiments.task_range import RANGE, TaskRange
+from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.view.base_paths import base_path, has_base, superimposed
 from dqcontrol.view.criteria import compare_criteria
 from dqcontrol.view.disturbances import disturbance
+from dqcontrol.view.figure_files import check_figure_files, save_figures
+from dqcontrol.view.lyapunov import lyapunov
 from dqcontrol.view.paths import compare_paths, path_3d
 from dqcontrol.view.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
-from dqcontrol.view.readings import has_readings, limit_margins, readings
+from dqcontrol.view.readings import has_margins, has_readings, limit_margins, readings
 from dqcontrol.view.task_range import range_condition
+from dqcontrol.view.timing import timing_histogram
 
-FORMATS = ("pdf", "png", "svg")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dqcontrol.experiments.lyapunov import Certificate
+
+Draw = Callable[[], "Figure"]
+
+
+def run_figures(
+    record: Record,
+    limits: Limits | None = None,
+    *,
+    joint_units: Sequence[str] | None = None,
+    input_units: Sequence[str] | None = None,
+    robot: Robot | None = None,
+    timing: Timing | None = None,
+    certificate: Certificate | None = None,
+) -> dict[str, Draw]:
+    """Return what draws each figure of a run, by name: ``path``, ``errors``, ``pose``, ``joints``.
+
+    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces),
+    ``range`` (the range condition), ``lyapunov`` and ``timing``; of a robot that drives also ``base``, where its base
+    went, and ``motion``, the robot at several times.
+
+    Parameters
+    ----------
+    record
+        The run.
+    limits, joint_units
+        As for `joint_angles`.
+    input_units
+        As for `control_signals`.
+    robot
+        Of whom the run is; needed for ``base`` and ``motion``.
+    timing
+        How a run in real time kept time.
+    certificate
+        Of its Lyapunov function.
+    """
+    draw: dict[str, Draw] = {"path": lambda: path_3d(record)}
+    if robot is not None and has_base(robot):
+        moved = cast(Robot, robot)
+        draw["base"] = lambda: base_path(moved, {"": record})
+        draw["motion"] = lambda: superimposed(moved, {"": record})
+    draw |= {
+        "errors": lambda: errors(record),
+        "pose": lambda: pose_coefficients(record),
+        "joints": lambda: joint_angles(record, limits, joint_units),
+    }
+    if limits is not None and has_margins(limits):
+        draw["margins"] = lambda: limit_margins(record, limits)
+    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
+        draw["inputs"] = lambda: control_signals(record, input_units)
+    if record.disturbance is not None:
+        draw["disturbance"] = lambda: disturbance(record)
+    if has_readings(record):
+        draw["readings"] = lambda: readings(record)
+    if RANGE in record.readings:
+        draw["range"] = lambda: range_condition(TaskRange.recorded(record), record.error)
+    if certificate is not None:
+        draw["lyapunov"] = lambda: lyapunov(certificate)
+    if timing is not None and len(timing.begin) > 1:
+        draw["timing"] = lambda: timing_histogram(timing)
+    return draw
 
 
 def save_plots(
@@ -34,31 +100,20 @@ def save_plots(
     formats: Sequence[str] = ("png",),
     robot: Robot | None = None,
 ) -> list[Path]:
-    """Write all figures of a run: ``path``, ``errors``, ``pose``, ``joints``.
-
-    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces) and
-    ``range`` (the range condition).
-
-    Of a robot that drives also ``base``, where its base went, and ``motion``, the robot at several times.
+    """Write all figures of a run, as `run_figures` draws them.
 
     Parameters
     ----------
-    record
-        The run.
+    record, limits, joint_units, input_units, robot
+        As for `run_figures`.
     folder
         Made if missing; must not hold files of these names.
-    limits, joint_units
-        As for `joint_angles`.
-    input_units
-        As for `control_signals`.
     formats
         Any of ``"png"``, ``"svg"``, ``"pdf"``.
-    robot
-        Of whom the run is; needed for ``base`` and ``motion``.
 
     Returns
     -------
-    The files, in the order above.
+    The files.
 
     Raises
     ------
@@ -71,58 +126,22 @@ def save_plots(
     --------
     >>> save_plots(run.record, "out", robot.limits, formats=["png", "svg"])  # doctest: +SKIP
     """
-    import matplotlib
+    draw = run_figures(record, limits, joint_units=joint_units, input_units=input_units, robot=robot)
+    check_figure_files(list(draw), Path(folder), formats)
+    return save_figures({name: each() for name, each in draw.items()}, folder, formats)
 
-    folder = Path(folder)
-    names = ["path", "errors", "pose", "joints"]
-    if (
-        limits is not None
-        and (np.isfinite(limits.upper - limits.lower) & (limits.upper > limits.lower)).any()
-    ):
-        names.append("margins")
-    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
-        names.append("inputs")
-    if record.disturbance is not None:
-        names.append("disturbance")
-    if has_readings(record):
-        names.append("readings")
-    if RANGE in record.readings:
-        names.append("range")
-    if robot is not None and has_base(robot):
-        names += ["base", "motion"]
-    for kind in formats:
-        if kind not in FORMATS:
-            raise unknown_name("formats", kind, FORMATS)
-    for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
-        if path.exists():
-            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    draw = {
-        "path": lambda: path_3d(record),
-        "errors": lambda: errors(record),
-        "pose": lambda: pose_coefficients(record),
-        "joints": lambda: joint_angles(record, limits, joint_units),
-        "margins": lambda: limit_margins(record, limits or Limits.none(record.q.shape[1])),
-        "inputs": lambda: control_signals(record, input_units),
-        "disturbance": lambda: disturbance(record),
-        "readings": lambda: readings(record),
-        "range": lambda: range_condition(TaskRange.recorded(record), record.error),
-        "base": lambda: base_path(cast(Robot, robot), {"": record}),
-        "motion": lambda: superimposed(cast(Robot, robot), {"": record}),
+
+def comparison_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
+    """Return what draws the figures of several runs together, by name: ``paths``, ``errors`` and ``criteria``."""
+    return {
+        "paths": lambda: compare_paths(records),
+        "errors": lambda: compare_errors(records),
+        "criteria": lambda: compare_criteria(records),
     }
-    figures = [draw[name]() for name in names]
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    with matplotlib.rc_context({"svg.hashsalt": "dqcontrol"}):  # the same run gives the same bytes
-        for name, figure in zip(names, figures, strict=True):
-            for kind in formats:
-                written.append(folder / f"{name}.{kind}")
-                date = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
-                figure.savefig(written[-1], metadata={date: None} if date else None)
-    return written
 
 
 def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[Path]:
-    """Write the figures that show several runs together, ``paths``, ``errors`` and ``criteria``, as PNG.
+    """Write the figures that show several runs together, as `comparison_figures` draws them, as PNG.
 
     Parameters
     ----------
@@ -133,19 +152,13 @@ def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[P
 
     Returns
     -------
-    The files, in the order above.
+    The files.
 
     Raises
     ------
     ExistsError
         If a file exists; then none is written.
     """
-    draw = {"paths": compare_paths, "errors": compare_errors, "criteria": compare_criteria}
-    files = [Path(folder) / f"{name}.png" for name in draw]
-    for path in files:
-        if path.exists():
-            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    for path, function in zip(files, draw.values(), strict=True):
-        function(records).savefig(path)
-    return files
+    draw = comparison_figures(records)
+    check_figure_files(list(draw), Path(folder), ["png"])
+    return save_figures({name: each() for name, each in draw.items()}, folder)

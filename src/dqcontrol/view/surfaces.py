@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.experiments.metric_tables import number_column
+from dqcontrol.experiments.parameter_units import with_unit
 from dqcontrol.experiments.repeats import Repeats, Row
-from dqcontrol.view.style import PANE, new_figure, styled
+from dqcontrol.view.style import DOUBLE, PANE, new_figure, panels_across, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,12 +55,14 @@ def surface(
         raise ShapeError("heights: expected at least one surface, got none")
     logarithmic = [_is_geometric(values) for values in grid]
     places = [np.log10(v) if log else v for v, log in zip(grid, logarithmic, strict=True)]
-    figure = new_figure(3.4 * len(heights), 3.0)
+    across = panels_across(min(len(heights), 3))
+    rows = -(-len(heights) // across)
+    figure = new_figure(DOUBLE, 0.3 + 2.6 * rows)
     for i, (title, values) in enumerate(heights.items()):
         height = np.asarray(values, dtype=float)
         if height.shape != shape:
             raise ShapeError(f"heights of {title}: expected shape {shape} as the grid, got {height.shape}")
-        axes: Any = figure.add_subplot(1, len(heights), i + 1, projection="3d")
+        axes: Any = figure.add_subplot(rows, across, i + 1, projection="3d")
         axes.plot_surface(
             *np.meshgrid(*places, indexing="ij"),
             height,
@@ -127,7 +130,8 @@ def surface_figure(
         for key, column in zip(keys, columns, strict=True):
             mean = study.mean(group, key)
             heights[column.heading][at] = mean.mean if mean else np.nan
-    return surface(grid[0], grid[1], heights, (x.removeprefix("parameter."), y.removeprefix("parameter.")))
+    labels = (with_unit(x.removeprefix("parameter.")), with_unit(y.removeprefix("parameter.")))
+    return surface(grid[0], grid[1], heights, labels)
 
 
 def _mark_axis(axes: Any, name: str, label: str, places: Array, logarithmic: bool) -> None:

@@ -8,8 +8,19 @@ import numpy as np
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.metric_tables import number_column
+from dqcontrol.experiments.parameter_units import with_unit
 from dqcontrol.experiments.repeats import LABELS
-from dqcontrol.view.style import COLOURS, legend_below, new_figure, styled
+from dqcontrol.view.style import (
+    COLOURS,
+    DESIRED,
+    DOUBLE,
+    MARKERS,
+    legend_below,
+    logarithmic,
+    new_figure,
+    panels_across,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,19 +57,22 @@ def sweep_figure(ranking: Ranking) -> Figure:
         raise ShapeError(f"ranking: no combination has '{ranking.by}' in all runs")
     names = [name for name in ranking.varied if name not in LABELS] or ranking.varied or ["law"]
     kinds = _kinds(ranking, names)
-    y, rows = ranking.column(ranking.by), -(-len(names) // _ACROSS)
-    figure = new_figure(7.0, 0.5 + 2.4 * rows)
-    grid = figure.subplots(rows, min(len(names), _ACROSS), sharey=True, squeeze=False)
+    across = panels_across(min(len(names), _ACROSS))
+    y, rows = ranking.column(ranking.by), -(-len(names) // across)
+    figure = new_figure(DOUBLE, 0.5 + 2.4 * rows)
+    grid = figure.subplots(rows, across, sharey=True, squeeze=False)
     for axes, name in zip(grid.flat, names, strict=False):
         x = _placed(axes, ranking.column(name))
         for i, kind in enumerate(dict.fromkeys(kinds)):
             mine, colour = kinds == kind, COLOURS[i % len(COLOURS)]
-            axes.plot(x[mine], y[mine], ".", ms=_size(len(y)), color=colour, rasterized=True)
-            axes.plot([], [], ".", ms=7, color=colour, label=kind)  # seen in the legend
-        axes.plot(x[0], y[0], "o", ms=8, mfc="none", mec="#222222", label="best")
-        axes.set_xlabel(name.removeprefix("parameter."))
+            marker = MARKERS[i % len(MARKERS)]
+            look: dict[str, Any] = {"ls": "", "marker": marker, "color": colour, "mew": 0}
+            axes.plot(x[mine], y[mine], ms=_size(len(y)), rasterized=True, **look)
+            axes.plot([], [], ms=5, label=kind, **look)  # seen in the legend
+        axes.plot(x[0], y[0], "o", ms=9, mfc="none", mec=DESIRED, label="best")
+        axes.set_xlabel(with_unit(name.removeprefix("parameter.")))
         if (y > 0).all() and y.max() > _DECADE * y.min():
-            axes.set_yscale("log")
+            logarithmic(axes)
     for axes in grid[:, 0]:
         axes.set_ylabel(number_column(ranking.by).heading)
     for axes in grid.flat[len(names) :]:

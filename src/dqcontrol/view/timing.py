@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop.clock import Timing
-from dqcontrol.view.style import COLOURS, DESIRED, new_figure, styled
+from dqcontrol.view.style import COLOURS, DESIRED, DOUBLE, new_figure, panels_across, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,13 +32,14 @@ def timing_histogram(timing: Timing) -> Figure:
     """
     if len(timing.begin) < 2:
         raise ShapeError(f"timing: needs at least two steps, got {len(timing.begin)}")
-    figure = new_figure(7.0, 2.6)
     rows = (
         ("period", timing.periods),
         ("computation", timing.computation),
         ("idle", timing.idle[1:]),
     )
-    panels = figure.subplots(1, len(rows), sharey=True, squeeze=False)[0]
+    across = panels_across(len(rows))
+    figure = new_figure(DOUBLE, 0.6 + 2.0 * len(rows) / across)
+    panels = figure.subplots(len(rows) // across, across, sharey=True, squeeze=False).ravel()
     for axes, (name, seconds) in zip(panels, rows, strict=True):
         values = 1e3 * seconds
         axes.hist(values, _BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)

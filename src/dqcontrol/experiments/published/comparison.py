@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from dqcontrol.experiments.cells import Ratio
 from dqcontrol.experiments.published.printed import PublishedCell
 from dqcontrol.experiments.published.results import Results
 from dqcontrol.experiments.setting import Setting
@@ -112,5 +113,5 @@ def _row(cell: PublishedCell, results: Results, suffix: str) -> list[Cell]:
         cell.deviation,
         ours,
         results.deviation(*where),
-        ours / cell.mean,
+        Ratio(ours / cell.mean),
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from dqcontrol.experiments.cells import Verdict
 from dqcontrol.experiments.published.printed import Claim
 from dqcontrol.experiments.tables import Column, Table
 
@@ -25,9 +26,10 @@ class Judgement:
     number: str
 
     @property
-    def verdict(self) -> str:
+    def verdict(self) -> Verdict:
         """In words."""
-        return {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
+        words = {True: "supported", False: "not supported", None: "cannot be decided"}
+        return Verdict(words[self.holds], self.holds)
 
 
 def verdict_table(

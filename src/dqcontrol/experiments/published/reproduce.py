@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.experiments.published.catalogue import (
     SAMPLES,
@@ -61,4 +63,6 @@ def reproduce(
         raise unknown_name("reproduction", name, list(experiments()))
     folder, _, short = full.partition("/")
     conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
-    return source(folder).reproduce(short, conditions)
+    chosen = {} if repeats is None else {"repeats": repeats}
+    chosen |= {} if samples == SAMPLES else {"samples": samples}
+    return replace(source(folder).reproduce(short, conditions), conditions=chosen)

@@ -1,0 +1,81 @@
+"""The figures of a run, and its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dqcontrol.experiments.lyapunov import Certificate, recorded_certificate
+from dqcontrol.experiments.metric_tables import metrics_tables
+from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.provenance import AGAIN, command, evaluation_command, origins
+from dqcontrol.experiments.run import Run, units_of
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.verdicts import interventions_tables, run_verdicts
+from dqcontrol.loop.record import has_failed
+from dqcontrol.yaml_file import parse_yaml
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def figures_of(run: Run) -> dict[str, Figure]:
+    """Return all figures of a run by name, as wide as `dqcontrol.view.column_width` says.
+
+    Examples
+    --------
+    >>> figures_of(dqc.run("examples/circle.yaml"))["errors"].savefig("errors.pdf")  # doctest: +SKIP
+    """
+    return _figures(run, _certificate(run, parse_yaml("spec", run.spec)))
+
+
+def write_run_report(run: Run, folder: Path) -> None:
+    """Write ``report.html`` and the figures of a run as PNG files into an existing folder."""
+    from dqcontrol.view import save_figures, timing_table, write_report
+
+    data: dict[str, Any] = parse_yaml("spec", run.spec)
+    certificate, stopped = _certificate(run, data), run.record.stopped
+    figures = _figures(run, certificate)
+    save_figures(figures, folder)
+    tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
+    if run.timing and len(run.timing.begin) > 1:
+        tables.append(timing_table(run.timing))
+    write_report(
+        folder,
+        run.label,
+        facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+        notice=f"The run {stopped}" if has_failed(stopped) else "",
+        command=_command(run, data),
+        verdicts=[run_verdicts(run, certificate)],
+        tables=tables,
+        figures=figures,
+        spec=run.spec,
+        origins=origins(data),
+    )
+
+
+def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
+    from dqcontrol.view import run_figures
+
+    units = units_of(run.robot)
+    draw = run_figures(
+        run.record,
+        run.robot.limits,
+        **units,
+        robot=run.robot,
+        timing=run.timing,
+        certificate=certificate,
+    )
+    return {name: each() for name, each in draw.items()}
+
+
+def _certificate(run: Run, data: dict[str, Any]) -> Certificate | None:
+    """Return what the stability proof says of it; None for a log of somebody else's."""
+    return None if "evaluation" in data else recorded_certificate(read_spec(data)[0], run.robot, run.record)
+
+
+def _command(run: Run, data: dict[str, Any]) -> str:
+    """Return the line that gives the run again."""
+    if "evaluation" in data:
+        return evaluation_command(data["evaluation"])
+    return command("run", MARK, real_time=run.timing is not None, out=AGAIN)
