@@ -4,6 +4,7 @@ import shlex
 import sys
 from dataclasses import replace
 from html import unescape
+from typing import Any
 
 import numpy as np
 import pytest
@@ -155,8 +156,9 @@ def test_seeds_of_repeats_and_points_are_told():
     assert "seed" not in dict(origins({}).rows)
 
 
-def verdicts(run, certificate=None):
-    return {row[0]: (row[1], row[1].good, row[2]) for row in run_verdicts(run, certificate).rows}
+def verdicts(run, certificate=None) -> dict[str, Any]:
+    rows: Any = run_verdicts(run, certificate).rows
+    return {row[0]: (row[1], row[1].good, row[2]) for row in rows}
 
 
 def test_a_good_run_is_called_good(run):
@@ -206,6 +208,7 @@ def test_stability_proof_and_range_are_judged():
     }
     run = dqc.run(spec)
     certificate = recorded_certificate(read_spec(spec)[0], run.robot, run.record)
+    assert certificate is not None
     found = verdicts(run, certificate)
     assert found["Lyapunov function V"][:2] == ("falls", True)
     assert found["Range of J"][:2] == ("not stuck", True)
@@ -232,7 +235,8 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
         "limit_margin": 0.1,
     }
     bad = row | {"repeat": 1, "stopped": "diverged at 1 s", "limit_margin": -0.2}
-    ((label, count, end, kept, least),) = study_verdicts([row | {"repeat": 0}, bad]).rows
+    rows: Any = study_verdicts([row | {"repeat": 0}, bad]).rows
+    ((label, count, end, kept, least),) = rows
     assert (label, count, end, kept, least) == ("K", "1 of 2", "failed", "exceeded", -0.2)
     assert (end.good, kept.good) == (False, False)
 

@@ -186,7 +186,8 @@ def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
     tables = ("table", "confidence", "differences", "repeatability")
     assert names == {
         *(f"{name}.{suffix}" for name in tables for suffix in ("md", "csv", "tex")),
-        "spec.yaml", "runs.parquet", "paths.png", "errors.png", "criteria.png", "repeats.png", ".dqcontrol-results",
+        "spec.yaml", "report.html", "runs.parquet", "paths.png", "errors.png", "criteria.png", "repeats.png",
+        ".dqcontrol-results",
     }  # fmt: skip
     made = (tmp_path / "noise" / "repeatability.md").read_text(encoding="utf-8")
     assert "white encoder noise of" in made

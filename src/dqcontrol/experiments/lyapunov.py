@@ -133,5 +133,6 @@ def _what_moved(robot: Robot, record: Record) -> tuple[Robot, Array]:
 def recorded_certificate(spec: Spec, robot: Robot, record: Record) -> Certificate | None:
     """Return the certificate of a run of this law on ideal joints; None for other runs, and those that diverged."""
     ((law,), (plant,)) = spec.law_by_label.values(), spec.plant_by_label.values()
-    fits = isinstance(law, FeedbackLinearization) and isinstance(plant, Integrator) and len(record) > 1
-    return certificate(robot, record, law) if fits and np.isfinite(record.q).all() else None
+    if not isinstance(law, FeedbackLinearization) or not isinstance(plant, Integrator):
+        return None
+    return certificate(robot, record, law) if len(record) > 1 and np.isfinite(record.q).all() else None

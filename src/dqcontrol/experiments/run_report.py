@@ -75,7 +75,9 @@ def _certificate(run: Run, data: dict[str, Any]) -> Certificate | None:
 
 
 def _command(run: Run, data: dict[str, Any]) -> str:
-    """Return the line that gives the run again."""
+    """Return the line that gives the run again; none of one that somebody's hand or another process drove."""
     if "evaluation" in data:
         return evaluation_command(data["evaluation"])
+    if run.expected is None:
+        return ""
     return command("run", MARK, real_time=run.timing is not None, out=AGAIN)

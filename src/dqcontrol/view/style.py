@@ -112,7 +112,7 @@ def _simplify_ticks(figure: Figure) -> None:
             return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
     for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis, *([axes.zaxis] if hasattr(axes, "zaxis") else [])):
+        for axis in axes._axis_map.values():
             if type(axis.get_major_formatter()) is ScalarFormatter:
                 axis.set_major_formatter(Plain())
 
