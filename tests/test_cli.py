@@ -107,7 +107,7 @@ def test_a_study_with_repeats(here, capsys):
     assert re.search(r"│ tiny +│ +3 │ +0 │", out)
     assert re.search(r"│ other +│ +3 │ +0 │", out)
     assert {path.name for path in (here / "both").iterdir()} == {
-        "spec.yaml", "table.md", "table.csv", "table.tex", ".dqcontrol-results",
+        "spec.yaml", "report.html", "table.md", "table.csv", "table.tex", ".dqcontrol-results",
     }  # fmt: skip
 
 

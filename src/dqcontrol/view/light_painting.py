@@ -112,7 +112,12 @@ def _exposed(record: Record, lit: Lit | None) -> tuple[Figure, NDArray[np.float6
     for width, opacity in _GLOW:
         colour = _CORE if opacity > 0.5 else _LIGHT
         glow = LineCollection(
-            list(strokes), colors=colour, linewidths=width, alpha=opacity * exposure, capstyle="round"
+            list(strokes),
+            colors=colour,
+            linewidths=width,
+            alpha=opacity * exposure,
+            capstyle="round",
+            rasterized=True,
         )
         glows.append(axes.add_collection(glow))
     axes.set_xlim(low[0] - 0.08 * size.max(), high[0] + 0.08 * size.max())
