@@ -63,6 +63,11 @@ def _readme(folder: Path) -> None:
     _short_sweep(folder)
 
 
+def _circle_and_demo(folder: Path) -> None:
+    _demo(folder)
+    _save(dqc.run(CIRCLE), folder / "results" / "circle")
+
+
 def _logs(folder: Path) -> None:
     """One run as a user's recordings would hold it."""
     run = dqc.run(CIRCLE)
@@ -81,4 +86,9 @@ def _logs(folder: Path) -> None:
     np.savetxt(folder / "taught.csv", taught, delimiter=",", header=header, comments="")
 
 
-_OWN_FILES = {"README.md": _readme, "sweeps.md": _short_sweep, "own-data.md": _logs}
+_OWN_FILES = {
+    "README.md": _readme,
+    "reports.md": _circle_and_demo,
+    "sweeps.md": _short_sweep,
+    "own-data.md": _logs,
+}

@@ -41,6 +41,7 @@ SLOW = {  # parts of commands and of Python
     "pereira2016.md": ("--repeats 2", "--plant servo"),
     "physics.md": ("run examples/",),
     "real-time.md": ("run examples/",),
+    "reports.md": ("results/demo", "write_report", "column_width"),
     "silva2017.md": ("reproduce",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
     "view.md": ("run examples/", "clip"),
