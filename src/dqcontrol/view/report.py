@@ -66,7 +66,7 @@ def write_report(
     command
         The line that gives the results again.
     verdicts
-        Tables whose `Verdict` cells have colours and marks.
+        Tables whose cells of ``dqcontrol.experiments.cells.Verdict`` have colours and marks.
     tables
         In this order.
     figures
