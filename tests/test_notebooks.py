@@ -53,3 +53,9 @@ def test_a_run_is_shown_with_its_numbers_and_its_path():
     assert f"| {run.label} |" in shown
     (picture,) = re.findall(r"data:image/png;base64,([^\"]+)", shown)
     assert base64.b64decode(picture)[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_figure_is_shown_as_wide_as_on_paper_without_pyplot():
+    picture, size = dqc.view.errors(dqc.run(SPEC).record)._repr_png_()
+    assert picture[:8] == b"\x89PNG\r\n\x1a\n"
+    assert size == {"width": 687, "height": 480}

@@ -32,26 +32,28 @@ def figures_of(run: Run) -> dict[str, Figure]:
 def write_run_report(run: Run, folder: Path) -> None:
     """Write ``report.html`` and the figures of a run as PNG files into an existing folder."""
     from dqcontrol.view import save_figures, timing_table, write_report
+    from dqcontrol.view.figure_files import laid_out
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
     certificate, stopped = _certificate(run, data), run.record.stopped
     figures = _figures(run, certificate)
-    save_figures(figures, folder)
     tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
-    write_report(
-        folder,
-        run.label,
-        facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
-        notice=f"The run {stopped}" if has_failed(stopped) else "",
-        command=_command(run, data),
-        verdicts=[run_verdicts(run, certificate)],
-        tables=tables,
-        figures=figures,
-        spec=run.spec,
-        origins=origins(data),
-    )
+    with laid_out(figures.values()):
+        save_figures(figures, folder)
+        write_report(
+            folder,
+            run.label,
+            facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+            notice=f"The run {stopped}" if has_failed(stopped) else "",
+            command=_command(run, data),
+            verdicts=[run_verdicts(run, certificate)],
+            tables=tables,
+            figures=figures,
+            spec=run.spec,
+            origins=origins(data),
+        )
 
 
 def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,6 @@ _SETTINGS: Any = {
     "svg.hashsalt": "dqcontrol",  # the same run gives the same bytes
     "svg.fonttype": "path",  # other machines may lack the font
     "pdf.fonttype": 42,  # TrueType: journals refuse type 3
-    "figure.autolayout": False,
-    "figure.constrained_layout.use": False,
 }
 _DATES = {"pdf": "CreationDate", "svg": "Date"}
 
@@ -82,11 +81,29 @@ def save_figures(
     check_figure_files(list(figures), folder, formats)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for name, figure in figures.items():
-        for kind in formats:
-            written.append(folder / f"{name}.{kind}")
-            written[-1].write_bytes(encoded(figure, kind, dpi))
+    with laid_out(figures.values()):
+        for name, figure in figures.items():
+            for kind in formats:
+                written.append(folder / f"{name}.{kind}")
+                written[-1].write_bytes(encoded(figure, kind, dpi))
     return written
+
+
+@contextmanager
+def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
+    """Lay figures out once for all the formats that they are written in meanwhile."""
+    import matplotlib
+
+    engines = {figure: engine for figure in figures if (engine := figure.get_layout_engine()) is not None}
+    for figure in engines:
+        figure.draw_without_rendering()
+        with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+            figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        for figure, engine in engines.items():
+            figure.set_layout_engine(engine)
 
 
 def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:
@@ -95,14 +112,12 @@ def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:
 
     stream, date = io.BytesIO(), _DATES.get(kind)
     with matplotlib.rc_context(_SETTINGS):
-        if figure.get_layout_engine() is not None:  # once for all formats
-            figure.draw_without_rendering()
-            figure.set_layout_engine(None)
         figure.savefig(stream, format=kind, dpi=dpi, metadata={date: None} if date else None)
     return stream.getvalue()
 
 
 def for_page(figure: Figure) -> tuple[str, bytes]:
     """Return media type and content of a figure in a page: as vectors if they are not too many."""
-    svg = encoded(figure, "svg")
+    with laid_out([figure]):
+        svg = encoded(figure, "svg")
     return ("image/svg+xml", svg) if len(svg) <= _LARGEST_SVG else ("image/png", encoded(figure, "png"))

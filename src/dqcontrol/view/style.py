@@ -119,9 +119,9 @@ def _simplify_ticks(figure: Figure) -> None:
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size, in, but no wider than its column, outside pyplot's global state."""
-    from matplotlib.figure import Figure
+    from dqcontrol.view.notebook_figure import NotebookFigure
 
-    return Figure(figsize=(min(width, _width.get()), height), dpi=160, layout="constrained")
+    return NotebookFigure(figsize=(min(width, _width.get()), height), dpi=160, layout="constrained")
 
 
 def panels_across(most: int) -> int:

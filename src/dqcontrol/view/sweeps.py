@@ -105,4 +105,4 @@ def _placed(axes: Axes, values: NDArray[Any]) -> NDArray[np.float64]:
 
 def _size(count: int) -> float:
     """Return the size of a dot, smaller where there are many."""
-    return float(np.clip(30 / np.sqrt(count), 1.0, 4.0))
+    return float(np.clip(50 / np.sqrt(count), 1.6, 4.0))
