@@ -282,3 +282,19 @@ def test_sweep_and_compare_list_the_best_points(here, capsys):
     ):
         code, _, err = call(*arguments, capsys=capsys)
         assert (code, err.count("\n")) == (2, 1)
+
+
+def test_help_of_any_command_loads_nothing_heavy(tmp_path):
+    script = """
+import sys
+from dqcontrol.cli import COMMANDS, app
+for command in ("", *COMMANDS):
+    app([*command.split(), "--help"], result_action="return_value")
+    loaded = {"numba", "matplotlib", "scipy", "mujoco", "pyarrow"} & set(sys.modules)
+    print(f"loaded by '{command}':", *loaded, *["numpy"] * (not command and "numpy" in sys.modules))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    found = [line for line in done.stdout.splitlines() if line.startswith("loaded by")]
+    assert found == [f"loaded by '{command}':" for command in ("", *cli.COMMANDS)]

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol import algebra
-from dqcontrol.algebra import DualQuaternion
-from dqcontrol.errors import Error
-from dqcontrol.robots import (
-    DifferentialDrive,
-    HolonomicBase,
-    Inertia,
-    Kinematics,
-    Limits,
-    Robot,
-    SerialArm,
-    Solution,
-    WholeBody,
-    load_robot,
-    robot_names,
-)
-
 if TYPE_CHECKING:
-    from dqcontrol import experiments, laws, limits, loop, plants, references
+    from dqcontrol import algebra, experiments, laws, limits, loop, plants, references
+    from dqcontrol.algebra import DualQuaternion
+    from dqcontrol.errors import Error
     from dqcontrol.experiments import Run, Study, run, run_study
     from dqcontrol.loop import simulate
     from dqcontrol.references import Sample
+    from dqcontrol.robots import (
+        DifferentialDrive,
+        HolonomicBase,
+        Inertia,
+        Kinematics,
+        Limits,
+        Robot,
+        SerialArm,
+        Solution,
+        WholeBody,
+        load_robot,
+        robot_names,
+    )
 
 __version__ = "0.1.0"
 
@@ -58,25 +56,29 @@ __all__ = [
     "simulate",
 ]
 
-_ROOMS = ("experiments", "laws", "limits", "loop", "plants", "references", "view")
-_LATER = {
+_ROOMS = ("algebra", "experiments", "laws", "limits", "loop", "plants", "references", "robots", "view")
+_HOMES = {
+    "DualQuaternion": "algebra",
+    "Error": "errors",
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
-}
+}  # of all others: robots
 
 
 def __getattr__(name: str) -> Any:
-    """Import a room when it is first asked for, so that the package itself imports fast."""
+    """Import what is first asked for, so that neither the package nor the command line waits for the rest."""
     import importlib
 
     if name in _ROOMS:
         return importlib.import_module(f"dqcontrol.{name}")
-    if name in _LATER:
-        return getattr(importlib.import_module(f"dqcontrol.{_LATER[name]}"), name)
+    if name in __all__:
+        found = getattr(importlib.import_module(f"dqcontrol.{_HOMES.get(name, 'robots')}"), name)
+        globals()[name] = found
+        return found
     raise AttributeError(f"module 'dqcontrol' has no attribute '{name}'")
 
 

@@ -148,7 +148,7 @@ def test_rates_from_which_braking_ends_in_time():
     """Against braking step by step, and one that starts a little faster does not end in time."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
-    rate_of = fastest_stoppable.py_func
+    rate_of = fastest_stoppable
     for room, a, dt in zip(
         10 ** rng.uniform(-6, 1, 300),
         10 ** rng.uniform(-1, 2, 300),

@@ -67,7 +67,7 @@ _BATCHES = {1: unary_batch, 2: binary_batch, 3: ternary_batch}
 
 @cache
 def _kernel(operation: Any, operands: int) -> Kernel:
-    return Kernel(operation.py_func, _SIGNATURES[operands], strict=False)
+    return Kernel(operation, _SIGNATURES[operands], strict=False)
 
 
 def apply(operation: Any, size: int, **operands: Array) -> Array:

@@ -8,7 +8,6 @@ import warnings
 from cyclopts import App, CycloptsError
 
 import dqcontrol
-from dqcontrol.errors import Error
 
 USER_ERROR = 2
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
@@ -45,7 +44,7 @@ def main() -> None:
     warnings.showwarning = _show_warning
     try:
         app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
-    except (Error, CycloptsError) as error:
+    except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy
         print(f"dqcontrol: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(USER_ERROR)
     except KeyboardInterrupt as interrupt:

@@ -25,6 +25,7 @@ from dqcontrol.compile import (
     WRONG_SIZE,
     inlined,
     kernel,
+    shared,
     types,
 )
 from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
@@ -151,7 +152,7 @@ def forward(chain, q, out):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@inlined
+@shared
 def _kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
