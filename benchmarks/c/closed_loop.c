@@ -5,9 +5,10 @@
 
 #define MOST 60
 
-static void pose_and_jacobian(const double *chain, const double *q, int n, double *x, double J[8][MOST])
+static void pose_and_jacobians(const double *chain, const double *q, int n, double *x, double J[8][MOST],
+                               double W[6][MOST])
 {
-    double w = 1, i = 0, j = 0, k = 0, px = 0, py = 0, pz = 0, W[6][MOST];
+    double w = 1, i = 0, j = 0, k = 0, px = 0, py = 0, pz = 0;
     for (int c = 0; c <= n; c++) {
         const double *f = chain + 8 * c, *t = f + 4;
         double cx = 2 * (j * t[2] - k * t[1]), cy = 2 * (k * t[0] - i * t[2]), cz = 2 * (i * t[1] - j * t[0]);
@@ -67,11 +68,11 @@ static void conjugate_product(const double *a, const double *b, double *out)
 void closed_loop(const double *chain, int n, double *q, const double *samples, int width, int steps, double period,
                  double gain, double damping, double *q_record, double *command_record)
 {
-    double x[8], J[8][MOST], N[8][MOST], e[8], A[MOST][MOST], u[MOST];
+    double x[8], J[8][MOST], W[6][MOST], N[8][MOST], e[8], A[MOST][MOST], u[MOST];
     for (int s = 0; s < steps; s++) {
         const double *xd = samples + (long)s * width;
         memcpy(q_record + (long)s * n, q, n * sizeof *q);
-        pose_and_jacobian(chain, q, n, x, J);
+        pose_and_jacobians(chain, q, n, x, J, W);
         conjugate_product(x, xd, e);
         double sign = e[0] >= 0 ? 1 : -1;
         for (int c = 0; c < 8; c++)
