@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import FileFormatError
 from dqcontrol.experiments.cells import Cell, Column, PlusMinus
 from dqcontrol.experiments.metric_tables import number_column
+from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.repeats import LABELS
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
@@ -70,7 +71,9 @@ class Ranking:
             for i, row in enumerate(best)
         ]
         headings = [
-            Column(name.removeprefix(_PARAMETER) if name.startswith(_PARAMETER) else name.capitalize())
+            Column(key := name.removeprefix(_PARAMETER), parameter_unit(key))
+            if name.startswith(_PARAMETER)
+            else Column(name.capitalize())
             for name in names
         ]
         lost = len(self.groups) - self.placed
