@@ -75,7 +75,7 @@ def test_everything_fits_the_paper(tab):
     width, height = (round(size * MM) for size in A4)
     tab.set_viewport_size({"width": width, "height": 800})
     boxes = tab.eval_on_selector_all(
-        "img, table, pre, figure",
+        "img, table, pre, figure, div.short",
         "all => all.map(e => [e.tagName, e.getBoundingClientRect().right, e.scrollWidth, e.clientWidth,"
         " e.getBoundingClientRect().height, getComputedStyle(e).breakInside])",
     )
@@ -83,6 +83,8 @@ def test_everything_fits_the_paper(tab):
         assert right <= width + 1, name
         if name == "PRE":
             assert scroll <= shown, "lines are wrapped"
+        if name == "DIV":
+            assert breaks == "avoid", "a short table is never cut"
         if name == "FIGURE":
             assert tall <= height, "fits on a page"
             assert breaks == "avoid"

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MARKS = {True: ("good", "✓"), False: ("bad", "✗"), None: ("open", "•")}
+_SHORT = 30  # rows; such a table is never cut
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 60rem;
   margin: 2rem auto; padding: 0 1rem; }
@@ -28,7 +29,7 @@ caption { text-align: left; font-weight: 600; padding: 0.2rem 0.8rem; break-afte
 th, td { padding: 0.18rem 0.8rem; border-bottom: 1px solid #eee; text-align: left; vertical-align: top; }
 th { border-bottom-color: #999; }
 th.number, td.number { text-align: right; }
-td:first-child { min-width: 6em; }
+td:first-child { min-width: 4em; }
 td.number { white-space: nowrap; }
 td.good, td.bad, td.open { font-weight: 600; white-space: nowrap; }
 td.good { color: #00664a; }
@@ -50,7 +51,8 @@ pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wr
   table { font-size: 8pt; }
   th, td { padding: 0.12rem 0.4rem; overflow-wrap: break-word; }
   thead { display: table-header-group; }
-  tr, figure, p.notice, pre.command { break-inside: avoid; }
+  tbody tr:nth-child(-n+2) { break-before: avoid; }
+  div.short, tr, figure, p.notice, pre.command { break-inside: avoid; }
   figure { margin: 0.8rem 0; }
   figure img { max-height: 235mm; }
   pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; border: 1px solid #ccc; }
@@ -114,8 +116,9 @@ def html_table(table: Table) -> str:
     ]
     caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
     body = "\n".join(f"<tr>{row}</tr>" for row in rows)
+    size = "" if len(rows) > _SHORT else " short"
     return (
-        f'<div class="wide"><table>{caption}\n<thead><tr>{head}</tr></thead>\n'
+        f'<div class="wide{size}"><table>{caption}\n<thead><tr>{head}</tr></thead>\n'
         f"<tbody>\n{body}\n</tbody></table></div>"
     )
 

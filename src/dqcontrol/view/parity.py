@@ -65,6 +65,7 @@ def parity(
             axis.set_major_locator(LogLocator(subs=subs))
             axis.set_major_formatter(lambda value, _: f"{value:g}")
             axis.set_minor_locator(NullLocator())
-    grid[0].set_ylabel(labels[1])
+    for axes in grid[::across]:
+        axes.set_ylabel(labels[1])
     legend_below(figure, max(grid, key=lambda axes: len(axes.get_legend_handles_labels()[0])))
     return figure
