@@ -2,6 +2,7 @@
 
 import gc
 import os
+import threading
 from contextlib import suppress
 
 import numpy as np
@@ -11,6 +12,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, RealTimeWarning
 from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.loop import Clock, Stop, close_loop
+from dqcontrol.loop.clock import allows_real_time, real_time, threads_of_process
 from dqcontrol.plants import Servo
 from dqcontrol.references import SetPoint
 
@@ -226,13 +228,17 @@ def test_real_time_scheduling_is_asked_for_and_refusal_is_told(monkeypatch):
     monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *args: calls.append(args), raising=False)
     with Clock(priority=7).running(0.01, 1):
-        assert calls == [(0, os.SCHED_FIFO, 7)]
+        assert calls == [(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, 7)]
     assert calls[1:] == [(0, 0, "before")]
+    assert allows_real_time(7)
+    with real_time(7, threads_of_process()):
+        assert {call[0] for call in calls if call[2] == 7} >= {threading.get_native_id()}
 
     def refuse(*args):
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse, raising=False)
+    assert not allows_real_time(7)
     with (
         pytest.warns(
             RealTimeWarning, match=r"priority 7 was refused \(Operation not permitted\); the loop goes on"

@@ -14,6 +14,7 @@ from dqcontrol.ros2 import middleware
 
 # A machine full of other tests stalls processes for longer than a robot's would be.
 PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")
+NODES = [sys.executable, "-u", "-m", "dqcontrol", "ros2"]
 SPEC = {
     "name": "tiny",
     "robot": "iiwa7",
@@ -48,9 +49,9 @@ def start():
     """Return what starts a ``dqcontrol ros2`` process and waits for a line of its log; all are ended after the test."""
     running = []
 
-    def run(*words, until=None, file_limit=resource.RLIM_INFINITY):
+    def run(*words, until=None, file_limit=resource.RLIM_INFINITY, program=NODES):
         process = subprocess.Popen(
-            [sys.executable, "-u", "-m", "dqcontrol", "ros2", *map(str, words)],
+            [*program, *map(str, words)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -103,7 +104,7 @@ def node():
             executor.spin_once(timeout_sec=0.02)
         return until()
 
-    probe.serve = serve
+    probe.serve, probe.host = serve, executor.add_node
     yield probe
     executor.shutdown()
     probe.destroy_node()

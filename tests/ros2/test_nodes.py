@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
 from conftest import PATIENT, read_until
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -53,7 +53,7 @@ def in_process(path, interface, folder):
 
 
 def compare_with_in_process(start, path, folder, interface, patience=60):
-    start("robot", path, "--interface", interface, until="serves")
+    start("robot", path, "--interface", interface)
     controller = start("controller", path, "--interface", interface, "--autostart", "--out", folder, *PATIENT)
     log, _ = controller.communicate(timeout=patience)
     assert controller.returncode == 0, log
@@ -97,7 +97,7 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
     node.create_subscription(
         Float64MultiArray, "/forward_velocity_controller/commands", lambda m: commands.append(m.data), 100
     )
-    robot = start("robot", path, until="serves")
+    robot = start("robot", path)
     controller = start("controller", path, "--autostart", *PATIENT, until="active")
     assert node.serve(lambda: heard and heard[-1][1] > 0.1)
     controller.kill()
@@ -123,14 +123,14 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
 
 def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, node, call, diagnostics):
     path = spec()
-    start("robot", path, "--interface", "position", until="serves")
-    start("controller", path, "--follow", "pose", "--interface", "position", *PATIENT)
+    start("robot", path, "--interface", "position")
+    controller = start("controller", path, "--follow", "pose", "--interface", "position", *PATIENT)
     refused = call("activate")
     assert (refused.success, "unconfigured" in refused.message) == (False, True)
     assert call("configure").success
     assert not call("configure").success
     assert node.serve(lambda: call("activate").success)
-    heard = []
+    heard, reasons = [], []
 
     def hear(message):
         if message.header.stamp.sec:  # the robot's
@@ -139,6 +139,8 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     node.create_subscription(JointState, "/joint_states", hear, 10)
 
     def said(text, again=lambda: None):
+        reasons.append(text)
+
         def heard_it():
             again()  # only the newest message is read, and the robot's come in between
             return text in diagnostics.get("/dqcontrol", ("", {}))[1].get("last refused", "")
@@ -162,6 +164,8 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     for names, positions, why in (
         (["a"], [1.0], "has no joint"),
         (list(IIWA.joint_names), [1.0] * 3, "7 names, but 3 positions"),
+        ([IIWA.joint_names[0], *IIWA.joint_names[:6]], [1.0] * 7, "is there twice"),
+        (list(IIWA.joint_names), [np.nan] * 7, "number 1 is not finite"),
         (list(IIWA.joint_names), [1.0] * 7, "stamp"),  # stamped 0: long ago
     ):
         wrong_state = JointState(name=names, position=positions)
@@ -207,6 +211,26 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     assert node.serve(lambda: call("activate").success)
     assert call("deactivate").success
     assert node.serve(lambda: diagnostics["/dqcontrol"][0] == "inactive")
+    controller.terminate()
+    log, _ = controller.communicate(timeout=20)
+    for text in reasons:
+        assert any("refused: " in line and text in line for line in log.splitlines()), text
+
+
+def test_a_twist_in_an_unknown_frame_is_refused(spec, node, diagnostics, capfd):
+    from dqcontrol.ros2.controller import ControllerNode
+
+    controller = ControllerNode(spec(), source="twist")
+    controller.configure()
+    node.host(controller)
+    twists = node.create_publisher(TwistStamped, "/dqcontrol/twist", 1)
+    assert node.serve(lambda: twists.get_subscription_count())
+    message = TwistStamped()
+    message.header.frame_id = "map"
+    twists.publish(message)
+    why = "twist: unknown frame 'map' (allowed: base_link, tool0)"
+    assert node.serve(lambda: diagnostics.get("/dqcontrol", ("", {}))[1].get("last refused") == why)
+    assert f"refused: {why}" in capfd.readouterr().err
 
 
 def sockets_of(process):

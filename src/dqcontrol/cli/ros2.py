@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import App, Parameter
+from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli.options import Force, Out
 
@@ -18,6 +18,10 @@ Interface = Annotated[
 ]
 Network = Annotated[
     bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
+]
+Priority = Annotated[
+    int | None,
+    Parameter(validator=validators.Number(gte=1, lte=99), help="1 … 99: ask for real-time scheduling."),
 ]
 RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
 
@@ -34,6 +38,7 @@ def controller(
     out: Out = None,
     force: Force = False,
     network: Network = False,
+    priority: Priority = None,
 ) -> None:
     """Drive a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -61,10 +66,10 @@ def controller(
             spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
         )
         try:
-            middleware.spin(node, ended=lambda: node.ended)
+            middleware.spin(node, ended=lambda: node.ended, priority=priority)
         except KeyboardInterrupt:
             node.retire()
-            middleware.spin(node, ended=lambda: node.ended)
+            middleware.spin(node, ended=lambda: node.ended, priority=priority)
     if node.recorder:
         print(f"results: {node.recorder.save()}")
     if node.outcome not in ("", "duration", "interrupted"):
@@ -80,6 +85,7 @@ def robot(
     interface: Interface = "velocity",
     wrench_node: str | None = None,
     network: Network = False,
+    priority: Priority = None,
 ) -> None:
     """Simulate a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -102,7 +108,7 @@ def robot(
 
         node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
         with suppress(KeyboardInterrupt):
-            middleware.spin(*node.nodes)
+            middleware.spin(*node.nodes, priority=priority)
 
 
 @ros2.command

@@ -7,9 +7,10 @@ import math
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -175,12 +176,38 @@ class Clock:
         )
 
 
+def threads_of_process() -> list[int]:
+    """Return the numbers of this process's threads, as `real_time` takes them; where they are unknown, this one."""
+    tasks = Path("/proc/self/task")
+    return [int(task.name) for task in tasks.iterdir()] if tasks.is_dir() else [0]
+
+
+def allows_real_time(priority: int) -> bool:
+    """Tell whether this user may run at a priority of real-time scheduling."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RealTimeWarning)
+        try:
+            with real_time(priority):
+                return True
+        except RealTimeWarning:
+            return False
+
+
 @contextmanager
-def real_time(priority: int) -> Iterator[None]:
-    """Run this thread under real-time scheduling (SCHED_FIFO) meanwhile; warn where that is refused."""
+def real_time(priority: int, threads: Sequence[int] = (0,)) -> Iterator[None]:
+    """Run threads under real-time scheduling (SCHED_FIFO) meanwhile; warn where that is refused.
+
+    Parameters
+    ----------
+    priority
+        1 … 99.
+    threads
+        Of this process, by number; this one if omitted. Those that they start are scheduled as others.
+    """
     try:
-        before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        before = [(thread, os.sched_getscheduler(thread), os.sched_getparam(thread)) for thread in threads]
+        for thread in threads:
+            os.sched_setscheduler(thread, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except (AttributeError, OSError) as error:
         warnings.warn(
             f"real-time scheduling with priority {priority} was refused "
@@ -194,4 +221,6 @@ def real_time(priority: int) -> Iterator[None]:
     try:
         yield
     finally:
-        os.sched_setscheduler(0, before, parameters)
+        for thread, policy, parameters in before:
+            with suppress(ProcessLookupError):  # it may have ended
+                os.sched_setscheduler(thread, policy, parameters)

@@ -144,7 +144,8 @@ class ControllerNode(Node):
         else:
             if phase is Phase.INACTIVE and before is Phase.STOPPING:
                 self.outcome = "interrupted" if self._is_retiring else "duration"
-            self._diagnostics.tell(f"{phase.value}{f': {control.reason}' if control.reason else ''}")
+            heard = f"; last joint states {self._configured().age:.3f} s ago" * (phase is Phase.STOPPING)
+            self._diagnostics.tell(f"{phase.value}{f': {control.reason}' if control.reason else ''}{heard}")
         if self.recorder and phase in (Phase.INACTIVE, Phase.STOPPED):
             self.recorder.end(phase, self.outcome)
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)

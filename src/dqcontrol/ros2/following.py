@@ -19,7 +19,7 @@ from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
-from dqcontrol.ros2.pace import Pace
+from dqcontrol.ros2.pace import SILENCE, Pace
 from dqcontrol.ros2.parameters import declare, number, on_change, read_once
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
@@ -74,8 +74,8 @@ class Following:
         self.control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._origin = self._time = self._steady_since = self._watched = 0.0
-        self._slept = False
+        self._origin = self._time = self._steady_since = 0.0
+        self._slept, self._due = False, np.inf
         self._joints = self._joint_names()
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
@@ -92,7 +92,7 @@ class Following:
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
         if isinstance(self.target, ByTwist):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
-        node.create_timer(0.5 * loaded.period, self._watch)
+        self._alarm = node.create_timer(SILENCE * loaded.period, self._watch)  # each message puts it off
 
     def activate(self) -> None:
         """Start to follow.
@@ -163,11 +163,12 @@ class Following:
         stamp = self._stamps.check(nanoseconds(message.header.stamp)) / NANOSECONDS
         if self.age > self._longest_silence:
             self._steady_since = now
-        self._latest = now, stamp, measured
+        self._latest, late = (now, stamp, measured), self._has_slept(now)
+        self._watch_in(SILENCE * self.loaded.period)
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
-        elif self._pace.hear(now, stamp):
+        elif self._pace.hear(now, stamp) and not late:
             self._step(stamp - self._origin, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
@@ -182,13 +183,22 @@ class Following:
 
     def _watch(self) -> None:
         """Go on without joint states: the supervisor stops when they stay away."""
-        now = time.monotonic()
-        self._slept = now - self._watched > self.loaded.period and not self._slept
-        self._watched = now
-        if self._slept:  # this process, not the robot: what came meanwhile is heard first
-            return
-        if self.control.is_commanding and self._pace.is_overdue(now):
+        now, period = time.monotonic(), self.loaded.period
+        late = self._has_slept(now)
+        self._watch_in(0.5 * period if late else period)
+        if not late and self.control.is_commanding and self._pace.is_overdue(now):
             self._step(self._time + self.loaded.period, None, now)
+
+    def _has_slept(self, now: float) -> bool:
+        """Return whether this process, not the robot, was silent: newer messages may wait. Not twice in a row."""
+        self._slept = now - self._due > self.loaded.period and not self._slept
+        return self._slept
+
+    def _watch_in(self, seconds: float) -> None:
+        """Watch when so much time has passed without joint states; executors are slow, so it is not done more often."""
+        self._due = time.monotonic() + seconds
+        self._alarm.timer_period_ns = round(seconds * NANOSECONDS)
+        self._alarm.reset()
 
     def _step(self, at: float, measured: Array | None, now: float) -> None:
         control, before = self.control, self.control.phase

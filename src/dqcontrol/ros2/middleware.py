@@ -6,12 +6,13 @@ import gc
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.loop.clock import real_time, threads_of_process
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -85,10 +86,19 @@ def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
         rclpy.utilities.try_shutdown()
 
 
-def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
+def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False, priority: int | None = None) -> None:
     """Serve nodes until something has ended, or the user ends it all by KeyboardInterrupt.
 
     One thread does everything: with several, rclpy's timers starve.
+
+    Parameters
+    ----------
+    nodes
+        To be served.
+    ended
+        Asked after each event.
+    priority
+        1 … 99: asks for real-time scheduling of all threads there are, those of the middleware too.
     """
     import rclpy.utilities
     from rclpy.executors import SingleThreadedExecutor
@@ -99,8 +109,9 @@ def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False) -> None:
     gc.collect()
     gc.freeze()  # what is there stays; what comes is little
     try:
-        while rclpy.utilities.ok() and not ended():
-            executor.spin_once()
+        with real_time(priority, threads_of_process()) if priority else nullcontext():
+            while rclpy.utilities.ok() and not ended():
+                executor.spin_once()
     finally:
         gc.unfreeze()
         executor.shutdown()

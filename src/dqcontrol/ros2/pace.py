@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 _MOST = 1.5  # steps that may be saved up: a message half a period late or early costs none
-_SILENCE = 1.4  # periods without a message after which steps are taken without one
+SILENCE = 1.4  # periods without a message after which steps are taken without one
 _DRIFT = 1e-3  # by which two clocks may differ in speed: without it, one that is slow would seem ever later
 
 
@@ -43,7 +43,7 @@ class Pace:
 
     def is_overdue(self, now: float) -> bool:
         """Return whether a step is to be taken without a message."""
-        return now - self._heard > _SILENCE * self.period and self._take(now)
+        return now - self._heard >= SILENCE * self.period and self._take(now)
 
     def age(self, now: float) -> float:
         """Return the age of the last message, s, as if the fastest one so far had taken no time."""

@@ -14,8 +14,12 @@ import yaml
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.experiments.published.pereira2016 import published_spec
+from dqcontrol.loop.clock import allows_real_time
 
 CONTROLLER = "robot_controlling_node"
+_PRIORITY = (
+    20  # of both processes, where that is allowed: their periods are 8 ms, and their work is a tenth of it
+)
 _TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 
 
@@ -99,11 +103,15 @@ def launch(robot: str, law: str, plant: str, options: Sequence[str] = ()) -> int
         raise unknown_name("robot", robot, SIDES)
     side = SIDES[robot]
     spec = graph_spec(side, law, plant)
+    scheduling = ["--priority", str(_PRIORITY)] if allows_real_time(_PRIORITY) else []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{side.experiment}.yaml"
         path.write_text(yaml.safe_dump(spec, allow_unicode=True), encoding="utf-8")
         for_robot, for_controller = commands(side, path, plant)
-        both = for_robot, [*for_controller[:2], *options, *for_controller[2:]]
+        both = (
+            [*for_robot[:2], *scheduling, *for_robot[2:]],
+            [*for_controller[:2], *scheduling, *options, *for_controller[2:]],
+        )
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         running = [  # in sessions of their own: Ctrl-C is for this process, which ends them in order
             subprocess.Popen([sys.executable, "-m", "dqcontrol", "ros2", *words], start_new_session=True)

@@ -1,0 +1,107 @@
+"""The simulated robot's node: its wrench is what its plant senses, and commands that cannot be right move nothing."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
+
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds
+
+MEKA = {"robot": "meka-a2", "plant": {"kind": "compliant", "hand": True, "payload": {"mass": 1.5}}}
+TOPIC = "/force_torque_sensor_broadcaster/wrench"
+
+
+def sensed(path, periods):
+    """Return force and torque of the spec's plant, held still, after each period."""
+    loaded = load(path)
+    plant = loaded.case.plant.start(loaded.robot, loaded.case.scene.start, loaded.period, periods, 0)
+    sizes = [channel.size for channel in plant.channels]
+    first = sum(sizes[: [channel.name for channel in plant.channels].index("wrist_force")])
+    rows = []
+    for _ in range(periods):
+        plant.step(np.zeros(7))
+        rows.append(plant.readings[first : first + 6].copy())
+    return np.array(rows)
+
+
+def test_the_wrench_on_the_topic_is_what_the_plant_senses_and_wrong_commands_move_nothing(
+    spec, start, node, diagnostics
+):
+    path, wrenches, states = spec(**MEKA), [], []
+    robot = start("robot", path, "--wrench-node", "loadx6_publisher", until="serves")
+    node.create_subscription(WrenchStamped, TOPIC, wrenches.append, 100)
+    node.create_subscription(JointState, "/joint_states", states.append, 100)
+    assert node.serve(lambda: len(wrenches) > 30 and len(states) > 30)
+    (publisher,) = node.get_publishers_info_by_topic(TOPIC)
+    assert publisher.node_name == "loadx6_publisher"
+    assert {message.header.frame_id for message in wrenches} == {"tool0"}
+    stamps = np.array([nanoseconds(message.header.stamp) for message in wrenches])
+    assert set(stamps[5:-5]) <= {nanoseconds(message.header.stamp) for message in states}
+    told = np.array(
+        [[getattr(v, axis) for v in (m.wrench.force, m.wrench.torque) for axis in "xyz"] for m in wrenches]
+    )
+    expected = sensed(path, 3000)
+    (first,) = np.flatnonzero((expected == told[0]).all(axis=1))  # its noise makes each reading different
+    periods = np.round((stamps - stamps[0]) / (0.01 * NANOSECONDS)).astype(int)
+    assert np.array_equal(told, expected[first + periods])
+    assert np.linalg.norm(told[-1, :3]) > 1.5 * 9.8  # and it bears the hand too
+
+    commands = node.create_publisher(Float64MultiArray, "/forward_velocity_controller/commands", 1)
+    assert node.serve(lambda: commands.get_subscription_count())
+    for data, why in (
+        ([0.1] * 6, "velocity: expected 7 numbers, got 6"),
+        ([0.1] * 6 + [np.nan], "velocity: number 7 is not finite"),
+    ):
+        commands.publish(Float64MultiArray(data=data))
+        assert node.serve(lambda why=why: last_refused(diagnostics) == why), why
+    change = node.create_client(SetParameters, "/robot/set_parameters")
+    assert change.wait_for_service(10)
+    wrong = Parameter("command_timeout", value=5.0).to_parameter_msg()
+    answer = change.call_async(SetParameters.Request(parameters=[wrong]))
+    assert node.serve(answer.done)
+    assert not answer.result().results[0].successful
+    assert node.serve(lambda: "command_timeout: expected a number 0.002 … 1" in last_refused(diagnostics))
+    assert diagnostics["/robot"][0] == "holds: no commands"
+    wrenches.clear()
+    assert node.serve(lambda: wrenches)
+    assert wrenches[0].wrench.force.x in expected[:, 0]  # as if nothing had come
+    robot.terminate()
+    log, _ = robot.communicate(timeout=20)
+    for why in ("expected 7 numbers, got 6", "number 7 is not finite", "command_timeout: expected a number"):
+        assert f"refused: {'' if 'timeout' in why else 'velocity: '}" in log
+        assert why in log
+
+
+def last_refused(diagnostics, name="/robot"):
+    return diagnostics.get(name, ("", {}))[1].get("last refused", "")
+
+
+def test_trajectories_that_do_not_fit_are_refused(spec, node, diagnostics, capfd):
+    from dqcontrol.ros2.robot import RobotNode
+
+    loaded = load(spec())
+    robot = RobotNode(loaded, interface="trajectory")
+    node.host(robot)
+    commands = node.create_publisher(JointTrajectory, "/joint_trajectory_controller/joint_trajectory", 1)
+    assert node.serve(lambda: commands.get_subscription_count())
+    names, start = list(loaded.robot.joint_names), loaded.case.scene.start
+    point = JointTrajectoryPoint(positions=(start + 0.5).tolist())
+    for joints, points, why in (
+        (names, [point, point], "trajectory: expected 1 point, got 2"),
+        ([*names[:6], "grip"], [point], f"trajectory: has no joint '{names[6]}'"),
+        ([*names[:6], names[0]], [point], f"trajectory: joint '{names[0]}' is there twice"),
+        (names[:6], [point], "trajectory: 6 names, but 7 positions"),
+        (names, [JointTrajectoryPoint(positions=[np.inf] * 7)], "trajectory: number 1 is not finite"),
+    ):
+        commands.publish(JointTrajectory(joint_names=joints, points=points))
+        assert node.serve(lambda why=why: last_refused(diagnostics).startswith(why)), why
+        assert f"refused: {why}" in capfd.readouterr().err
+    np.testing.assert_array_equal(robot._plant.q, start)
