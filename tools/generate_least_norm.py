@@ -16,11 +16,11 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
-    """Write u = J_hᵀ (J_h J_hᵀ + W)⁻¹ y and return True, or return False where tr (J_h J_hᵀ + W)⁻¹ · limit > 1.
+def least_norm(twist_jacobian, px, py, pz, y, z, limit, damping, dx, dy, dz, out):
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr G⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; J_h J_hᵀ + W = L D Lᵀ, with 1/D in place of D.
+    trace bounds 1/σ²min from above; G = L D Lᵀ, with 1/D in place of D.
 
     W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
     pose at half the distance d from the hand; see `solve_hand_twist`.
@@ -33,12 +33,14 @@ def lines() -> list[str]:
     """Return the body of the function."""
     text: list[str] = []
     text += damping_lines()
+    text.append("y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]")
     text.append("for c in range(n):")
     text.append("    a0, a1, a2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]")
     text.append("    a3 = twist_jacobian[3, c] - py * a2 + pz * a1")
     text.append("    a4 = twist_jacobian[4, c] - pz * a0 + px * a2")
     text.append("    a5 = twist_jacobian[5, c] - px * a1 + py * a0")
     for i in range(SIZE):
+        text.append(f"    y{i} -= z[c] * a{i}")
         text += [f"    g{i}{j} += a{i} * a{j}" for j in range(i + 1)]
     for j in range(SIZE):  # L D Lᵀ: row j of L in its place, 1/D on the diagonal
         text += [f"c{k} = g{j}{k}" for k in range(j)]
@@ -49,14 +51,14 @@ def lines() -> list[str]:
             terms = "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
             text += [f"g{i}{j} = g{i}{j}{terms}"] if j else []
     text += trace_test()
-    for i in range(SIZE):
-        text.append(f"y{i} = y[{i}]" + "".join(f" - g{i}{k} * y{k}" for k in range(i)))
+    for i in range(1, SIZE):
+        text.append(f"y{i} = y{i}" + "".join(f" - g{i}{k} * y{k}" for k in range(i)))
     for i in reversed(range(SIZE)):
         text.append(f"y{i} = y{i} * g{i}{i}" + "".join(f" - g{k}{i} * y{k}" for k in range(i + 1, SIZE)))
     text += ["y0 += py * y5 - pz * y4", "y1 += pz * y3 - px * y5", "y2 += px * y4 - py * y3"]
     text.append("for c in range(n):")
-    text.append("    out[c] = (")
-    text += [f"        {'+ ' if i else ''}twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
+    text += ["    out[c] = (", "        z[c]"]
+    text += [f"        + twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
     text += ["    )", "return True"]
     return text
 

@@ -49,11 +49,14 @@ OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 _KEPT_CACHES = 4
 
 
+def _processor() -> str:
+    """Return which processor's instructions machine code uses: this one's, or that of ``NUMBA_CPU_NAME``."""
+    return numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()  # type: ignore[attr-defined]
+
+
 def source_hash() -> str:
     """Return a hash of all that machine code depends on: this package's sources, Numba, Python and the processor."""
-    digest = hashlib.sha256(
-        f"{numba.__version__} {sys.version} {llvmlite.binding.get_host_cpu_name()}".encode()
-    )
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {_processor()}".encode())
     root = Path(__file__).parent
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode())
@@ -140,32 +143,13 @@ def inlined(function: Callable[..., Any], fastmath: set[str] | bool = FAST) -> A
         _nrt=False,
         pipeline_class=_PartCompiler,
         no_cfunc_wrapper=True,
+        forceinline=True,  # between functions every array is seven numbers on the stack
     )(function)
-
-
-def shared(function: Callable[..., Any]) -> Any:
-    """Mark a function that kernels call and that gives the same bits in each: it is optimised once, by itself."""
-    return numba.njit(fastmath=FAST, error_model="numpy", _nrt=False)(function)  # type: ignore[call-overload]
 
 
 def strictly_inlined(function: Callable[..., Any]) -> Any:
     """Mark a small function whose sums may not be taken in another order, whatever its callers allow."""
     return inlined(function, fastmath=False)
-
-
-class Pointer(types.WrapperAddressProtocol):
-    """The address of a compiled kernel, as compiled code accepts it."""
-
-    def __init__(self, address: int, signature: Any) -> None:
-        self._address = address
-        self._signature = signature
-
-    def __wrapper_address__(self) -> int:
-        return self._address
-
-    def signature(self) -> Any:
-        """Return the kernel's Numba signature."""
-        return self._signature
 
 
 class Kernel:
@@ -206,11 +190,10 @@ class Kernel:
         return _compiled(self.function, self._signature, fastmath, cached=False)
 
     @cached_property
-    def pointer(self) -> Pointer:
-        """The address of the same machine code, for other kernels."""
+    def pointer(self) -> int:
+        """The address of the same machine code, for other kernels, which call it by `function_at`."""
         result = self.compiled.get_compile_result(self._signature)
-        address = result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
-        return Pointer(address, self._signature)
+        return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
 
 
 def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:

@@ -1,11 +1,20 @@
 """Commands against their definitions, by NumPy and by finite differences."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.laws import DampedInverse, FilteredInverse, Proportional, ProportionalFeedforward, Schedule
+from dqcontrol.laws import (
+    DampedInverse,
+    FilteredInverse,
+    Posture,
+    Proportional,
+    ProportionalFeedforward,
+    Schedule,
+)
 from dqcontrol.references import Sample
 
 SEED = 20260714
@@ -270,3 +279,24 @@ def test_hysteresis_keeps_the_sign_until_the_real_part_has_passed_it(make_arm):
         fresh = law.initial_state(q)
         law.command(q, sample(-1e-9), fresh)
         assert fresh[0] == -1, "without a past the short way is taken at once"
+
+
+def test_a_configuration_may_be_strided(make_arm):
+    arm, law = make_arm(7), Proportional(gain=1.0, null_space=Posture(gain=1.0))
+    q = np.linspace(-1, 1, 7)
+    sample, prepared = dqc.Sample(arm.fkm(q + 0.1)), law.prepare(arm, None, 0.01)
+    wanted = prepared.command(q, sample, prepared.initial_state(q))
+    strided = np.repeat(q, 2)[::2]
+    np.testing.assert_array_equal(prepared.command(strided, sample, prepared.initial_state(q)), wanted)
+
+
+def test_a_copy_of_a_prepared_law_has_its_own_memory(make_arm):
+    arm, q = make_arm(7), np.linspace(-1, 1, 7)
+    first = Proportional(gain=1.0, null_space=Posture(gain=1.0)).prepare(arm, None, 0.01)
+    state, sample = first.initial_state(q), dqc.Sample(arm.fkm(q + 0.1))
+    wanted, pose = first.command(q, sample, state), first.pose.copy()
+    second = deepcopy(first)
+    second.command(q + 0.2, sample, state)
+    np.testing.assert_array_equal(first.pose, pose)
+    np.testing.assert_allclose(second.pose, arm.fkm(q + 0.2), atol=1e-15)
+    np.testing.assert_array_equal(second.command(q, sample, state), wanted)

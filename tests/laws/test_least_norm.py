@@ -15,8 +15,9 @@ TOOL = Path(__file__).parents[2] / "tools/generate_least_norm.py"
 
 
 @njit
-def solved(jacobian, position, twist, limit, out):
-    return least_norm(jacobian, position[0], position[1], position[2], twist, limit, 0.0, 0.0, 0.0, 0.0, out)
+def solved(jacobian, position, twist, z, limit, out):
+    px, py, pz = position[0], position[1], position[2]
+    return least_norm(jacobian, px, py, pz, twist, z, limit, 0.0, 0.0, 0.0, 0.0, out)
 
 
 def test_the_file_is_what_the_tool_writes():
@@ -35,13 +36,14 @@ def test_least_norm_and_its_limit_are_those_of_the_singular_values(robot):
     for _ in range(300):
         q = rng.uniform(-2, 2, arm.input_size)
         jacobian, position, twist = arm.twist_jacobian(q), rng.normal(size=3), rng.normal(size=6)
+        z = rng.normal(size=arm.input_size)
         hand = jacobian.copy()
         hand[3:] -= np.cross(position[:, None], jacobian[:3], axis=0)
         out = np.zeros(arm.input_size)
         trace = (1 / np.linalg.svd(hand, compute_uv=False) ** 2).sum()
-        assert solved(jacobian, position, twist, limit, out) == (trace * limit <= 1)
+        assert solved(jacobian, position, twist, z, limit, out) == (trace * limit <= 1)
         if trace * limit <= 1:
-            assert np.allclose(out, np.linalg.pinv(hand) @ twist, rtol=1e-9, atol=1e-9)
+            assert np.allclose(out, z + np.linalg.pinv(hand) @ (twist - hand @ z), rtol=1e-9, atol=1e-9)
         else:
             refused += 1
     assert 0 < refused < 300

@@ -10,6 +10,7 @@ from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.filters import butterworth
 from dqcontrol.plants.joint_controller import control, drive, integrated, sense
 from dqcontrol.plants.joint_reference import step_reference
+from dqcontrol.robots.gravity import WORK
 from dqcontrol.robots.load import load_robot
 
 MEKA = load_robot("meka-a2")
@@ -174,11 +175,9 @@ def test_a_switch_starts_at_what_is_measured_and_takes_a_second():
     shared = np.zeros(of.SHARED)
     shared[of.MODE], shared[of.ASKED_MODE] = of.MODES["THETA"], of.MODES["TORQUE"]
     shared[of.RAMP], shared[of.RAMP_STEP], shared[of.MOST_AGE], shared[of.MOST_LOST] = 1.0, 1e-3, 1e9, 1e9
-    rest, scratch, bodies = np.zeros(n), np.zeros((2, n)), np.zeros((n, 4))
+    rest, scratch, bodies, work = np.zeros(n), np.zeros((2, n)), np.zeros((n, 4)), np.zeros(WORK * n)
     for k in range(1, 1500):
-        control(
-            constants, state, shared, MEKA.chain, bodies, np.zeros(3), 1.0, scratch[0], scratch[1], rest, rest
-        )
+        control(constants, state, shared, MEKA.chain, bodies, np.zeros(3), 1.0, *scratch, work, rest, rest)
         s = min(1.0, k * 1e-3)
         np.testing.assert_allclose(state[:, of.DESIRED_TORQUE], s * 2 + (1 - s) * 0.5, atol=1e-12)
     assert (state[:, of.REFERENCE] == 0.2).all()

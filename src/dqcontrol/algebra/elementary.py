@@ -134,15 +134,18 @@ def hamilton_minus(b, out):
 
 
 @inlined
+def rotated(r, v):
+    """Return Im(r v r*) for a unit quaternion r and a 3-vector v."""
+    w, x, y, z = r[0], r[1], r[2], r[3]
+    a, b, c = v[0], v[1], v[2]
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+@inlined
 def rotate(r, v, out):
     """Write Im(r v r*) for a unit quaternion r and a 3-vector v."""
-    w, x, y, z = r[0], r[1], r[2], r[3]
-    tx = 2.0 * (y * v[2] - z * v[1])
-    ty = 2.0 * (z * v[0] - x * v[2])
-    tz = 2.0 * (x * v[1] - y * v[0])
-    out[0] = v[0] + w * tx + y * tz - z * ty
-    out[1] = v[1] + w * ty + z * tx - x * tz
-    out[2] = v[2] + w * tz + x * ty - y * tx
+    out[0], out[1], out[2] = rotated(r, v)
 
 
 @inlined

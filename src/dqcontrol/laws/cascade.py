@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.linearization import DRIVES, PERIOD, linearize
@@ -44,7 +45,7 @@ def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, w
     """Write the rates of the outer law, those of bases as the inner loop follows them."""
     m, size = out.shape[0], parameters.shape[0] - 1
     outer = parameters[0:size]
-    drives = outer[DRIVES:].reshape((outer.shape[0] - DRIVES) // 2, 2)
+    drives = as_matrix(outer[DRIVES:], (outer.shape[0] - DRIVES) // 2, 2)
     n = m + drives.shape[0]
     last, virtual, rates = state[7 : 7 + n], state[7 + n :], work[work.shape[0] - n :]
     status = linearize(pose, twist_jacobian, sample, outer, state, work, rates)

@@ -15,6 +15,7 @@ from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+from dqcontrol.robots.kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot
@@ -24,16 +25,22 @@ if TYPE_CHECKING:
 def _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, inverse, work, out):
     """Write out = z + J⁺ (rate − J z); rate is overwritten."""
     n = pose_jacobian.shape[1]
-    preferred, twist, rest = work[0:n], work[n + 32 : n + 38], work[n + SCRATCH :]
-    dx, dy, dz = nearest_twist(rate, pose, twist)
+    preferred, rest = work[0:n], work[n + SCRATCH :]
+    (ax, ay, az), (bx, by, bz), (dx, dy, dz) = nearest_twist(rate, pose)
     px, py, pz = 2.0 * dx, 2.0 * dy, 2.0 * dz
-    twist[3] += twist[1] * pz - twist[2] * py  # ṗ = v + ω × p
-    twist[4] += twist[2] * px - twist[0] * pz
-    twist[5] += twist[0] * py - twist[1] * px
+    twist = (
+        ax,
+        ay,
+        az,
+        bx + ay * pz - az * py,
+        by + az * px - ax * pz,
+        bz + ax * py - ay * px,
+    )  # ṗ = v + ω × p
     offset = -dx, -dy, -dz  # moving the twist to the hand takes p, twice this, away
     status = solve_pose_rate(pose, twist_jacobian, twist, preferred, offset, inverse, rest, out)
     if status != ELSEWHERE:
         return status
+    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
     return solve(pose_jacobian, rate, preferred, inverse, rest, out)
 
 

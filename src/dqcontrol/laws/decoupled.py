@@ -10,6 +10,7 @@ from msgspec import Meta
 from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import (
@@ -24,6 +25,7 @@ from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+from dqcontrol.robots.kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -94,8 +96,9 @@ def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, param
     status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 0.5, parameters, rest, out)
     if status != ELSEWHERE:
         return status
-    matrix = rest[0 : 7 * n].reshape(7, n)
+    matrix = as_matrix(rest[0 : 7 * n], 7, n)
     _velocity_rows(position, twist_jacobian, matrix)
+    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
     _rotation_rows(pose_jacobian, sample, sign, matrix[3:7])
     return solve(matrix, target, preferred, parameters, rest[7 * n :], out)
 
@@ -156,7 +159,7 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     translation(sample, desired_position)
     for i in range(3):
         target[i] = parameters[HEAD] * (desired_position[i] - position[i])
-    matrix = rest[0 : 3 * n].reshape(3, n)
+    matrix = as_matrix(rest[0 : 3 * n], 3, n)
     _velocity_rows(position, twist_jacobian, matrix)
     return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
 
@@ -185,7 +188,7 @@ def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters
     rotate(sample, local, desired_axis)
     for i in range(3):
         target[i] = parameters[HEAD] * (desired_axis[i] - axis[i])
-    matrix = rest[0 : 3 * n].reshape(3, n)
+    matrix = as_matrix(rest[0 : 3 * n], 3, n)
     for c in range(n):
         x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
         matrix[0, c] = y * axis[2] - z * axis[1]

@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import kernel
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, work_size
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.linearization import (
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write what drives can do of z + J⁺ (ξ_b + T U − J z), and remember what was asked of them or what they do."""
     m = out.shape[0]
-    drives, last = parameters[DRIVES:].reshape((parameters.shape[0] - DRIVES) // 2, 2), state[7:]
+    drives, last = as_matrix(parameters[DRIVES:], (parameters.shape[0] - DRIVES) // 2, 2), state[7:]
     velocity_state = int(parameters[VELOCITY_STATE])
     n = m if velocity_state == REALISED else m + drives.shape[0]
     rates = work[work.shape[0] - n :]

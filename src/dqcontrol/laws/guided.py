@@ -10,6 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import inlined, kernel
 from dqcontrol.errors import Error, as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
@@ -48,7 +49,7 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     """Write u = u_r + z + w N⁺ (K vec8(e) − N z)."""
     n, m = q.shape[0], out.shape[0]
     last = parameters.shape[0] - n - m
-    drives = parameters[_SHARE + 1 : last].reshape((last - _SHARE - 1) // 2, 2)
+    drives = as_matrix(parameters[_SHARE + 1 : last], (last - _SHARE - 1) // 2, 2)
     inputs, share = parameters[last + n :], parameters[_SHARE]
     along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
     own = work[m:]

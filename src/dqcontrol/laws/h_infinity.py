@@ -20,17 +20,20 @@ from dqcontrol.compile import inlined, kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.inverses import (
+    DAMPED,
     ELSEWHERE,
     HEAD,
     FilteredInverse,
     Inverse,
     solve,
+    solve_damped_twist,
     solve_hand_twist,
 )
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
+from dqcontrol.robots.kernels import position
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -43,18 +46,16 @@ _ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
 def solve_twist(twist, pose, twist_jacobian, inverse, work, out):
     """Write out = z + J_w⁺ (ξ − J_w z) for an inertial twist ξ; it is overwritten."""
     n = twist_jacobian.shape[1]
-    preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
-    position, hand_twist = own[32:35], own[36:42]
-    translation(pose, position)
-    px, py, pz = position[0], position[1], position[2]
-    for i in range(6):
-        hand_twist[i] = twist[i]
-    hand_twist[3] += twist[1] * pz - twist[2] * py  # ṗ = v + ω × p
-    hand_twist[4] += twist[2] * px - twist[0] * pz
-    hand_twist[5] += twist[0] * py - twist[1] * px
+    preferred, rest = work[0:n], work[n + SCRATCH :]
+    px, py, pz = position(pose)
+    a, b, c, d, e, f = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
+    hand_twist = a, b, c, d + b * pz - c * py, e + c * px - a * pz, f + a * py - b * px  # ṗ = v + ω × p
     far = px * px + py * py + pz * pz
     smallest = 0.5 * (math.sqrt(far + 4.0) - math.sqrt(far))  # of [[1, 0], [|p|, 1]]
-    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
+    if inverse[0] == DAMPED and n >= 6:
+        status = solve_damped_twist(twist_jacobian, twist, preferred, inverse, out)
+    else:
+        status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
     if status != ELSEWHERE:
         return status
     return solve(twist_jacobian, twist, preferred, inverse, rest, out)

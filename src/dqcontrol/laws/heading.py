@@ -6,6 +6,7 @@ import math
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.compile import inlined
+from dqcontrol.intrinsics import as_matrix
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
 
@@ -45,7 +46,7 @@ def turn_to_best_heading(twist_jacobian, j, work):
     With G = Σ ξξᵀ over all columns but v and c = [0 ; h], det(JJᵀ) = det G (1 + cᵀG⁻¹c): the best heading h is the
     principal axis of the horizontal part of G⁻¹. Forwards and backwards are the same.
     """
-    gram, column = work[0:36].reshape(6, 6), work[36:42]
+    gram, column = as_matrix(work[0:36], 6, 6), work[36:42]
     ax, ay, az = twist_jacobian[0, j + 1], twist_jacobian[1, j + 1], twist_jacobian[2, j + 1]
     mx, my, mz = twist_jacobian[3, j + 1], twist_jacobian[4, j + 1], twist_jacobian[5, j + 1]
     hx, hy, hz = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]

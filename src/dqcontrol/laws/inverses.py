@@ -10,6 +10,7 @@ from msgspec import Meta, Struct
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
 from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, inlined
 from dqcontrol.errors import as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.least_norm import least_norm
 from dqcontrol.robots.kernels import hand_jacobian, position
 
@@ -149,7 +150,7 @@ def solve(matrix, y, preferred, inverse, work, out):
     rows, n = matrix.shape
     by_columns = n < rows
     m = n if by_columns else rows
-    gram = work[0 : m * m].reshape(m, m)
+    gram = as_matrix(work[0 : m * m], m, m)
     rhs = work[2 * _SQUARE : 2 * _SQUARE + m]
     scratch = work[2 * _SQUARE + _MOST_ROWS : 2 * _SQUARE + _MOST_ROWS + m]
     _gram(matrix, rows, n, by_columns, gram)
@@ -174,7 +175,7 @@ def solve(matrix, y, preferred, inverse, work, out):
             cholesky_solve(gram, m, rhs)
         else:
             _gram(matrix, rows, n, by_columns, gram)
-            _filtered_solve(gram, m, rhs, inverse, work[_SQUARE : _SQUARE + m * m].reshape(m, m), scratch)
+            _filtered_solve(gram, m, rhs, inverse, as_matrix(work[_SQUARE : _SQUARE + m * m], m, m), scratch)
     else:
         damping = inverse[1] * inverse[1]
         if inverse[0] == BY_MANIPULABILITY:
@@ -209,9 +210,11 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inve
         return ELSEWHERE
     p = position(pose)
     if inverse[0] == BY_MANIPULABILITY:
-        matrix = work[0 : 6 * n].reshape(6, n)
+        matrix, y = as_matrix(work[0 : 6 * n], 6, n), work[6 * n : 6 * n + 6]
         hand_jacobian(p, twist_jacobian, matrix)
-        return solve(matrix, hand_twist, preferred, inverse, work[6 * n :], out)
+        for i in range(6):
+            y[i] = hand_twist[i]
+        return solve(matrix, y, preferred, inverse, work[6 * n + 6 :], out)
     bound = inverse[1] / smallest
     return _least_norm(p, twist_jacobian, hand_twist, preferred, bound * bound, 0.0, (0.0, 0.0, 0.0), out)
 
@@ -232,23 +235,17 @@ def solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, offset, inverse
 
 
 @inlined
+def solve_damped_twist(twist_jacobian, twist, preferred, inverse, out):
+    """Write z + J_wᵀ(J_w J_wᵀ + λ²I)⁻¹ (ξ − J_w z), J_w the twist Jacobian: that of a hand in the origin."""
+    origin = 0.0, 0.0, 0.0
+    return _least_norm(origin, twist_jacobian, twist, preferred, 0.0, inverse[1] * inverse[1], origin, out)
+
+
+@inlined
 def _least_norm(position, twist_jacobian, hand_twist, preferred, limit, damping, offset, out):
-    """Write z + J_h⁺ (t − J_h z), damped or not; hand_twist is overwritten."""
+    """Write z + J_h⁺ (t − J_h z), damped or not."""
     px, py, pz = position
-    n = twist_jacobian.shape[1]
-    for c in range(n):
-        z = preferred[c]
-        if z != 0.0:
-            x0, x1, x2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-            hand_twist[0] -= z * x0
-            hand_twist[1] -= z * x1
-            hand_twist[2] -= z * x2
-            hand_twist[3] -= z * (twist_jacobian[3, c] - py * x2 + pz * x1)
-            hand_twist[4] -= z * (twist_jacobian[4, c] - pz * x0 + px * x2)
-            hand_twist[5] -= z * (twist_jacobian[5, c] - px * x1 + py * x0)
     dx, dy, dz = offset
-    if not least_norm(twist_jacobian, px, py, pz, hand_twist, limit, damping, dx, dy, dz, out):
+    if not least_norm(twist_jacobian, px, py, pz, hand_twist, preferred, limit, damping, dx, dy, dz, out):
         return ELSEWHERE
-    for c in range(n):
-        out[c] += preferred[c]
     return _finite(out)

@@ -11,16 +11,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import NOT_FINITE, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace, no_preference
+from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
+from dqcontrol.laws.step import LAW_FAILED, plan_of, step
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
 from dqcontrol.limits.position_limit import LAW as LAW
-from dqcontrol.limits.position_limit import law_alone
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.chain_robot import Kinematics
+from dqcontrol.robots.kernels import twist_kinematics
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -113,32 +113,51 @@ class PreparedLaw:
         One row a sample, or one row for all, shape (K, p).
     dt
         Control period, s.
+    pose, preferred
+        Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
     """
 
     def __init__(self, law: Law, robot: Robot, parameters: Array, dt: float, limits: CommandLimits) -> None:
         self.kernel = law.kernel
         self.robot = robot
-        self.parameters = parameters
         self.dt = dt
-        self.preference = law.null_space.kernel if law.null_space else no_preference
-        self.preference_parameters = law.null_space.parameters(robot) if law.null_space else np.zeros(0)
-        self.limit, self.limit_parameters = limits.prepare(robot)
-        position = limits.position
-        self.position_limit = position.kernel if position else law_alone
-        self.position_limit_parameters = position.parameters(robot, dt) if position else np.zeros(0)
-        self._law = law
-        self._memory = position.memory(robot) if position else 0
-        self.state_size = law.state_size(robot) + self._memory
-        self.position_limit_work: Array = np.zeros(robot.input_size + self.state_size)
-        self._last, self._row = len(parameters) - 1, parameters[0]
-        self.work: Array = np.zeros(law.work_size(robot))
-        self.preferred = self.work[: robot.input_size]
-        self.preference_work: Array = np.zeros(WORK_SIZE)
-        self.kinematics = Kinematics(robot.input_size)
+        self._law, self._limits = law, limits
+        none, m, position = np.zeros(0), robot.input_size, limits.position
+        self._memory_size = position.memory(robot) if position else 0
+        self.state_size = law.state_size(robot) + self._memory_size
+        self._preference = law.null_space.kernel if law.null_space else None
+        self._position_limit = position.kernel if position else None
+        limit, limit_parameters = limits.prepare(robot)
+        self._limit = limit if limit is not unlimited else None
+        parts = (
+            robot.chain,
+            law.null_space.parameters(robot) if law.null_space else none,
+            np.zeros(WORK_SIZE),
+            parameters,
+            np.zeros(law.work_size(robot)),
+            np.zeros(8 + 14 * m),
+            position.parameters(robot, dt) if position else none,
+            np.zeros(m + self.state_size),
+            limit_parameters,
+        )
+        sizes = [part.size for part in parts]
+        self.memory: Array = np.concatenate([part.ravel() for part in parts])
+        self._sizes = robot.configuration_size, len(parameters), self.state_size, sizes
+        views = np.split(self.memory, np.cumsum(sizes)[:-1])
+        self.parameters: Array = views[3].reshape(parameters.shape)
+        self._views = views
+        self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """Let copies and other processes make their own memory and plan."""
+        return PreparedLaw, (self._law, self.robot, self.parameters, self.dt, self._limits)
 
     @cached_property
-    def _command(self) -> Callable[..., int]:
-        return self.kernel.compiled if isinstance(self.kernel, Kernel) else self.kernel
+    def plan(self) -> NDArray[np.intp]:
+        """Where compiled code finds everything; see `dqcontrol.laws.step`."""
+        stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
+        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
+        return plan_of(addresses, *self._sizes)
 
     def initial_state(self, q: ArrayLike) -> Array:
         """Return the state before the first sample.
@@ -154,7 +173,7 @@ class PreparedLaw:
             If q has the wrong size, or is not finite.
         """
         values = as_array("q", q, (self.robot.configuration_size,))
-        return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory)])
+        return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory_size)])
 
     def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
         """Return the inputs u for one sample.
@@ -184,51 +203,76 @@ class PreparedLaw:
         DivergedError
             If the result is not finite.
         """
-        m = self.robot.input_size
         if out is None:
-            out = np.empty(m)
-        elif len(out) != m:
-            raise ShapeError(f"out: expected shape ({m},), got {out.shape}")
-        if type(state) is not np.ndarray or len(state) != self.state_size:
-            self._refuse(state)
-        data = sample.data
-        row = 0 if self._last == 0 else max(round(data.item(TIME) / self.dt), 0)
+            out = np.empty(self.robot.input_size)
         try:
-            self.step(q, data, row, state, out)
+            self.step(q, sample.numbers, -1, state, out)
         except TypeError:  # a list, integers
-            if state.dtype != np.float64 or state.ndim != 1:
-                self._refuse(state)
-            values = as_array("q", q, (self.robot.configuration_size,))
-            self.step(values, data, row, state, out)
+            self._check(state, out)
+            values = as_array("q", q)
+            if values.ndim != 1:
+                self.robot.kinematics(values)  # says what is wrong
+            self.step(values, sample.numbers, -1, state, out)
         return out
 
-    def _refuse(self, state: object) -> None:
-        raise Error(
-            f"state: expected the array from initial_state, {self.state_size} numbers, got {state!r:.80}"
-        )
+    def _check(self, state: object, out: Array) -> None:
+        """Raise an error if the state is not from `initial_state`, or the output does not fit."""
+        m, size = self.robot.input_size, self.state_size
+        if not isinstance(state, np.ndarray) or state.shape != (size,) or state.dtype != np.float64:
+            raise Error(f"state: expected the array from initial_state, {size} numbers, got {state!r:.80}")
+        if np.shape(out) != (m,) or out.dtype != np.float64:
+            raise ShapeError(f"out: expected shape ({m},), got {np.shape(out)}")
 
     def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
-        """Write the inputs for sample number k, given as an array (21,); what `command` and the loop call."""
-        found = self.robot.kinematics(q, self.kinematics)
-        pose, pose_jacobian, twist_jacobian = found.pose, found.pose_jacobian, found.twist_jacobian
-        if self.preference is not no_preference:
-            self.preference(
-                q, twist_jacobian, self.preference_parameters, self.preference_work, self.preferred
-            )
-        row = self._row if self._last == 0 else self.parameters[min(k, self._last)]
-        if self.position_limit is law_alone:
-            status = self._command(q, pose, pose_jacobian, twist_jacobian, sample, row, state, self.work, out)
-        else:
-            asked = q, pose, pose_jacobian, twist_jacobian, sample, row, state, self.work
-            own = self.position_limit_parameters, self.position_limit_work
-            if isinstance(self.kernel, Kernel):
-                status = self.position_limit(self.kernel.pointer, *asked, *own, out)
-            else:
-                status = self.position_limit.function(self.kernel, *asked, *own, out)
+        """Write the inputs for sample number k, given as an array (21,); −1: that of its time.
+
+        `command` and the loop call it.
+        """
+        status = self._step(self.plan, self.memory, q, sample, k, self.dt, state, out)
         if status:
-            raise DivergedError(status_text(status))
-        if self.limit is not unlimited:
-            self.limit(q, self.limit_parameters, out)
+            self._raise(status, q, state, out)
+
+    def _raise(self, status: int, q: Array, state: Array, out: Array) -> None:
+        if status >= LAW_FAILED:
+            raise DivergedError(status_text(status - LAW_FAILED))
+        self._check(state, out)
+        self.robot.kinematics(q)  # says what is wrong
+
+    @cached_property
+    def _step(self) -> Callable[..., int]:
+        return step.compiled if isinstance(self.kernel, Kernel) else self._interpreted
+
+    def _interpreted(
+        self,
+        plan: object,
+        memory: object,
+        q: Array,
+        sample: Array,
+        k: int,
+        period: float,
+        state: Array,
+        out: Array,
+    ) -> int:
+        """Do in Python, for a law that is not compiled, what `ask` does."""
+        self._check(state, out)
+        _, preferring, scratch, _, work, buffer, limiting_positions, room, limits = self._views
+        if status := twist_kinematics(self.robot.chain, q, buffer):
+            return status
+        pose, pose_jacobian, twist_jacobian = buffer[:8], *np.split(buffer[8:].reshape(14, -1), [8])
+        if self._preference:
+            self._preference(q, twist_jacobian, preferring, scratch, self.preferred)
+        row = max(round(sample[TIME] / period), 0) if k < 0 else k
+        parameters = self.parameters[min(row, len(self.parameters) - 1)]
+        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work
+        if self._position_limit:
+            status = self._position_limit.function(self.kernel, *asked, limiting_positions, room, out)
+        else:
+            status = self.kernel(*asked, out)
+        if status:
+            return LAW_FAILED + status
+        if self._limit:
+            self._limit(q, limits, out)
+        return OK
 
 
 _STATUS = {

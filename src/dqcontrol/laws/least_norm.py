@@ -6,11 +6,11 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
-    """Write u = J_hᵀ (J_h J_hᵀ + W)⁻¹ y and return True, or return False where tr (J_h J_hᵀ + W)⁻¹ · limit > 1.
+def least_norm(twist_jacobian, px, py, pz, y, z, limit, damping, dx, dy, dz, out):
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr G⁻¹ · limit > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; J_h J_hᵀ + W = L D Lᵀ, with 1/D in place of D.
+    trace bounds 1/σ²min from above; G = L D Lᵀ, with 1/D in place of D.
 
     W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
     pose at half the distance d from the hand; see `solve_hand_twist`.
@@ -38,26 +38,33 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
     g53 = damping * (0.0 - dz * dx)
     g54 = damping * (0.0 - dz * dy)
     g55 = damping * (far - dz * dz)
+    y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
     for c in range(n):
         a0, a1, a2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
         a3 = twist_jacobian[3, c] - py * a2 + pz * a1
         a4 = twist_jacobian[4, c] - pz * a0 + px * a2
         a5 = twist_jacobian[5, c] - px * a1 + py * a0
+        y0 -= z[c] * a0
         g00 += a0 * a0
+        y1 -= z[c] * a1
         g10 += a1 * a0
         g11 += a1 * a1
+        y2 -= z[c] * a2
         g20 += a2 * a0
         g21 += a2 * a1
         g22 += a2 * a2
+        y3 -= z[c] * a3
         g30 += a3 * a0
         g31 += a3 * a1
         g32 += a3 * a2
         g33 += a3 * a3
+        y4 -= z[c] * a4
         g40 += a4 * a0
         g41 += a4 * a1
         g42 += a4 * a2
         g43 += a4 * a3
         g44 += a4 * a4
+        y5 -= z[c] * a5
         g50 += a5 * a0
         g51 += a5 * a1
         g52 += a5 * a2
@@ -151,12 +158,11 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
     trace += h54 * h54 * g55
     if not trace * limit <= 1.0:
         return False
-    y0 = y[0]
-    y1 = y[1] - g10 * y0
-    y2 = y[2] - g20 * y0 - g21 * y1
-    y3 = y[3] - g30 * y0 - g31 * y1 - g32 * y2
-    y4 = y[4] - g40 * y0 - g41 * y1 - g42 * y2 - g43 * y3
-    y5 = y[5] - g50 * y0 - g51 * y1 - g52 * y2 - g53 * y3 - g54 * y4
+    y1 = y1 - g10 * y0
+    y2 = y2 - g20 * y0 - g21 * y1
+    y3 = y3 - g30 * y0 - g31 * y1 - g32 * y2
+    y4 = y4 - g40 * y0 - g41 * y1 - g42 * y2 - g43 * y3
+    y5 = y5 - g50 * y0 - g51 * y1 - g52 * y2 - g53 * y3 - g54 * y4
     y5 = y5 * g55
     y4 = y4 * g44 - g54 * y5
     y3 = y3 * g33 - g43 * y4 - g53 * y5
@@ -168,7 +174,8 @@ def least_norm(twist_jacobian, px, py, pz, y, limit, damping, dx, dy, dz, out):
     y2 += px * y4 - py * y3
     for c in range(n):
         out[c] = (
-            twist_jacobian[0, c] * y0
+            z[c]
+            + twist_jacobian[0, c] * y0
             + twist_jacobian[1, c] * y1
             + twist_jacobian[2, c] * y2
             + twist_jacobian[3, c] * y3

@@ -15,6 +15,7 @@ from dqcontrol.algebra.kernels import (
     translation,
 )
 from dqcontrol.compile import inlined
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.pose_error import short_sign
@@ -95,10 +96,8 @@ def solve_body_twist(body_twist, pose, twist_jacobian, preferred, inverse, work,
     status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 1.0, inverse, rest, out)
     if status != ELSEWHERE:
         return status
-    rotate(pose, body_twist[0:3], hand_twist[0:3])
-    rotate(pose, body_twist[3:6], hand_twist[3:6])
     translation(pose, position)
-    matrix = rest[0 : 6 * n].reshape(6, n)
+    matrix = as_matrix(rest[0 : 6 * n], 6, n)
     hand_jacobian((position[0], position[1], position[2]), twist_jacobian, matrix)
     return solve(matrix, hand_twist, preferred, inverse, rest[6 * n :], out)
 
@@ -113,7 +112,7 @@ def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
     m, n = twist_jacobian.shape[1], rates.shape[0]
     own, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
     period = parameters[PERIOD]
-    drives = parameters[DRIVES:].reshape((parameters.shape[0] - DRIVES) // 2, 2)
+    drives = as_matrix(parameters[DRIVES:], (parameters.shape[0] - DRIVES) // 2, 2)
     memory, last = state[1:7], state[7:]
 
     opposite, relative = own[0:8], own[8:16]
@@ -125,7 +124,7 @@ def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
     for i in range(8):
         relative[i] *= sign
 
-    jacobian = rest[0 : 6 * n].reshape(6, n)
+    jacobian = as_matrix(rest[0 : 6 * n], 6, n)
     twist_jacobian_with_sideways(drives[0 : n - m], twist_jacobian, jacobian)
     if int(parameters[VELOCITY_STATE]) == REALISED:
         for i in range(6):

@@ -6,8 +6,8 @@ from dqcontrol.compile import inlined
 
 
 @inlined
-def nearest_twist(rate, x, out):
-    """Write the twist ξ = ω + εv that minimises |vec8(½ξx − rate)| and return d = D P* of x = P + εD.
+def nearest_twist(rate, x):
+    """Return ω and v of the twist ξ = ω + εv that minimises |vec8(½ξx − rate)|, and d = D P* of x = P + εD.
 
     With a = 2 rate_P P*, b = 2 rate_D P* (right products with P* keep norms): ω ≈ Im a, −ω·d ≈ Re b,
     v = Im b − ω × d, which is one rank-one correction of ω.
@@ -29,8 +29,5 @@ def nearest_twist(rate, x, out):
     square = dx * dx + dy * dy + dz * dz
     correction = (ax * dx + ay * dy + az * dz + bw) / (1.0 + square)
     ax, ay, az = ax - correction * dx, ay - correction * dy, az - correction * dz
-    out[0], out[1], out[2] = ax, ay, az
-    out[3] = bx - (ay * dz - az * dy)
-    out[4] = by - (az * dx - ax * dz)
-    out[5] = bz - (ax * dy - ay * dx)
-    return dx, dy, dz
+    bx, by, bz = bx - (ay * dz - az * dy), by - (az * dx - ax * dz), bz - (ax * dy - ay * dx)
+    return (ax, ay, az), (bx, by, bz), (dx, dy, dz)

@@ -10,8 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import as_array, as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.heading import turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
@@ -20,7 +21,7 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
 # q, twist jacobian, parameters, work, preferred motion z
-PREFERENCE = STATUS(READ, READ2, READ, WRITE, WRITE)
+PREFERENCE = STATUS(INPUT, READ2, READ, WRITE, WRITE)
 
 
 class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
@@ -38,17 +39,11 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
 
 
 @kernel(PREFERENCE)
-def no_preference(q, twist_jacobian, parameters, work, out):
-    """Leave z = 0."""
-    return OK
-
-
-@kernel(PREFERENCE)
 def towards_posture(q, twist_jacobian, parameters, work, out):
     """Write z = −Gᵀ α (q − q_rest), α a number for each coordinate, q̇ = G u."""
     n = q.shape[0]
     pull, rest = parameters[0:n], parameters[n : 2 * n]
-    drives = parameters[2 * n :].reshape((parameters.shape[0] - 2 * n) // 4, 4)
+    drives = as_matrix(parameters[2 * n :], (parameters.shape[0] - 2 * n) // 4, 4)
     kept = out.shape[0] == n
     i, j = 0, 0
     for k in range(0 if kept else drives.shape[0]):
@@ -197,7 +192,7 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
     """
     n = twist_jacobian.shape[1]
     headings = parameters[1:]
-    gram = work[0:36].reshape(6, 6)
+    gram = as_matrix(work[0:36], 6, 6)
     row = work[36:42]
     for i in range(6):
         for j in range(i + 1):

@@ -12,11 +12,13 @@ import numpy as np
 from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
 from dqcontrol.laws.law import LAW, Law
+from dqcontrol.robots.kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
 
 
 def _checked(function: Callable[..., Any]) -> Callable[..., int]:
     def own_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+        fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
         function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
         for i in range(out.shape[0]):
             if not math.isfinite(out[i]):

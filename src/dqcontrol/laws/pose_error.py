@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dqcontrol.algebra.kernels import conjugate_multiply, rotate
+from dqcontrol.algebra.kernels import conjugate_multiply, rotated
 from dqcontrol.compile import inlined
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_pose_rate
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist
+from dqcontrol.robots.kernels import fill_pose_jacobian
 
 
 @inlined
@@ -51,23 +53,19 @@ def error_jacobian(pose_jacobian, desired, sign, out):
 
 @inlined
 def solve_left_error(target, error, pose, pose_jacobian, twist_jacobian, desired, sign, inverse, work, out):
-    """Write out = z + N⁺ (target − N z) with the preferred motion z; target and error are overwritten."""
+    """Write out = z + N⁺ (target − N z) with the preferred motion z."""
     n = pose_jacobian.shape[1]
-    preferred, scratch, rest = work[0:n], work[n + 32 : n + SCRATCH], work[n + SCRATCH :]
-    body_twist, hand_twist, offset = scratch[0:6], scratch[6:12], scratch[12:15]
-    for i in range(8):  # N u = −½ξ_b x_e with x_e = 1 − e
-        target[i] = -target[i]
-        error[i] = -error[i]
-    error[0] += 1.0
-    rotate(pose, nearest_twist(target, error, body_twist), offset)
-    rotate(pose, body_twist[0:3], hand_twist[0:3])
-    rotate(pose, body_twist[3:6], hand_twist[3:6])
-    d = offset[0], offset[1], offset[2]
-    status = solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, d, inverse, rest, out)
+    preferred, rest = work[0:n], work[n + SCRATCH :]
+    e = error  # N u = −½ξ_b x_e with x_e = 1 − e
+    relative = 1.0 - e[0], -e[1], -e[2], -e[3], -e[4], -e[5], -e[6], -e[7]
+    angular, linear, offset = nearest_twist(target, relative)
+    ax, ay, az = rotated(pose, angular)
+    bx, by, bz = rotated(pose, linear)
+    hand_twist, offset = (-ax, -ay, -az, -bx, -by, -bz), rotated(pose, offset)
+    status = solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, offset, inverse, rest, out)
     if status != ELSEWHERE:
         return status
-    for i in range(8):
-        target[i] = -target[i]
-    matrix = rest[0 : 8 * n].reshape(8, n)
+    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
+    matrix = as_matrix(rest[0 : 8 * n], 8, n)
     error_jacobian(pose_jacobian, desired, sign, matrix)
     return solve(matrix, target, preferred, inverse, rest[8 * n :], out)

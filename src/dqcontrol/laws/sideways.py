@@ -41,23 +41,6 @@ def twist_jacobian_with_sideways(drives, twist_jacobian, out):
 
 
 @inlined
-def pose_jacobian_with_sideways(pose, pose_jacobian, twist_jacobian, out):
-    """Write the pose Jacobian, 8 × (m + k), from the twist Jacobian of the same size: its columns are ½ξx."""
-    m = pose_jacobian.shape[1]
-    for row in range(8):
-        for i in range(m):
-            out[row, i] = pose_jacobian[row, i]
-    w, x, y, z = 0.5 * pose[0], 0.5 * pose[1], 0.5 * pose[2], 0.5 * pose[3]
-    for i in range(m, out.shape[1]):
-        a, b, c = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
-        out[0, i], out[1, i], out[2, i], out[3, i] = 0.0, 0.0, 0.0, 0.0
-        out[4, i] = -a * x - b * y - c * z
-        out[5, i] = a * w + b * z - c * y
-        out[6, i] = b * w + c * x - a * z
-        out[7, i] = c * w + a * y - b * x
-
-
-@inlined
 def feasible_inputs(drives, rates, out):
     """Write the m inputs that follow m + k rates as far as the drives can."""
     m = out.shape[0]

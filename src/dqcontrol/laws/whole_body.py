@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol.compile import kernel
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.law import LAW, SCRATCH
 from dqcontrol.laws.pose_error import left_error, solve_left_error
@@ -12,7 +13,6 @@ from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
 from dqcontrol.laws.sideways import (
     drive_table,
     feasible_inputs,
-    pose_jacobian_with_sideways,
     twist_jacobian_with_sideways,
 )
 from dqcontrol.robots import Robot
@@ -25,13 +25,12 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     """Write F N⁺ K vec8(e), N with a sideways column for each drive."""
     m = out.shape[0]
     own, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
-    drives = parameters[_DRIVES:].reshape((parameters.shape[0] - _DRIVES) // 2, 2)
+    drives = as_matrix(parameters[_DRIVES:], (parameters.shape[0] - _DRIVES) // 2, 2)
     n = m + drives.shape[0]
-    twist_columns = rest[0 : 6 * n].reshape(6, n)
-    pose_columns = rest[6 * n : 14 * n].reshape(8, n)
+    twist_columns = as_matrix(rest[0 : 6 * n], 6, n)
+    pose_columns = as_matrix(rest[6 * n : 14 * n], 8, n)
     rates, inner = rest[14 * n : 15 * n], rest[15 * n :]
     twist_jacobian_with_sideways(drives, twist_jacobian, twist_columns)
-    pose_jacobian_with_sideways(pose, pose_jacobian, twist_columns, pose_columns)
     for i in range(n):
         inner[i] = work[i] if i < m else 0.0
 

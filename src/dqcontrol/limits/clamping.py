@@ -9,7 +9,12 @@ from msgspec import Meta
 
 from dqcontrol.compile import OK, inlined, kernel
 from dqcontrol.errors import as_positive
-from dqcontrol.limits.position_limit import POSITION_LIMIT, PositionLimit, position_limits
+from dqcontrol.limits.position_limit import (
+    POSITION_LIMIT,
+    PositionLimit,
+    law_function,
+    position_limits,
+)
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -19,10 +24,8 @@ _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
 
 @inlined
-def _block(i, pose_jacobian, twist_jacobian, preferred):
-    """Take joint i out of the Jacobians and of the preferred motion."""
-    for k in range(8):
-        pose_jacobian[k, i] = 0.0
+def _block(i, twist_jacobian, preferred):
+    """Take joint i out of the Jacobian and of the preferred motion."""
     for k in range(6):
         twist_jacobian[k, i] = 0.0
     preferred[i] = 0.0
@@ -55,7 +58,9 @@ def modified_clamping(
         state_before[i] = state[i]
     again = True
     while again:  # blocks a joint more each time
-        status = law(q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out)
+        status = law_function(law)(
+            q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+        )
         if status != OK:
             return status
         again = False
@@ -67,7 +72,7 @@ def modified_clamping(
                 out[i] < 0.0 and angle <= lower[i] + tolerance
             ):
                 is_blocked[i] = 1.0
-                _block(i, pose_jacobian, twist_jacobian, law_work)
+                _block(i, twist_jacobian, law_work)
                 again = True
         if again:
             for i in range(state.shape[0]):
@@ -139,8 +144,10 @@ def original_clamping(
     lower, upper, moved = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
     for i in range(n):
         if not lower[i] <= q[int(moved[i])] <= upper[i]:
-            _block(i, pose_jacobian, twist_jacobian, law_work)
-    status = law(q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out)
+            _block(i, twist_jacobian, law_work)
+    status = law_function(law)(
+        q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+    )
     for i in range(n):
         if not lower[i] <= q[int(moved[i])] <= upper[i]:
             out[i] = 0.0

@@ -8,8 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import OK, READ, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, Kernel, inlined, kernel
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.driving import drive_speeds
@@ -18,7 +19,7 @@ from dqcontrol.robots.robot import Robot
 AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
 
 # q, parameters, command
-LIMIT = STATUS(READ, READ, WRITE)
+LIMIT = STATUS(INPUT, READ, WRITE)
 
 
 @kernel(LIMIT)
@@ -38,7 +39,7 @@ def scale_down(q, parameters, command):
     for i in range(m):
         if abs(command[i]) * scale > parameters[i]:
             scale = parameters[i] / abs(command[i])
-    drives = parameters[m:].reshape((parameters.shape[0] - m) // 4, 4)
+    drives = as_matrix(parameters[m:], (parameters.shape[0] - m) // 4, 4)
     for k in range(drives.shape[0]):
         v, omega = drive_speeds(drives, k, command, q)
         rim = abs(v) + drives[k, 3] * abs(omega)

@@ -8,20 +8,24 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel, kernel, types
+from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.intrinsics import ADDRESS, function_at
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-# q, pose, pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z that is
-# preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz)
+# q, pose, room for a pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z
+# that is preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz). A law that needs the pose
+# Jacobian fills its room by `fill_pose_jacobian`: most do not, and it is a tenth of a step.
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
+law_function = function_at(LAW)
+
 # law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
-# the limit's memory; Jacobians and preferred motion may be overwritten
+# the limit's memory; twist Jacobian and preferred motion may be overwritten
 POSITION_LIMIT = STATUS(
-    types.FunctionType(LAW),
+    ADDRESS,  # of the law
     INPUT,
     WRITE,
     WRITE2,
@@ -34,25 +38,6 @@ POSITION_LIMIT = STATUS(
     WRITE,
     WRITE,
 )
-
-
-@kernel(POSITION_LIMIT)
-def law_alone(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
-):
-    """Write what the law says."""
-    return law(q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out)
 
 
 class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):

@@ -131,7 +131,7 @@ class PreparedSupervisor:
     def step(self, q: Array, wanted: Array, state: Array, age: float, request: int, out: Array) -> bool:
         """Write the inputs that leave; return whether the robot is stopped and at rest. What the loop calls."""
         status = supervise(
-            kernels.kinematics.pointer,
+            kernels.twist_kinematics.pointer,
             self.robot.chain,
             q,
             age,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dqcontrol.algebra.kernels import translation
 from dqcontrol.compile import OK, inlined
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.braking import braked
 from dqcontrol.limits.interventions import HELD, SLOWED
 from dqcontrol.limits.supervisor_layout import BOX, DT, HOLD, HOLDING, SLOW
 from dqcontrol.robots.dexterity_step import smallest_singular_value
-from dqcontrol.robots.kernels import hand_jacobian
+from dqcontrol.robots.kernels import chain_function, hand_jacobian
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 
@@ -19,9 +20,9 @@ def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_join
     n, m = good.shape[0], rates.shape[0]
     buffer = work[0 : 8 + 14 * m]
     at = 8 + 14 * m
-    jacobian = work[at : at + 6 * m].reshape(6, m)
+    jacobian = as_matrix(work[at : at + 6 * m], 6, m)
     at += 6 * m
-    gram, vectors = work[at : at + 36].reshape(6, 6), work[at + 36 : at + 72].reshape(6, 6)
+    gram, vectors = as_matrix(work[at : at + 36], 6, 6), as_matrix(work[at + 36 : at + 72], 6, 6)
     column = work[at + 72 : at + 78]
     hand, config = work[at + 78 : at + 81], work[at + 81 : at + 81 + n]
     slow, hold = parameters[SLOW], parameters[HOLD]
@@ -39,9 +40,9 @@ def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_join
             for i in range(m):
                 if is_joint[i] != 0.0:
                     config[int(moved[i])] += 1e-3 * rates[i] / fastest
-        if kinematics(chain, config, buffer) != OK:
+        if chain_function(kinematics)(chain, config, buffer) != OK:
             return 0
-        twist_jacobian = buffer[8 + 8 * m : 8 + 14 * m].reshape(6, m)
+        twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
         translation(buffer[0:8], hand)
         hand_jacobian((hand[0], hand[1], hand[2]), twist_jacobian, jacobian)
         value = smallest_singular_value(jacobian, 2.0 * slow, gram, vectors, column)
@@ -86,7 +87,7 @@ def stays_inside(
                 config[int(moved[i])] += dt * trial[i]
                 trial[i] = braked(trial[i], acceleration[i] * dt)
                 moving = moving or trial[i] != 0.0
-        if kinematics(chain, config, buffer) != OK:
+        if chain_function(kinematics)(chain, config, buffer) != OK:
             return False
         translation(buffer[0:8], hand)
         box = parameters[BOX : BOX + 6]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
+from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.limits.braking import braked, fastest_stoppable
 from dqcontrol.limits.command_limits import scale_down
 from dqcontrol.limits.interventions import (
@@ -46,14 +47,13 @@ from dqcontrol.limits.supervisor_layout import (
     STOPPED,
     WINDOW,
 )
-from dqcontrol.robots.kernels import CHAIN
 
 _FAR = 1e6  # rad or m: no measurement says so
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
 
 # kinematics, chain, measured, age (s), request, wanted, parameters, state, work, out
 SUPERVISOR = STATUS(
-    types.FunctionType(CHAIN),
+    ADDRESS,  # of the kinematics
     READ2,
     READ,
     types.float64,
@@ -148,7 +148,7 @@ def _commit(rates, rate, position, m, window, velocity, lower, upper, is_joint, 
     """Move the position command, smoothed over the window; return whether all is at rest."""
     base = MEMORY + n
     sent, sent_rate = state[base : base + m], state[base + m : base + 2 * m]
-    past = state[base + 4 * m : base + 4 * m + window * m].reshape(window, m)
+    past = as_matrix(state[base + 4 * m : base + 4 * m + window * m], window, m)
     row = int(state[INDEX])
     state[INDEX] = float((row + 1) % window)
     still = True
@@ -186,7 +186,7 @@ def supervise(kinematics, chain, measured, age, request, wanted, parameters, sta
     moved, is_joint = parameters[HEAD + 4 * m : HEAD + 5 * m], parameters[HEAD + 5 * m : HEAD + 6 * m]
     speeds = parameters[HEAD + 6 * m :]
     velocity = speeds[0:m]
-    drives = speeds[m:].reshape((speeds.shape[0] - m) // 4, 4)
+    drives = as_matrix(speeds[m:], (speeds.shape[0] - m) // 4, 4)
     good = state[MEMORY:base]
     sent, sent_rate = state[base : base + m], state[base + m : base + 2 * m]
     position, rate = state[base + 2 * m : base + 3 * m], state[base + 3 * m : base + 4 * m]

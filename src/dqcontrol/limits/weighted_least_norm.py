@@ -9,7 +9,12 @@ import numpy as np
 
 from dqcontrol.compile import kernel
 from dqcontrol.limits.gradient import repulsion
-from dqcontrol.limits.position_limit import POSITION_LIMIT, PositionLimit, position_limits
+from dqcontrol.limits.position_limit import (
+    POSITION_LIMIT,
+    PositionLimit,
+    law_function,
+    position_limits,
+)
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -44,12 +49,10 @@ def weighted_least_norm(
         else:
             scale[i] = 1.0 / math.sqrt(1.0 + abs(repulsion(angle, lower[i], upper[i])))
         last[i] = offset
-        for k in range(8):
-            pose_jacobian[k, i] *= scale[i]
         for k in range(6):
             twist_jacobian[k, i] *= scale[i]
         law_work[i] /= scale[i]
-    status = law(
+    status = law_function(law)(
         q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state[0:law_size], law_work, out
     )
     for i in range(n):

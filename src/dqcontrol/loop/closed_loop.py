@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import Kernel, Pointer
+from dqcontrol.compile import Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.prepared_supervisor import STOP
@@ -109,8 +109,7 @@ def close_loop(
     if not interpreted and not recording and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
-            pointers = law_kernel.pointer, plant_kernel.pointer
-            trace = _rollout(law, plant, pointers, samples, stop, disturbance, supervision)
+            trace = _rollout(law, plant, plant_kernel.pointer, samples, stop, disturbance, supervision)
             return _with_signals(trace, foreseen_signals(plant, len(trace.q)), supervision)
     return _interpret(law, plant, samples, stop, disturbance, progress, None, supervision, recording)
 
@@ -131,38 +130,27 @@ def _stop_array(stop: Stop | None) -> Array:
 def _rollout(
     law: PreparedLaw,
     plant: CompiledPlant,
-    pointers: tuple[Pointer, Pointer],
+    plant_pointer: int,
     samples: Array,
     stop: Stop | None,
     disturbance: LiveDisturbance | None,
     supervision: Supervision | None,
 ) -> Trace:
-    law_pointer, plant_pointer = pointers
     none = np.zeros(0)
     records = empty_records(law, samples)
     realised = np.zeros((len(samples) if disturbance else 1, 6))
     acting = disturbance or no_disturbance()
     steps = np.zeros(10)
     status = compiled.rollout(
-        kernels.kinematics.pointer,
-        law.preference.pointer,
-        law_pointer,
-        law.position_limit.pointer,
-        law.limit.pointer,
+        kernels.twist_kinematics.pointer,
         (supervise if supervision else unsupervised).pointer,
         acting.kernel.pointer,
         plant_pointer,
         compiled.settled.pointer,
         law.robot.chain,
-        law.preference_parameters,
-        law.preference_work,
-        law.parameters,
+        law.plan,
+        law.memory,
         law.initial_state(plant.q),
-        law.work,
-        np.empty(8 + 14 * law.robot.input_size),
-        law.position_limit_parameters,
-        law.position_limit_work,
-        law.limit_parameters,
         supervision.supervisor.parameters if supervision else none,
         supervision.state if supervision else none,
         supervision.supervisor.work if supervision else none,
@@ -239,7 +227,7 @@ def _interpret(
                 clock.commanded()
             if halted:
                 break
-            if stop and not failure and compiled.settled(law.kinematics.pose, row[POSE], stop_values, count):
+            if stop and not failure and compiled.settled(law.pose, row[POSE], stop_values, count):
                 break
             failure = None
             if disturbance is not None and realised is not None:

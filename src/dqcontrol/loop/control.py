@@ -171,8 +171,7 @@ class Control:
     def _ask_law(self, time: float) -> None:
         row = max(round(time / self.law.dt), 0)
         try:
-            pose = self.robot.kinematics(self.measured, self.law.kinematics).pose
-            self.desired = self.target.sample(time, pose.copy())
+            self.desired = self.target.sample(time, self.robot.fkm(self.measured))
             self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why

@@ -25,6 +25,7 @@ from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.loads import loss_table, payload_table, push_table
 from dqcontrol.plants.obstacle import obstacle_table
 from dqcontrol.plants.wrist import LiveWrist
+from dqcontrol.robots.gravity import WORK
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant import CompliantPlant
@@ -90,7 +91,7 @@ class LiveCompliant:
             robot.chain,
             arm.bodies,
             np.array([*plant.gravity, plant.gravity_factor]),
-            np.zeros((4, n)),
+            np.zeros((4 + WORK, n)),
             self._noise,
             loss_table(plant.encoder_losses, n),
             push_table(plant.pushes, {"hand": payload, **links}),

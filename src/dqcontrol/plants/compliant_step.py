@@ -14,24 +14,26 @@ from dqcontrol.compile import (
     STATUS,
     WRITE,
     WRITE2,
-    Pointer,
     inlined,
     kernel,
     types,
 )
 from dqcontrol.errors import MissingExtraError
+from dqcontrol.intrinsics import ADDRESS, as_matrix, function_at
 from dqcontrol.plants import joint_table as of
 from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.joint_controller import control, sense
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.obstacle import touch
+from dqcontrol.robots.gravity import WORK
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
 PHYSICS_STEP = types.void(types.intp, types.intp)  # void mj_step(const mjModel *, mjData *)
+_step = function_at(PHYSICS_STEP)
 
 ADVANCE = STATUS(
-    types.FunctionType(PHYSICS_STEP),
+    ADDRESS,  # of MuJoCo's step
     types.intp,  # address of the model
     types.intp,  # address of its data
     types.intp,  # ticks
@@ -44,7 +46,7 @@ ADVANCE = STATUS(
     READ2,  # chain
     READ2,  # bodies of the controllers' model
     READ,  # gravity (3), factor on the model's torque
-    WRITE2,  # scratch, 4 × n
+    WRITE2,  # scratch, (4 + WORK) × n
     READ2,  # encoder noise, a row a tick
     READ2,  # times without encoder: from, until, joint
     READ2,  # pushes: from, until, body, force
@@ -67,7 +69,7 @@ ADVANCE = STATUS(
 
 
 @cache
-def physics_step() -> Pointer:
+def physics_step() -> int:
     """Return the address of MuJoCo's ``mj_step``, for kernels.
 
     Raises
@@ -80,8 +82,7 @@ def physics_step() -> Pointer:
     found = [path for name in names for path in sorted(folder.glob(name))]
     if not found:
         raise MissingExtraError(f"mujoco: has no library in {folder}; pip install 'dqcontrol[physics]'")
-    address = ctypes.cast(ctypes.CDLL(str(found[0])).mj_step, ctypes.c_void_p).value
-    return Pointer(address or 0, PHYSICS_STEP)
+    return ctypes.cast(ctypes.CDLL(str(found[0])).mj_step, ctypes.c_void_p).value or 0
 
 
 @inlined
@@ -174,6 +175,7 @@ def advance(
             gravity[3],
             scratch[0],
             scratch[1],
+            as_matrix(scratch[4:], 1, WORK * n)[0],
             scratch[2],
             scratch[3],
         )
@@ -183,7 +185,7 @@ def advance(
         for step in range(steps):
             if obstacles.shape[0] > 0:
                 touch(obstacles, (shared[of.TICKS] + step / steps) * TICK, chain, qpos, qvel, forces, contact)
-            physics(model, data)
+            _step(physics)(model, data)
         shared[of.TICKS] += 1.0
         total = 0.0
         for i in range(qvel.shape[0]):

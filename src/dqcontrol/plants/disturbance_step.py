@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel, types
+from dqcontrol.algebra.kernels import rotated
+from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.errors import DivergedError
+from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,
@@ -16,14 +18,14 @@ from dqcontrol.laws.inverses import (
 )
 from dqcontrol.robots import kernels
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kernels import CHAIN, hand_jacobian
+from dqcontrol.robots.kernels import chain_function, hand_jacobian
 
 Array = NDArray[np.float64]
 
 ROW = 12  # of a disturbance: inertial twist, then twist of the hand in its own axes
 
 # kinematics, chain, row, parameters, work, q, realised inertial twist
-DISTURBANCE = STATUS(types.FunctionType(CHAIN), READ2, READ, READ, WRITE, WRITE, WRITE)
+DISTURBANCE = STATUS(ADDRESS, READ2, READ, READ, WRITE, WRITE, WRITE)
 
 
 @kernel(DISTURBANCE)
@@ -32,34 +34,27 @@ def undisturbed(kinematics, chain, row, parameters, work, q, realised):
     return OK
 
 
-@inlined
-def _rotated(w, x, y, z, a, b, c):
-    """Rotate the vector (a, b, c) by a unit quaternion."""
-    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
-
-
 @kernel(DISTURBANCE)
 def disturb(kinematics, chain, row, parameters, work, q, realised):
     """Let u = J_h⁺ t act for T with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
     n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
     buffer = work[0 : 8 + 14 * n]
-    matrix = work[8 + 14 * n : 8 + 20 * n].reshape(6, n)
+    matrix = as_matrix(work[8 + 14 * n : 8 + 20 * n], 6, n)
     velocity = work[8 + 20 * n : 8 + 21 * n]
     none = work[8 + 21 * n : 8 + 22 * n]
     hand = work[8 + 22 * n : 14 + 22 * n]
     rest = work[14 + 22 * n :]
-    status = kinematics(chain, q, buffer)
+    status = chain_function(kinematics)(chain, q, buffer)
     if status != OK:
         return status
-    twist_jacobian = buffer[8 + 8 * n : 8 + 14 * n].reshape(6, n)
+    twist_jacobian = as_matrix(buffer[8 + 8 * n : 8 + 14 * n], 6, n)
     w, x, y, z = buffer[0], buffer[1], buffer[2], buffer[3]
     dw, dx, dy, dz = buffer[4], buffer[5], buffer[6], buffer[7]
     px = 2.0 * (-dw * x + dx * w - dy * z + dz * y)
     py = 2.0 * (-dw * y + dx * z + dy * w - dz * x)
     pz = 2.0 * (-dw * z - dx * y + dy * x + dz * w)
-    ax, ay, az = _rotated(w, x, y, z, row[6], row[7], row[8])
-    vx, vy, vz = _rotated(w, x, y, z, row[9], row[10], row[11])
+    ax, ay, az = rotated(buffer, row[6:9])
+    vx, vy, vz = rotated(buffer, row[9:12])
     hand[0], hand[1], hand[2] = row[0] + ax, row[1] + ay, row[2] + az
     hand[3] = row[3] - (py * row[2] - pz * row[1]) + vx
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
@@ -75,7 +70,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
         realised[i] = 0.0
         for k in range(n):
             realised[i] += twist_jacobian[i, k] * velocity[k]
-    advance(parameters[4:].reshape((parameters.shape[0] - 4) // 4, 4), velocity, parameters[0], q)
+    advance(as_matrix(parameters[4:], (parameters.shape[0] - 4) // 4, 4), velocity, parameters[0], q)
     return OK
 
 
@@ -105,7 +100,7 @@ class LiveDisturbance:
             If q is not finite.
         """
         row = self.rows[min(k, len(self.rows) - 1)]
-        if self.kernel(kernels.kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
+        if self.kernel(kernels.twist_kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
             raise DivergedError("the plant left the finite numbers")
 
 

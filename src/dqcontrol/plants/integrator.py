@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.errors import ShapeError, as_array, as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.driving import advance
@@ -34,7 +35,7 @@ def drive(command, parameters, noise, state, q, measured):
         return WRONG_SIZE
     for i in range(m):
         state[i] = command[i] + parameters[1 + i]
-    advance(parameters[1 + m :].reshape((parameters.shape[0] - 1 - m) // 4, 4), state, parameters[0], q)
+    advance(as_matrix(parameters[1 + m :], (parameters.shape[0] - 1 - m) // 4, 4), state, parameters[0], q)
     for i in range(q.shape[0]):
         measured[i] = q[i]
     return OK

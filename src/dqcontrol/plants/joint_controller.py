@@ -187,9 +187,9 @@ def switch(state, shared):
 
 @inlined
 def control(
-    constants, state, shared, chain, bodies, gravity, factor, angles, torques, rotors, rotor_velocities
+    constants, state, shared, chain, bodies, gravity, factor, angles, torques, work, rotors, rotor_velocities
 ):
-    """Run all joint controllers for a tick; ``angles`` and ``torques`` are scratch, shape (n,)."""
+    """Run all joint controllers for a tick; ``angles``, ``torques`` (n,) and ``work`` are scratch."""
     n = state.shape[0]
     shared[of.AGE] += 1.0
     watch(constants, state, shared)
@@ -200,7 +200,7 @@ def control(
     if mode in (TORQUE_GC, THETA_GC, THETA_GC_MJ):
         for i in range(n):
             angles[i] = state[i, of.ANGLE]
-        gravity_torque(chain, bodies, angles, gravity, torques)
+        gravity_torque(chain, bodies, angles, gravity, torques, work)
         for i in range(n):
             state[i, of.GRAVITY] = factor * torques[i]
     for i in range(n):

@@ -15,7 +15,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Array, CompiledPlant, Plant, start_configuration, whole_periods
 from dqcontrol.plants.servo_base import start_on_base
 from dqcontrol.plants.servo_step import servo
-from dqcontrol.robots.gravity import body_table
+from dqcontrol.robots.gravity import WORK, body_table
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
@@ -120,7 +120,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         parameters = np.concatenate(
             [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]
         )
-        state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1)])
+        state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1), np.zeros(WORK * n)])
         noise = (
             np.random.default_rng(seed).standard_normal((steps, n))
             if self.encoder_noise

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compile import OK, WRONG_SIZE, inlined, kernel
 from dqcontrol.errors import as_positive
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.command_limits import scale_down
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.channels import Channel
@@ -61,7 +62,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     at += places
     limits = parameters[at : at + p + 4 * drive_count]
     servos = parameters[at + p + 4 * drive_count :]
-    drives = limits[p:].reshape(drive_count, 4)
+    drives = as_matrix(limits[p:], drive_count, 4)
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
     joint_command, joint_q, joint_measured = joint[0:joints], joint[joints : 2 * joints], joint[2 * joints :]

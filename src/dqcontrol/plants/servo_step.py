@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compile import OK, WRONG_SIZE, inlined, kernel
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.gravity import gravity_torque
 
@@ -22,8 +23,8 @@ def servo_step(command, parameters, noise, state, q, measured):
     rate = parameters[HEAD : HEAD + n]
     least, most = parameters[HEAD + n : HEAD + 2 * n], parameters[HEAD + 2 * n : HEAD + 3 * n]
     compliance = parameters[HEAD + 3 * n : HEAD + 4 * n]
-    bodies = parameters[HEAD + 4 * n : HEAD + 8 * n].reshape(n, 4)
-    chain = parameters[HEAD + 8 * n : HEAD + 8 * n + 8 * (n + 1)].reshape(n + 1, 8)
+    bodies = as_matrix(parameters[HEAD + 4 * n : HEAD + 8 * n], n, 4)
+    chain = as_matrix(parameters[HEAD + 8 * n : HEAD + 8 * n + 8 * (n + 1)], n + 1, 8)
     delay = int(parameters[DELAY])
     target = state[0:n]
     sag = state[n : 2 * n]
@@ -38,7 +39,8 @@ def servo_step(command, parameters, noise, state, q, measured):
         target[i] = min(max(wanted, least[i]), most[i])
         queue[i] = target[i]
     if parameters[SAG] != 0.0:
-        gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag)
+        work = state[2 * n + n * (delay + 1) :]
+        gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
     for i in range(n):
         rest = queue[n * delay + i] - compliance[i] * sag[i]
         q[i] = rest + (q[i] - rest) * parameters[DECAY]

@@ -39,6 +39,8 @@ class Sample:
     twist_rate: ArrayLike = 0.0
     time: float = 0.0
     data: NDArray[np.float64] = field(init=False, repr=False)
+    # The same, not to be written, as compiled code takes it at once: an array that is frozen costs 0.3 µs more.
+    numbers: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         data = np.empty(SAMPLE_SIZE)
@@ -46,6 +48,8 @@ class Sample:
         data[TWIST] = _six("twist", self.twist)
         data[TWIST_RATE] = _six("twist_rate", self.twist_rate)
         data[TIME] = as_array("time", self.time, ())
+        object.__setattr__(self, "numbers", data)
+        data = data.view()
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
         for name, part in (("pose", POSE), ("twist", TWIST), ("twist_rate", TWIST_RATE)):

@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import kernels
+from dqcontrol.robots.jacobian_rates import batch as rates_batch
+from dqcontrol.robots.jacobian_rates import jacobian_rates
 
 Array = NDArray[np.float64]
+_new, _empty = object.__new__, np.empty
 
 
 class Kinematics:
@@ -44,9 +47,15 @@ class ChainRobot:
     """
 
     name: str
-    chain: Array
+    chain: Array  # may not be written
+    _chain: Array  # the same, as compiled code takes it at once: an array that may not be written costs 0.3 µs more
     configuration_size: int
     input_size: int
+
+    def _keep_chain(self, chain: Array) -> None:
+        """Keep the table (n + 1, 8); its owner may not write it any more."""
+        self._chain, self.chain = chain, chain.view()
+        self.chain.flags.writeable = False
 
     def fkm(self, q: ArrayLike) -> Array:
         """Return the end pose, shape (…, 8), inertial frame. [P16 3.13]."""
@@ -84,15 +93,15 @@ class ChainRobot:
         (6, 7)
         """
         if out is None:
-            out = Kinematics(self.input_size)
-        pose, pose_jacobian, twist_jacobian = out.pose, out.pose_jacobian, out.twist_jacobian
+            out, m = _new(Kinematics), self.input_size
+            out.pose, out.pose_jacobian, out.twist_jacobian = _empty(8), _empty((8, m)), _empty((6, m))
         compute = kernels.kinematics_apart.compiled
         try:
-            status = compute(self.chain, q, pose, pose_jacobian, twist_jacobian)
+            status = compute(self._chain, q, out.pose, out.pose_jacobian, out.twist_jacobian)
         except TypeError:  # a list, integers, several configurations
             values, status = as_array("q", q), WRONG_SIZE
             if values.ndim == 1:
-                status = compute(self.chain, values, pose, pose_jacobian, twist_jacobian)
+                status = compute(self._chain, values, out.pose, out.pose_jacobian, out.twist_jacobian)
         if status:
             size = out.pose_jacobian.shape[1]
             if size != self.input_size:
@@ -130,16 +139,17 @@ class ChainRobot:
         >>> arm.pose_jacobian_derivative([0.1] * 7, [0.2] * 7).shape
         (8, 7)
         """
-        return self._rates(q, u)[2]
+        return _matrix(self._rates(q, u), 8 + 14 * self.input_size, 8, self.input_size)
 
     def twist_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ_w/dt, shape (…, 6, m): each column turns with the twist of what carries its axis."""
-        return self._rates(q, u)[3]
+        return _matrix(self._rates(q, u), 8 + 22 * self.input_size, 6, self.input_size)
 
     def translation_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ_p/dt, shape (…, 3, m), so that p̈ = J_p u̇ + (dJ_p/dt) u."""
-        pose, twist, _, rate = self._rates(q, u)
-        p, speed = _position(pose), as_array("u", u)
+        flat, m = self._rates(q, u), self.input_size
+        twist, rate = _matrix(flat, 8 + 8 * m, 6, m), _matrix(flat, 8 + 22 * m, 6, m)
+        p, speed = _position(flat[..., :8]), as_array("u", u)
         jacobian = twist[..., 3:6, :] - _cross_columns(p, twist[..., 0:3, :])
         velocity = (jacobian @ speed[..., None])[..., 0]
         turned = _cross_columns(velocity, twist[..., 0:3, :]) + _cross_columns(p, rate[..., 0:3, :])
@@ -147,25 +157,32 @@ class ChainRobot:
 
     def rotation_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ_r/dt, shape (…, 4, m), so that vec4(r̈) = J_r u̇ + (dJ_r/dt) u."""
-        return self._rates(q, u)[2][..., :4, :]
+        return _matrix(self._rates(q, u), 8 + 14 * self.input_size, 4, self.input_size)
 
     def _columns(self, q: ArrayLike, function: Kernel, first: int, rows: int) -> Array:
         """Return some of the 14 rows of both Jacobians."""
         m = self.input_size
         flat = self._map(function, q, self.configuration_size, 8 + 14 * m)
-        return _matrix(flat[..., 8 + first * m : 8 + (first + rows) * m], rows, m)
+        return _matrix(flat, 8 + first * m, rows, m)
 
-    def _rates(self, q: ArrayLike, u: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """Return pose, twist Jacobian, and the rates of pose and twist Jacobian."""
+    def _rates(self, q: ArrayLike, u: ArrayLike) -> Array:
+        """Return what `jacobian_rates` writes, shape (…, 8 + 28 m)."""
         n, m = self.configuration_size, self.input_size
+        if _is_row(q) and _is_row(u):
+            out = _empty(8 + 28 * m)
+            try:
+                if jacobian_rates.compiled(self._chain, q, u, out) == OK:
+                    return out
+            except TypeError:  # integers
+                pass
         values, speeds = self._rows("q", q), self._inputs("u", u)
         if values.shape[:-1] != speeds.shape[:-1]:
             raise ShapeError(f"u: expected shape {(*values.shape[:-1], m)} as q has, got {speeds.shape}")
-        flat = self._map(kernels.kinematics, values, n, 8 + 14 * m)
-        motion = np.concatenate([flat, speeds], axis=-1)
-        rates = self._map(kernels.jacobian_rates, motion, 8 + 15 * m, 14 * m)
-        twist = _matrix(flat[..., 8 + 8 * m :], 6, m)
-        return flat[..., :8], twist, _matrix(rates[..., : 8 * m], 8, m), _matrix(rates[..., 8 * m :], 6, m)
+        rows = np.ascontiguousarray(values.reshape(-1, n)), np.ascontiguousarray(speeds.reshape(-1, m))
+        out = np.empty((len(rows[0]), 8 + 28 * m))
+        if status := rates_batch(jacobian_rates.pointer, self.chain, *rows, out):
+            self._raise(status, values)
+        return out.reshape(*values.shape[:-1], 8 + 28 * m)
 
     def _rows(self, field: str, value: ArrayLike) -> Array:
         return as_array(field, value, (self.configuration_size,))
@@ -175,10 +192,13 @@ class ChainRobot:
 
     def _map(self, function: Kernel, values: ArrayLike, columns: int, size: int) -> Array:
         """Return what a chain function makes of each row, shape (…, size)."""
-        if type(values) is np.ndarray and values.ndim == 1 and values.dtype == np.float64:
-            out = np.empty(size)  # one row: called directly, ten times faster than as a batch
-            if function.compiled(self.chain, values, out) == OK:
-                return out
+        if _is_row(values):
+            out = _empty(size)  # called directly, ten times faster than as a batch
+            try:
+                if function.compiled(self._chain, values, out) == OK:
+                    return out
+            except TypeError:  # integers
+                pass
         array = as_array("q", values, (columns,))
         rows = np.ascontiguousarray(array.reshape(-1, columns))
         out = np.empty((len(rows), size))
@@ -195,8 +215,15 @@ class ChainRobot:
         raise ValueRangeError(f"q: must be finite, got {np.asarray(q)}")
 
 
-def _matrix(flat: Array, rows: int, columns: int) -> Array:
-    return flat.reshape(*flat.shape[:-1], rows, columns)
+def _is_row(values: ArrayLike) -> bool:
+    return type(values) is np.ndarray and values.ndim == 1
+
+
+def _matrix(flat: Array, first: int, rows: int, columns: int) -> Array:
+    """Return some of the last axis' numbers as rows and columns."""
+    if flat.ndim == 1:
+        return flat[first : first + rows * columns].reshape(rows, columns)
+    return flat[..., first : first + rows * columns].reshape(*flat.shape[:-1], rows, columns)
 
 
 def _position(pose: Array) -> Array:

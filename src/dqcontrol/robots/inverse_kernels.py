@@ -11,6 +11,7 @@ import math
 
 from dqcontrol.algebra.kernels import half_angle, quaternion_product, translation
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
+from dqcontrol.intrinsics import as_matrix
 from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _half, _screw
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start
@@ -170,8 +171,8 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
     position_tolerance, orientation_tolerance, most = options[0], options[1], int(options[2])
     moves = 0.0 if math.isinf(position_tolerance) else 1.0
     turns = 0.0 if math.isinf(orientation_tolerance) else 1.0
-    here = work[0 : 6 * n].reshape(n, 6)
-    there = work[6 * n : 12 * n].reshape(n, 6)
+    here = as_matrix(work[0 : 6 * n], n, 6)
+    there = as_matrix(work[6 * n : 12 * n], n, 6)
     now, trial, held, best = (
         work[12 * n : 13 * n],
         work[13 * n : 14 * n],
@@ -179,7 +180,7 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
         work[15 * n : 16 * n],
     )
     rest = work[16 * n :]
-    gram = rest[0:36].reshape(6, 6)
+    gram = as_matrix(rest[0:36], 6, 6)
     residual, after, y, left = rest[36:42], rest[42:48], rest[48:54], rest[54:60]
     position, turn = rest[60:63], rest[63:67]
     for row in range(poses.shape[0]):

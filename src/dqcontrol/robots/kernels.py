@@ -1,4 +1,4 @@
-"""Forward kinematics, Jacobians and their rates of a chain, compiled.
+"""Forward kinematics and Jacobians of a chain, compiled.
 
 A chain of n coordinates is a table of n + 1 rows ``[r (4), p (3), kind]``: a fixed pose (unit quaternion and position),
 then a screw about its z axis, revolute (kind 0) or prismatic (the other kinds). The last row is the tool; in place of a
@@ -25,15 +25,16 @@ from dqcontrol.compile import (
     WRONG_SIZE,
     inlined,
     kernel,
-    shared,
-    types,
 )
+from dqcontrol.intrinsics import ADDRESS, as_matrix, function_at
 from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 
 CHAIN = STATUS(READ2, INPUT, WRITE)
-BATCH = STATUS(types.FunctionType(CHAIN), READ2, READ2, WRITE2)
+BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
+
+chain_function = function_at(CHAIN)
 
 
 @inlined
@@ -87,7 +88,7 @@ def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
 
 
 @inlined
-def _halves(q, room):
+def halves(q, room):
     """Write sines, then cosines, of all half angles; return where the cosines begin, and NaN unless q is finite."""
     n = q.shape[0]
     padded = (n + 3) // 4 * 4 if n > 3 else n  # three times this fits into a pose Jacobian
@@ -152,15 +153,15 @@ def forward(chain, q, out):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@shared
-def _kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
+@inlined
+def _twist_kinematics(chain, q, pose, twist_jacobian, room):
+    """Write end pose and twist Jacobian; the room is one for a pose Jacobian."""
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
-    if q.shape[0] != n or pose_jacobian.shape[1] != m or twist_jacobian.shape[1] != m:
+    if q.shape[0] != n or twist_jacobian.shape[1] != m:
         return WRONG_SIZE
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    room = pose_jacobian.reshape(8 * m)  # until it gets its own numbers
-    cosines, check = _halves(q, room)
+    cosines, check = halves(q, room)
     j = 0
     for i in range(n):
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
@@ -184,36 +185,64 @@ def _kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
         w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, pose)
-    w, x, y, z = 0.5 * w, 0.5 * x, 0.5 * y, 0.5 * z
+    return OK if check == 0.0 else NOT_FINITE
+
+
+@inlined
+def fill_pose_jacobian(pose, twist_jacobian, out):
+    """Write the pose Jacobian: column i is ½ξᵢx, ξᵢ that of the twist Jacobian."""
+    w, x, y, z = 0.5 * pose[0], 0.5 * pose[1], 0.5 * pose[2], 0.5 * pose[3]
     dw, dx, dy, dz = 0.5 * pose[4], 0.5 * pose[5], 0.5 * pose[6], 0.5 * pose[7]
-    for i in range(m):
+    for i in range(out.shape[1]):
         a, b, c = twist_jacobian[0, i], twist_jacobian[1, i], twist_jacobian[2, i]
         d, e, f = twist_jacobian[3, i], twist_jacobian[4, i], twist_jacobian[5, i]
-        pose_jacobian[0, i] = -a * x - b * y - c * z
-        pose_jacobian[1, i] = a * w + b * z - c * y
-        pose_jacobian[2, i] = b * w + c * x - a * z
-        pose_jacobian[3, i] = c * w + a * y - b * x
-        pose_jacobian[4, i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
-        pose_jacobian[5, i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
-        pose_jacobian[6, i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
-        pose_jacobian[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
-    return OK if check == 0.0 else NOT_FINITE
+        out[0, i] = -a * x - b * y - c * z
+        out[1, i] = a * w + b * z - c * y
+        out[2, i] = b * w + c * x - a * z
+        out[3, i] = c * w + a * y - b * x
+        out[4, i] = -a * dx - b * dy - c * dz - d * x - e * y - f * z
+        out[5, i] = a * dw + b * dz - c * dy + d * w + e * z - f * y
+        out[6, i] = b * dw + c * dx - a * dz + e * w + f * x - d * z
+        out[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
+
+
+@inlined
+def all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
+    """Write end pose and both Jacobians."""
+    m = twist_jacobian.shape[1]
+    if pose_jacobian.shape[1] != m:
+        return WRONG_SIZE
+    status = _twist_kinematics(chain, q, pose, twist_jacobian, as_matrix(pose_jacobian, 1, 8 * m)[0])
+    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
+    return status
+
+
+@inlined
+def split(out):
+    """Return the parts of a row as `kinematics` writes it: pose (8), pose Jacobian (8 × m), twist Jacobian (6 × m)."""
+    m = (out.shape[0] - 8) // 14
+    return out[0:8], as_matrix(out[8 : 8 + 8 * m], 8, m), as_matrix(out[8 + 8 * m :], 6, m)
 
 
 @kernel(CHAIN)
 def kinematics(chain, q, out):
     """Write the end pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
-    m = (out.shape[0] - 8) // 14
-    if out.shape[0] != 8 + 14 * m:
-        return WRONG_SIZE
-    pose_jacobian, twist_jacobian = out[8 : 8 + 8 * m].reshape(8, m), out[8 + 8 * m :].reshape(6, m)
-    return _kinematics(chain, q, out[:8], pose_jacobian, twist_jacobian)
+    pose, pose_jacobian, twist_jacobian = split(out)
+    return all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian)
+
+
+@kernel(CHAIN)
+def twist_kinematics(chain, q, out):
+    """Write what `kinematics` does, but for the pose Jacobian, whose room is left with something else."""
+    pose, pose_jacobian, twist_jacobian = split(out)
+    room = as_matrix(pose_jacobian, 1, 8 * pose_jacobian.shape[1])[0]
+    return _twist_kinematics(chain, q, pose, twist_jacobian, room)
 
 
 @kernel(STATUS(READ2, INPUT, WRITE, WRITE2, WRITE2))
 def kinematics_apart(chain, q, pose, pose_jacobian, twist_jacobian):
     """Write `kinematics` into three arrays."""
-    return _kinematics(chain, q, pose, pose_jacobian, twist_jacobian)
+    return all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian)
 
 
 @inlined
@@ -231,13 +260,9 @@ def hand_jacobian(position, twist_jacobian, out):
 @kernel(CHAIN)
 def hand_kinematics(chain, q, out):
     """Write the end pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the hand's [ω ; ṗ]."""
-    m = (out.shape[0] - 8) // 14
-    if out.shape[0] != 8 + 14 * m:
-        return WRONG_SIZE
-    pose_jacobian, jacobian = out[8 : 8 + 8 * m].reshape(8, m), out[8 + 8 * m :].reshape(6, m)
-    status = _kinematics(chain, q, out[:8], pose_jacobian, jacobian)
-    if status == OK:
-        hand_jacobian(position(out), jacobian, jacobian)
+    pose, pose_jacobian, jacobian = split(out)
+    status = all_kinematics(chain, q, pose, pose_jacobian, jacobian)
+    hand_jacobian(position(pose), jacobian, jacobian)
     return status
 
 
@@ -253,83 +278,11 @@ def position(pose):
     )
 
 
-@inlined
-def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
-    """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
-    return (
-        -a * x - b * y - c * z,
-        a * w + b * z - c * y,
-        b * w + c * x - a * z,
-        c * w + a * y - b * x,
-        -a * dx - b * dy - c * dz - d * x - e * y - f * z,
-        a * dw + b * dz - c * dy + d * w + e * z - f * y,
-        b * dw + c * dx - a * dz + e * w + f * x - d * z,
-        c * dw + a * dy - b * dx + f * w + d * y - e * x,
-    )
-
-
-@kernel(CHAIN)
-def jacobian_rates(chain, motion, out):
-    """Write d/dt of the pose Jacobian (8 × m) and of the twist Jacobian (6 × m).
-
-    Motion is what `kinematics` writes, then the inputs u. Column j of dJ_w/dt is ξⱼ × column j, where ξⱼ is the twist
-    of what carries its axis: of the inputs before it, and for the v of a drive also of its ω, which turns the heading.
-    Of dJ/dt, with ẋ = ½ξx, it is ½(dJ_w/dt)ⱼ x + ½(J_w)ⱼ ẋ.
-    """
-    n = chain.shape[0] - 1
-    m = n - int(chain[n, 7])
-    if motion.shape[0] != 8 + 15 * m or out.shape[0] != 14 * m:
-        return WRONG_SIZE
-    column = motion[8 + 8 * m : 8 + 14 * m]  # of J_w: entry k of column j is [k m + j]
-    speed = motion[8 + 14 * m :]
-    pose_rate = out[: 8 * m].reshape(8, m)
-    twist_rate = out[8 * m :].reshape(6, m)
-    wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    check = 0.0
-    j = 0
-    for i in range(n):
-        kind = chain[i, 7]
-        if kind == SIDEWAYS:
-            continue
-        a, b, c = column[j], column[m + j], column[2 * m + j]
-        d, e, f = column[3 * m + j], column[4 * m + j], column[5 * m + j]
-        if kind == HEADING:  # a slide: of the twist that carries it only the rotation counts
-            u = speed[j + 1]
-            ox, oy, oz = wx + u * column[j + 1], wy + u * column[m + j + 1], wz + u * column[2 * m + j + 1]
-        else:
-            ox, oy, oz = wx, wy, wz
-        twist_rate[0, j] = oy * c - oz * b
-        twist_rate[1, j] = oz * a - ox * c
-        twist_rate[2, j] = ox * b - oy * a
-        twist_rate[3, j] = oy * f - oz * e + vy * c - vz * b
-        twist_rate[4, j] = oz * d - ox * f + vz * a - vx * c
-        twist_rate[5, j] = ox * e - oy * d + vx * b - vy * a
-        u = speed[j]
-        check += 0.0 * u
-        wx, wy, wz, vx, vy, vz = wx + u * a, wy + u * b, wz + u * c, vx + u * d, vy + u * e, vz + u * f
-        j += 1
-    w, x, y, z = 0.5 * motion[0], 0.5 * motion[1], 0.5 * motion[2], 0.5 * motion[3]
-    dw, dx, dy, dz = 0.5 * motion[4], 0.5 * motion[5], 0.5 * motion[6], 0.5 * motion[7]
-    rw, rx, ry, rz, sw, sx, sy, sz = _half_product(wx, wy, wz, vx, vy, vz, w, x, y, z, dw, dx, dy, dz)
-    rw, rx, ry, rz = 0.5 * rw, 0.5 * rx, 0.5 * ry, 0.5 * rz
-    sw, sx, sy, sz = 0.5 * sw, 0.5 * sx, 0.5 * sy, 0.5 * sz
-    for j in range(m):
-        a, b, c = column[j], column[m + j], column[2 * m + j]
-        d, e, f = column[3 * m + j], column[4 * m + j], column[5 * m + j]
-        moved = _half_product(a, b, c, d, e, f, rw, rx, ry, rz, sw, sx, sy, sz)
-        a, b, c = twist_rate[0, j], twist_rate[1, j], twist_rate[2, j]
-        d, e, f = twist_rate[3, j], twist_rate[4, j], twist_rate[5, j]
-        turned = _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
-        for k in range(8):
-            pose_rate[k, j] = moved[k] + turned[k]
-    return OK if check == 0.0 else NOT_FINITE
-
-
 @kernel(BATCH)
 def batch(function, chain, q, out):
     """Call a chain function for every row of q; stop at the first that fails."""
     for i in range(q.shape[0]):
-        status = function(chain, q[i], out[i])
+        status = chain_function(function)(chain, q[i], out[i])
         if status != OK:
             return status
     return OK

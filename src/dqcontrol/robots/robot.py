@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
-from dqcontrol.robots.gravity import body_table, gravity_torques
+from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
 
@@ -119,7 +119,7 @@ class Robot(InverseKinematics):
         rows = np.ascontiguousarray(values.reshape(-1, n))
         out = np.empty_like(rows)
         bodies = body_table(self.inertia)
-        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out)
+        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * n))
         return out.reshape(values.shape)
 
     def _repr_markdown_(self) -> str:

@@ -82,11 +82,9 @@ class SerialArm(Robot):
         chain[:, :7] = table
         chain[:, :4] /= norms[:, None]
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
-        chain.flags.writeable = False
-
         self.urdf: tuple[Path, str] | None = None
         self.name = name or "arm"
-        self.chain: Array = chain
+        self._keep_chain(chain)
         self.joint_types = tuple(joint_types)
         self.joint_names = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
         self.limits = limits if limits is not None else Limits.none(n)

@@ -82,7 +82,6 @@ class WholeBody(Robot):
         firsts = self.drives[:, 0].astype(np.intp) if form == "constrained" else np.zeros(0, dtype=np.intp)
         chain = whole.chain.copy()
         chain[firsts, 7], chain[firsts + 1, 7], chain[n, 7] = HEADING, SIDEWAYS, len(firsts)
-        chain.flags.writeable = False
         kept = np.delete(np.arange(n), firsts + 1)
         names = list(whole.joint_names)
         for i in firsts:
@@ -90,7 +89,7 @@ class WholeBody(Robot):
             names[i + 2] = names[i + 2].removesuffix("phi") + _OMEGA
 
         self.name = whole.name
-        self.chain = chain
+        self._keep_chain(chain)
         self.configuration_size, self.input_size = n, len(kept)
         self.joint_names, self.joint_types = whole.joint_names, whole.joint_types
         self.input_coordinates = kept
