@@ -19,22 +19,22 @@ ACCELERATION, T = 4.0, 0.01  # rad/s², s
 RELAY = Path(__file__).with_name("relay.py")
 SPEC = {
     "plant": {"kind": "integrator"},  # shows each command as it is
-    "reference": {"kind": "circle", "radius": 0.1, "duration": 3.0},
     "law": {"kind": "proportional", "gain": 20},
     "supervisor": {"acceleration": ACCELERATION, "velocity": 0.25},
 }
 
 
-def spoiled(spec, start, tmp_path, interface, faults, seconds, options=()):
-    """Return what the relay noted of a run through it, that ends with the controller."""
+def spoiled(spec, start, tmp_path, interface, faults, turns, options=()):
+    """Return what the relay noted of a run through it, that ends with the controller; a turn takes 3 s."""
     file, seed = tmp_path / "noted.npz", time.time_ns() % 100_000
-    path = spec(**SPEC)
+    circle = {"kind": "circle", "radius": 0.1, "duration": 3.0 * turns, "turns": turns}
+    path = spec(**SPEC, reference=circle)
     words = ["-r", "/joint_states:=/robot/joint_states", "-r", f"{COMMANDS[interface][0]}:=/robot/commands"]
     start("robot", path, "--interface", interface, "--", *words)
     program = [sys.executable, "-u", str(RELAY)]
     relay = start(interface, seed, *faults, file, until="relays", program=program)
     controller = start("controller", path, "--interface", interface, "--autostart", *options)
-    log, _ = controller.communicate(timeout=seconds + 60)
+    log, _ = controller.communicate(timeout=3 * turns + 60)
     relay.send_signal(signal.SIGINT)
     relay.wait(20)
     print(log, "seed", seed)
@@ -68,7 +68,7 @@ def check(noted, interface):
 
 
 def test_messages_lost_late_twice_and_swapped_cross_no_limit(spec, start, tmp_path):
-    noted = spoiled(spec, start, tmp_path, "velocity", (0.2, 0.01, 0.2), 10, PATIENT)
+    noted = spoiled(spec, start, tmp_path, "velocity", (0.2, 0.01, 0.2), 1, PATIENT)
     check(noted, "velocity")
 
 
@@ -76,6 +76,5 @@ def test_messages_lost_late_twice_and_swapped_cross_no_limit(spec, start, tmp_pa
 @pytest.mark.parametrize("interface", list(COMMANDS))
 @pytest.mark.parametrize("faults", [(0.1, 0.004, 0.1), (0.3, 0.02, 0.3), (0.5, 0.05, 0.5)])
 def test_no_fault_crosses_a_limit_on_any_interface(spec, start, tmp_path, interface, faults):
-    SPEC["reference"] = SPEC["reference"] | {"duration": 20.0, "turns": 5}
-    noted = spoiled(spec, start, tmp_path, interface, faults, 60)
+    noted = spoiled(spec, start, tmp_path, interface, faults, 6, PATIENT)
     check(noted, interface)

@@ -10,7 +10,7 @@ import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError
 from dqcontrol.loop import RecordStream, load_record
-from dqcontrol.view.browser import GrowingRecording, LiveRun, growing_recording
+from dqcontrol.view.browser import GrowingRecording, LiveRun, Page, Track, growing_recording
 from dqcontrol.view.browser.page import HOST, import_viser
 
 SPEC = {
@@ -138,3 +138,19 @@ def test_the_page_is_for_this_machine_only(monkeypatch):
     with pytest.raises(ZeroDivisionError):
         __import__("dqcontrol").view.browser.Page([], 8080)
     assert asked["host"] == HOST == "127.0.0.1"
+
+
+def test_what_the_page_opens_is_on_the_loopback(tmp_path):
+    pytest.importorskip("viser")
+    psutil = pytest.importorskip("psutil")
+    arm = dqc.load_robot("iiwa7")
+    with RecordStream(tmp_path / "record.mcap", arm) as stream:
+        sample = np.concatenate([arm.fkm(np.zeros(7)), np.zeros(13)])
+        stream.take(sample, np.zeros(7), np.zeros(7), np.zeros(7))
+    page = Page([Track("one", arm, load_record(tmp_path / "record.mcap"))], 18085)
+    try:
+        opened = psutil.Process().net_connections("inet")
+        listening = {socket.laddr.ip for socket in opened if socket.status == psutil.CONN_LISTEN}
+        assert listening == {"127.0.0.1"}
+    finally:
+        page.server.stop()
