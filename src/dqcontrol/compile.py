@@ -128,14 +128,16 @@ class _Part(JITCodeLibrary):
 
 
 class _PartCompiler(Compiler):
-    """Compile a function into a `_Part`, which takes half the time: otherwise every caller optimises all below it."""
+    """Compile a function into a `_Part`; otherwise every caller would optimise all below it again."""
 
     def define_pipelines(self) -> list[Any]:
         self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
 
-def inlined(function: Callable[..., Any], fastmath: set[str] | bool = FAST) -> Any:
+def inlined(
+    function: Callable[..., Any], fastmath: set[str] | bool = FAST, *, everywhere: bool = True
+) -> Any:
     """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python."""
     return register_jitable(
         fastmath=fastmath,
@@ -143,8 +145,13 @@ def inlined(function: Callable[..., Any], fastmath: set[str] | bool = FAST) -> A
         _nrt=False,
         pipeline_class=_PartCompiler,
         no_cfunc_wrapper=True,
-        forceinline=True,  # between functions every array is seven numbers on the stack
+        forceinline=everywhere,  # between functions every array is seven numbers on the stack
     )(function)
+
+
+def attached(function: Callable[..., Any]) -> Any:
+    """Mark a large function that kernels call seldom: each has it once, however often it calls, and compiles fast."""
+    return inlined(function, everywhere=False)
 
 
 def strictly_inlined(function: Callable[..., Any]) -> Any:

@@ -8,7 +8,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
-from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, inlined
+from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
 from dqcontrol.errors import as_positive
 from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.least_norm import least_norm
@@ -140,7 +140,7 @@ def _finite(command):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@inlined
+@attached
 def solve(matrix, y, preferred, inverse, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most eight rows; y is overwritten.
 
