@@ -154,7 +154,7 @@ class PreparedLaw:
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
-        """Where compiled code finds everything; see `dqcontrol.laws.step`."""
+        """Where compiled code finds the law's stages and sizes."""
         stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
         return plan_of(addresses, *self._sizes)
