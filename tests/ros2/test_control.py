@@ -161,7 +161,8 @@ def send(rng, down, now, control, interface, faults):
 def test_a_clock_of_another_speed_does_not_make_messages_old_and_a_queue_that_fills_does():
     for drift, age in ((2e-4, 0.0), (-2e-4, 0.0), (-5e-3, 0.4)):  # s a second; the last one is a queue
         pace = Pace(0.01)
-        pace.start(0.0, 1000.0)
+        now = 0.0
+        pace.start(now, 1000.0)
         for k in range(1, 10_000):
             now = 0.01 * k
             pace.hear(now, 1000.0 + now * (1 + drift))
