@@ -22,7 +22,7 @@ NOT_RUN = {  # patterns of whole commands
     "git clone .*": "the reader's own copy",
     "python3 -m venv .*": "installs",
     "pip install .*": "installs",
-    "make demo": "installs; what it runs, test_tables.py runs",
+    "make demo": "installs; what it runs, test_page_tables.py runs",
     "make test": "is what runs this",
     "ros2 .*": "needs a ROS 2 installation",
     "ssh .*": "needs another computer",
