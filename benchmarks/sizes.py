@@ -17,6 +17,7 @@ from dqcontrol.robots import kernels
 
 COUNTS = (3, 4, 6, 7, 10, 14, 20, 30, 40, 60)
 STEPS, PERIOD = 2000, 0.001
+CACHED = 30_000  # numbers of a batch: a quarter of a megabyte; larger ones measure the memory
 
 
 def chain(joints: int) -> dqc.SerialArm:
@@ -50,13 +51,15 @@ def step_times(robots: dict[str, dqc.Robot], rounds: int) -> dict[str, float]:
 
 
 def kinematics_times(robots: dict[str, dqc.Robot], rounds: int) -> dict[str, float]:
-    """Return the time of pose and both Jacobians in a batch, ns each."""
-    functions = {}
+    """Return the time of pose and both Jacobians in a batch that stays in the cache, ns each."""
+    functions, counts = {}, {}
     for name, robot in robots.items():
-        rows = np.random.default_rng(0).uniform(-1, 1, (2000, robot.configuration_size))
-        out = np.empty((2000, 8 + 14 * robot.input_size))
+        width = 8 + 14 * robot.input_size
+        counts[name] = CACHED // width
+        rows = np.random.default_rng(0).uniform(-1, 1, (counts[name], robot.configuration_size))
+        out = np.empty((counts[name], width))
         functions[name] = partial(kernels.batch, kernels.kinematics.pointer, robot.chain, rows, out)
-    return {name: t / 2000 * 1e3 for name, t in medians(functions, 3, rounds).items()}
+    return {name: t / counts[name] * 1e3 for name, t in medians(functions, 3, rounds).items()}
 
 
 def slope(counts: list[int], times: list[float]) -> float:

@@ -264,9 +264,3 @@ def supervise(kinematics, chain, measured, age, request, wanted, parameters, sta
         now |= int(state[FAULT])
     state[NOW] = float(now)
     return AT_REST if state[MODE] == STOPPED and still else OK
-
-
-@kernel(SUPERVISOR)
-def unsupervised(kinematics, chain, measured, age, request, wanted, parameters, state, work, out):
-    """Leave the command as it is."""
-    return OK

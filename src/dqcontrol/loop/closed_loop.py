@@ -13,7 +13,7 @@ from dqcontrol.compile import Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.prepared_supervisor import STOP
-from dqcontrol.limits.supervisor_step import supervise, unsupervised
+from dqcontrol.limits.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
@@ -22,7 +22,7 @@ from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
 from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
-from dqcontrol.plants.disturbance_step import LiveDisturbance, no_disturbance
+from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
@@ -139,14 +139,13 @@ def _rollout(
     none = np.zeros(0)
     records = empty_records(law, samples)
     realised = np.zeros((len(samples) if disturbance else 1, 6))
-    acting = disturbance or no_disturbance()
     steps = np.zeros(10)
     status = compiled.rollout(
         kernels.twist_kinematics.pointer,
-        (supervise if supervision else unsupervised).pointer,
-        acting.kernel.pointer,
+        supervise.pointer if supervision else 0,
+        disturbance.kernel.pointer if disturbance else 0,
         plant_pointer,
-        compiled.settled.pointer,
+        compiled.settled.pointer if stop else 0,
         law.robot.chain,
         law.plan,
         law.memory,
@@ -155,9 +154,9 @@ def _rollout(
         supervision.state if supervision else none,
         supervision.supervisor.work if supervision else none,
         supervision.codes if supervision else none,
-        acting.rows,
-        acting.parameters,
-        acting.work,
+        disturbance.rows if disturbance else np.zeros((0, ROW)),
+        disturbance.parameters if disturbance else none,
+        disturbance.work if disturbance else none,
         plant.parameters,
         plant.state,
         plant.noise,

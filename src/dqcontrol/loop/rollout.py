@@ -22,7 +22,7 @@ _supervisor, _disturbance = function_at(SUPERVISOR), function_at(DISTURBANCE)
 _plant, _settled = function_at(PLANT), function_at(SETTLED)
 
 ROLLOUT = STATUS(
-    *5 * [ADDRESS],  # kinematics, supervisor, disturbance, plant, `settled`
+    *5 * [ADDRESS],  # kinematics, supervisor, disturbance, plant, `settled`; 0 for none
     READ2,  # chain
     PLAN,  # of the law
     WRITE,  # its memory

@@ -29,12 +29,6 @@ DISTURBANCE = STATUS(ADDRESS, READ2, READ, READ, WRITE, WRITE, WRITE)
 
 
 @kernel(DISTURBANCE)
-def undisturbed(kinematics, chain, row, parameters, work, q, realised):
-    """Leave the joints as they are."""
-    return OK
-
-
-@kernel(DISTURBANCE)
 def disturb(kinematics, chain, row, parameters, work, q, realised):
     """Let u = J_h⁺ t act for T with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
     n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
@@ -102,8 +96,3 @@ class LiveDisturbance:
         row = self.rows[min(k, len(self.rows) - 1)]
         if self.kernel(kernels.twist_kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
             raise DivergedError("the plant left the finite numbers")
-
-
-def no_disturbance() -> LiveDisturbance:
-    """Return what leaves all joints as they are."""
-    return LiveDisturbance(undisturbed, np.zeros((0, ROW)), 0.0, 0, np.zeros((0, 4)))
