@@ -26,8 +26,8 @@ $(VENV)/created:
 	@touch $@
 
 $(VENV)/demo: $(VENV)/created pyproject.toml
-	@echo "installing dqcontrol with MuJoCo, example robots and readers of data (about 450 MB to download)"
-	@$(PIP) -e '.[physics,robots,data]'
+	@echo "installing dqcontrol with MuJoCo, example robots, readers of data, browser view and clips (about 500 MB to download)"
+	@$(PIP) -e '.[physics,robots,data,view,video]'
 	@touch $@
 
 $(VENV)/test: $(VENV)/created pyproject.toml
