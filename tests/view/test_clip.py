@@ -129,6 +129,16 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
         clip(tmp_path, tmp_path / "other.gif")
 
 
+@pytest.mark.usefixtures("opengl")
+def test_what_cannot_be_drawn_leaves_the_earlier_clip_as_it_is(pushed, tmp_path):
+    clip = tmp_path / "clip.gif"
+    clip.write_bytes(b"earlier")
+    with pytest.raises(ValueRangeError, match="OpenGL cannot draw 100000 × 90 pixels here"):
+        render_clip(*pushed, clip, rate=1.0, width=100_000, height=90, overwrite=True)
+    assert clip.read_bytes() == b"earlier"
+    assert list(tmp_path.iterdir()) == [clip]
+
+
 def test_without_pyav(pushed, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MissingExtraError, match=r"dqcontrol\[video\]"):
@@ -165,6 +175,16 @@ def test_bad_input(driven, tmp_path):
             lambda: render_clip(robot, other, record, tmp_path / "c.gif"),
             ShapeError,
             "missing: cube_2_position",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", rate=0.01),
+            ValueRangeError,
+            "rate: must lie in 0.1 … 100",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", azimuth=np.nan),
+            ValueRangeError,
+            "azimuth: must be finite",
         ),
         (
             lambda: render_clip(*driven, tmp_path / "c.mp4", width=121),

@@ -30,8 +30,6 @@ from __future__ import annotations
 import csv
 import importlib
 import io
-import os
-import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -44,6 +42,7 @@ from dqcontrol.errors import Error, ExistsError, MissingExtraError, ShapeError, 
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST, TWIST_RATE
+from dqcontrol.whole_file import whole_file
 
 DUAL_QUATERNION = ("pw", "px", "py", "pz", "dw", "dx", "dy", "dz")
 _POSE_UNITS = ("",) * 4 + ("m",) * 4
@@ -150,14 +149,8 @@ def export_record(
     content = WRITERS[path.suffix.lower()](record, signals(record, joint_units, input_units), texts)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-        try:
-            temporary.write_bytes(content)
-            if path.exists() and not force:
-                raise ExistsError(f"{path}: appeared meanwhile; choose another name")
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with whole_file(path, overwrite=force) as draft:
+            draft.write_bytes(content)
     except ExistsError:
         raise
     except OSError as error:

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import json
 import os
-import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -51,6 +50,7 @@ from dqcontrol.loop.mcap_topics import (
 from dqcontrol.loop.message_types import definition, full_name
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
+from dqcontrol.whole_file import whole_file
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -89,18 +89,10 @@ def save_record(record: Record, path: str | Path, spec: str = "") -> Path:
     if path.exists():
         raise ExistsError(f"{path}: exists already; choose another name or remove it")
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
-    try:
-        with open(temporary, "xb") as stream:
-            _write(stream, record, spec)
-            stream.flush()
-            os.fsync(stream.fileno())
-        if path.exists():
-            raise ExistsError(f"{path}: appeared meanwhile; choose another name")
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as draft, open(draft, "xb") as stream:
+        _write(stream, record, spec)
+        stream.flush()
+        os.fsync(stream.fileno())
     return path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import (
+    Error,
+    ExistsError,
     FileFormatError,
     ValueRangeError,
     as_array,
@@ -25,6 +28,7 @@ from dqcontrol.view.film import Film, frames
 from dqcontrol.view.film_arm import film_arm
 from dqcontrol.view.film_mobile import film_mobile
 from dqcontrol.view.picture_file import check_picture_file
+from dqcontrol.whole_file import whole_file
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 _MOST_FRAMES = 3000
+_SLOWEST, _FASTEST = 0.1, 100  # frames a second; a GIF counts hundredths of a second
 
 
 def render_clip(
@@ -89,13 +94,16 @@ def render_clip(
     count = int(record.time[-1] / step + 1e-9) + 1
     if count > _MOST_FRAMES:
         raise ValueRangeError(f"rate: makes {count} frames, at most {_MOST_FRAMES} are drawn; or more speed")
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise ValueRangeError(f"rate: must lie in {_SLOWEST} … {_FASTEST} frames a second, got {rate:g}")
     if target.suffix.lower() == ".mp4":
         import_av()  # before the work: it may be missing
         if width % 2 or height % 2:
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)
     pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
-    write_clip((np.asarray(picture) for picture in pictures), target, rate)
+    with _written(target, overwrite) as draft:
+        write_clip((np.asarray(picture) for picture in pictures), draft, rate)
 
 
 def render_strip(
@@ -146,7 +154,20 @@ def render_strip(
     sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
     for k, picture in enumerate(pictures):
         sheet.paste(picture, (k % across * width, k // across * height))
-    sheet.save(target)
+    with _written(target, overwrite) as draft:
+        sheet.save(draft)
+
+
+@contextmanager
+def _written(target: Path, overwrite: bool) -> Iterator[Path]:
+    """Give the name that a picture is written to first, as `whole_file` does."""
+    try:
+        with whole_file(target, overwrite=overwrite) as draft:
+            yield draft
+    except ExistsError:
+        raise
+    except OSError as error:
+        raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
 
 
 def _pictures(
@@ -160,6 +181,9 @@ def _pictures(
     """Give the pictures of a run at some times, with the time in their corner."""
     if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
         raise ValueRangeError(f"width, height: must be ≥ 1, got {size[0]} and {size[1]}")
+    for field, angle in zip(("azimuth", "elevation"), view, strict=True):
+        if angle is not None and not math.isfinite(angle):
+            raise ValueRangeError(f"{field}: must be finite, got {angle}")
     image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
     samples = np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1)
     film = _film(robot, plant, record)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import MissingExtraError, unknown_name
+from dqcontrol.errors import MissingExtraError, ValueRangeError, unknown_name
 from dqcontrol.plants.mujoco_model import import_mujoco
 
 BACKENDS = ("egl", "osmesa", "glfw")
@@ -71,7 +71,12 @@ def render(model: Any, scene: Any, width: int, height: int) -> NDArray[np.uint8]
 def renderer(model: Any, width: int, height: int) -> Iterator[Callable[[Any], NDArray[np.uint8]]]:
     """Give a function that draws scenes of a model one after the other, as `render` does, inside of `offscreen`."""
     mujoco = import_mujoco()
-    context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+    try:
+        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+    except mujoco.FatalError as error:
+        raise ValueRangeError(
+            f"picture: OpenGL cannot draw {width} × {height} pixels here ({error})"
+        ) from None
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
     rectangle = mujoco.MjrRect(0, 0, width, height)
 

@@ -20,4 +20,6 @@ def check_picture_file(target: Path, *, overwrite: bool) -> None:
     if not target.parent.is_dir():
         raise FileFormatError(f"{target.parent}: there is no such folder for {target.name}")
     if target.exists() and not overwrite:
-        raise ExistsError(f"{target}: exists already; choose another name, or overwrite=True")
+        raise ExistsError(
+            f"{target}: exists already; choose another name, or replace it with --force (overwrite=True)"
+        )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import secrets
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING
 from dqcontrol.errors import ExistsError
 from dqcontrol.experiments.tables import Table
 from dqcontrol.view.page import code, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -113,10 +112,6 @@ def write_report(
     if origins is not None:
         parts += [heading("Versions and seeds"), html_table(origins)]
     target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = target.with_name(f".report.{secrets.token_hex(4)}.part")
-    try:
-        temporary.write_text(page(title, parts), encoding="utf-8", newline="\n")
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(target) as draft:
+        draft.write_text(page(title, parts), encoding="utf-8", newline="\n")
     return target
