@@ -121,10 +121,19 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
 
 
 class _Part(JITCodeLibrary):
-    """Code that becomes part of kernels. Each kernel optimises it with its own, so by itself it is not optimised."""
+    """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
 
     def _optimize_final_module(self) -> None:
         pass
+
+    def _finalize_final_module(self) -> None:
+        """Hand the engine no code, only the variable that Numba sets for each function."""
+        code = self._final_module
+        names = (variable.name for variable in code.global_variables)
+        variables = [f'@"{name}" = common global i8* null' for name in names if "NumbaEnv" in name]
+        self._final_module = llvmlite.binding.parse_assembly("\n".join(variables))
+        super()._finalize_final_module()
+        self._final_module = code
 
 
 class _PartCompiler(Compiler):
