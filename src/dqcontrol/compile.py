@@ -115,6 +115,7 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
             nogil=True,
             error_model="numpy",
             _nrt=not cached,
+            no_cfunc_wrapper=True,
         )(function)
     finally:
         numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
@@ -207,9 +208,9 @@ class Kernel:
 
     @cached_property
     def pointer(self) -> int:
-        """The address of the same machine code, for other kernels, which call it by `function_at`."""
+        """The address of the same machine code, for other kernels, which call it by `caller`."""
         result = self.compiled.get_compile_result(self._signature)
-        return result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name)
+        return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
 
 
 def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:

@@ -1,43 +1,71 @@
-"""What kernels need and Numba's language lacks: calls of a kernel by its address, matrices without checks."""
+"""What kernels need and Numba's language lacks: calls by address, matrices without checks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from inspect import Parameter, Signature
 from typing import Any
 
 from numba import types
-from numba.core import cgutils
 from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
-from numba.extending import intrinsic, overload
 
 ADDRESS = types.intp  # of a kernel, as `Kernel.pointer` gives it
 
 
-@cache
-def function_at(signature: Any) -> Any:
-    """Return what makes, in a kernel, a function of this signature of an `ADDRESS`; in Python it returns what it gets.
+def _known_as(function: Callable[..., Any], definition: Callable[..., Any]) -> None:
+    """Do what `intrinsic` does, for a function that Python can call too."""
+    infer_global(function, types.Function(infer(make_intrinsic_template(function, definition, "call"))))
 
-    A call costs as much as that of an argument of Numba's function type; but to hand one over from Python takes 12 µs,
-    a number next to nothing.
-    """
-    function = types.FunctionType(signature)
 
-    @intrinsic
-    def at(typing_context, address):  # type: ignore[no-untyped-def]
+def _caller(signature: Any, emit: Callable[..., Any]) -> Callable[..., Any]:
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
+
+    def at(typing_context, address, *arguments):  # type: ignore[no-untyped-def]
         def generate(context, builder, call, arguments):  # type: ignore[no-untyped-def]
-            found = cgutils.create_struct_proxy(function)(context, builder)
-            pointer = context.get_value_type(types.voidptr)
-            found.c_addr = builder.inttoptr(arguments[0], pointer)
-            found.py_addr = found.jit_addr = cgutils.get_null_value(pointer)
-            return found._getvalue()
+            return emit(context, builder, signature.return_type, signature.args, arguments[0], arguments[1:])
 
-        return function(ADDRESS), generate
+        return signature.return_type(ADDRESS, *signature.args), generate
 
-    def of(address):  # type: ignore[no-untyped-def]
-        return address  # in Python: the kernel itself
+    names = ["typing_context", "address", *(f"argument{i}" for i in range(len(signature.args)))]
+    parameters = [Parameter(name, Parameter.POSITIONAL_ONLY) for name in names]
+    at.__signature__ = Signature(parameters)  # type: ignore[attr-defined] — each argument by itself, in no tuple
+    _known_as(call, at)
+    return call
 
-    overload(of)(lambda address: lambda address: at(address))  # type: ignore[call-arg]
-    return of
+
+@cache
+def caller(signature: Any) -> Callable[..., Any]:
+    """Return what calls, in a kernel, the kernel of this signature at an `ADDRESS`, and in Python the kernel itself.
+
+    To hand over a number from Python takes next to nothing, a value of Numba's function type 12 µs. And the call goes
+    to the machine code, not to a wrapper that stores all arguments anew.
+    """
+
+    def emit(context, builder, result, taken, address, arguments):  # type: ignore[no-untyped-def]
+        function = context.call_conv.get_function_type(result, taken).as_pointer()
+        pointer = builder.inttoptr(address, function)
+        _, value = context.call_conv.call_function(
+            builder, pointer, result, taken, arguments
+        )  # no kernel raises
+        return value
+
+    return _caller(signature, emit)
+
+
+@cache
+def c_caller(signature: Any) -> Callable[..., Any]:
+    """Return what calls, in a kernel, the C function at an `ADDRESS` that takes these numbers and returns nothing."""
+
+    def emit(context, builder, result, taken, address, arguments):  # type: ignore[no-untyped-def]
+        from llvmlite.ir import FunctionType, VoidType
+
+        function = FunctionType(VoidType(), [context.get_value_type(each) for each in taken]).as_pointer()
+        builder.call(builder.inttoptr(address, function), arguments)
+        return context.get_dummy_value()
+
+    return _caller(signature, emit)
 
 
 def as_matrix(array: Any, rows: int, columns: int) -> Any:
@@ -69,5 +97,4 @@ def _unchecked(typing_context, array, rows, columns):  # type: ignore[no-untyped
     return result(array, types.intp, types.intp), generate
 
 
-# What `intrinsic` does, for a function that Python can call too.
-infer_global(as_matrix, types.Function(infer(make_intrinsic_template(as_matrix, _unchecked, "as_matrix"))))
+_known_as(as_matrix, _unchecked)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.intrinsics import ADDRESS, function_at
+from dqcontrol.intrinsics import ADDRESS, caller
 
 Array = NDArray[np.float64]
 
@@ -20,14 +20,14 @@ UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is a
 _UNARY = types.void(READ, WRITE)
 _BINARY = types.void(READ, READ, WRITE)
 _TERNARY = types.void(READ, READ, READ, WRITE)
-_unary, _binary, _ternary = function_at(_UNARY), function_at(_BINARY), function_at(_TERNARY)
+_call_unary, _call_binary, _call_ternary = caller(_UNARY), caller(_BINARY), caller(_TERNARY)
 
 
 @kernel(types.void(ADDRESS, READ2, WRITE2))
 def unary_batch(operation, a, out):
     """Apply an operation to every row."""
     for i in range(out.shape[0]):
-        _unary(operation)(a[i], out[i])
+        _call_unary(operation, a[i], out[i])
 
 
 @kernel(types.void(ADDRESS, READ2, READ2, WRITE2))
@@ -35,7 +35,7 @@ def binary_batch(operation, a, b, out):
     """Apply an operation to every pair of rows; an operand of one row serves all."""
     step_a, step_b = int(a.shape[0] > 1), int(b.shape[0] > 1)
     for i in range(out.shape[0]):
-        _binary(operation)(a[i * step_a], b[i * step_b], out[i])
+        _call_binary(operation, a[i * step_a], b[i * step_b], out[i])
 
 
 @kernel(types.void(ADDRESS, READ2, READ2, READ2, WRITE2))
@@ -43,7 +43,7 @@ def ternary_batch(operation, a, b, c, out):
     """Apply an operation to every triple of rows; an operand of one row serves all."""
     step_a, step_b, step_c = int(a.shape[0] > 1), int(b.shape[0] > 1), int(c.shape[0] > 1)
     for i in range(out.shape[0]):
-        _ternary(operation)(a[i * step_a], b[i * step_b], c[i * step_c], out[i])
+        _call_ternary(operation, a[i * step_a], b[i * step_b], c[i * step_c], out[i])
 
 
 @kernel(types.intp(READ2, types.float64))

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
-from dqcontrol.intrinsics import as_matrix, function_at
+from dqcontrol.intrinsics import as_matrix, caller
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
-from dqcontrol.limits.position_limit import POSITION_LIMIT, law_function
+from dqcontrol.limits.position_limit import POSITION_LIMIT, call_law
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kernels import chain_function, split
+from dqcontrol.robots.kernels import call_chain, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
 
@@ -28,7 +28,7 @@ STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 # plan: addresses (0: nothing to do there), sizes, then where each part of the memory begins, and its end
 _KINEMATICS, _PREFERENCE, _LAW, _POSITION_LIMIT, _LIMIT, _COORDINATES, _ROWS, _STATE = range(8)
 _PARTS = 8
-_preference, _limit, _position_limit = map(function_at, (PREFERENCE, LIMIT, POSITION_LIMIT))
+_call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 
 
 def plan_of(
@@ -62,14 +62,15 @@ def ask(prepared, q, sample, k, state, out):
     addresses, chain, preferring, rows, work, buffer, limiting_positions, limits = prepared
     kinematics, preference, law, position_limit, limit = addresses
     pose, pose_jacobian, twist_jacobian = split(buffer)
-    status = chain_function(kinematics)(chain, q, buffer)
+    status = call_chain(kinematics, chain, q, buffer)
     if status != OK:
         return status
     if preference != 0:
-        _preference(preference)(q, twist_jacobian, preferring[0], preferring[1], work[0 : out.shape[0]])
+        _call_preference(preference, q, twist_jacobian, preferring[0], preferring[1], work[0 : out.shape[0]])
     parameters = rows[min(k, rows.shape[0] - 1)]
     if position_limit != 0:
-        status = _position_limit(position_limit)(
+        status = _call_position_limit(
+            position_limit,
             law,
             q,
             pose,
@@ -84,13 +85,11 @@ def ask(prepared, q, sample, k, state, out):
             out,
         )
     else:
-        status = law_function(law)(
-            q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out
-        )
+        status = call_law(law, q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
     if status != OK:
         return LAW_FAILED + status
     if limit != 0:
-        _limit(limit)(q, limits, out)
+        _call_limit(limit, q, limits, out)
     return OK
 
 

@@ -12,7 +12,7 @@ from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
-    law_function,
+    call_law,
     position_limits,
 )
 
@@ -58,8 +58,8 @@ def modified_clamping(
         state_before[i] = state[i]
     again = True
     while again:  # blocks a joint more each time
-        status = law_function(law)(
-            q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+        status = call_law(
+            law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
         )
         if status != OK:
             return status
@@ -145,8 +145,8 @@ def original_clamping(
     for i in range(n):
         if not lower[i] <= q[int(moved[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)
-    status = law_function(law)(
-        q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+    status = call_law(
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
     )
     for i in range(n):
         if not lower[i] <= q[int(moved[i])] <= upper[i]:

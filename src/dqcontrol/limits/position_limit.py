@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.intrinsics import ADDRESS, function_at
+from dqcontrol.intrinsics import ADDRESS, caller
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 # Jacobian fills its room by `fill_pose_jacobian`: most do not, and it is a tenth of a step.
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
-law_function = function_at(LAW)
+call_law = caller(LAW)
 
 # law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
 # the limit's memory; twist Jacobian and preferred motion may be overwritten

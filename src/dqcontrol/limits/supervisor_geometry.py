@@ -9,7 +9,7 @@ from dqcontrol.limits.braking import braked
 from dqcontrol.limits.interventions import HELD, SLOWED
 from dqcontrol.limits.supervisor_layout import BOX, DT, HOLD, HOLDING, SLOW
 from dqcontrol.robots.dexterity_step import smallest_singular_value
-from dqcontrol.robots.kernels import chain_function, hand_jacobian
+from dqcontrol.robots.kernels import call_chain, hand_jacobian
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 
@@ -40,7 +40,7 @@ def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_join
             for i in range(m):
                 if is_joint[i] != 0.0:
                     config[int(moved[i])] += 1e-3 * rates[i] / fastest
-        if chain_function(kinematics)(chain, config, buffer) != OK:
+        if call_chain(kinematics, chain, config, buffer) != OK:
             return 0
         twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
         translation(buffer[0:8], hand)
@@ -87,7 +87,7 @@ def stays_inside(
                 config[int(moved[i])] += dt * trial[i]
                 trial[i] = braked(trial[i], acceleration[i] * dt)
                 moving = moving or trial[i] != 0.0
-        if chain_function(kinematics)(chain, config, buffer) != OK:
+        if call_chain(kinematics, chain, config, buffer) != OK:
             return False
         translation(buffer[0:8], hand)
         box = parameters[BOX : BOX + 6]

@@ -12,7 +12,7 @@ from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
-    law_function,
+    call_law,
     position_limits,
 )
 
@@ -52,8 +52,8 @@ def weighted_least_norm(
         for k in range(6):
             twist_jacobian[k, i] *= scale[i]
         law_work[i] /= scale[i]
-    status = law_function(law)(
-        q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state[0:law_size], law_work, out
+    status = call_law(
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state[0:law_size], law_work, out
     )
     for i in range(n):
         out[i] *= scale[i]

@@ -6,7 +6,7 @@ import math
 
 from dqcontrol.algebra.kernels import conjugate_multiply
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
-from dqcontrol.intrinsics import ADDRESS, function_at
+from dqcontrol.intrinsics import ADDRESS, caller
 from dqcontrol.laws.step import LAW_FAILED, PLAN, ask, unpack
 from dqcontrol.limits.supervisor_layout import AT_REST, GO, NOW
 from dqcontrol.limits.supervisor_step import SUPERVISOR
@@ -18,8 +18,8 @@ HALTED = AT_REST  # by the supervisor
 
 SETTLED = STATUS(READ, READ, READ, WRITE)
 
-_supervisor, _disturbance = function_at(SUPERVISOR), function_at(DISTURBANCE)
-_plant, _settled = function_at(PLANT), function_at(SETTLED)
+_call_supervisor, _call_disturbance = caller(SUPERVISOR), caller(DISTURBANCE)
+_call_plant, _call_settled = caller(PLANT), caller(SETTLED)
 
 ROLLOUT = STATUS(
     *5 * [ADDRESS],  # kinematics, supervisor, disturbance, plant, `settled`; 0 for none
@@ -112,7 +112,8 @@ def rollout(
                 command_record[k, i] = math.nan
         steps[0] = k + 1.0
         if supervising:
-            supervised = _supervisor(supervise)(
+            supervised = _call_supervisor(
+                supervise,
                 kinematics,
                 chain,
                 measured,
@@ -127,10 +128,15 @@ def rollout(
             code_record[k] = supervisor_state[NOW]
             if supervised == AT_REST:
                 return HALTED
-        if status == OK and stop[1] > 0.0 and _settled(settled_at)(pose, samples[k], stop, steps[1:10]) == 1:
+        if (
+            status == OK
+            and stop[1] > 0.0
+            and _call_settled(settled_at, pose, samples[k], stop, steps[1:10]) == 1
+        ):
             return OK
         if last_disturbance >= 0:
-            status = _disturbance(disturb)(
+            status = _call_disturbance(
+                disturb,
                 kinematics,
                 chain,
                 disturbance[min(k, last_disturbance)],
@@ -141,7 +147,7 @@ def rollout(
             )
             if status != OK:
                 return PLANT_FAILED + status
-        status = _plant(plant)(command_record[k], plant_parameters, noise[k], plant_state, q, measured)
+        status = _call_plant(plant, command_record[k], plant_parameters, noise[k], plant_state, q, measured)
         if status != OK:
             return PLANT_FAILED + status
     return OK

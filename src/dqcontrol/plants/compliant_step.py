@@ -19,7 +19,7 @@ from dqcontrol.compile import (
     types,
 )
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.intrinsics import ADDRESS, as_matrix, function_at
+from dqcontrol.intrinsics import ADDRESS, as_matrix, c_caller
 from dqcontrol.plants import joint_table as of
 from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.filters import COEFFICIENTS, MEMORY, filtered, rest
@@ -30,7 +30,7 @@ from dqcontrol.robots.gravity import WORK
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
 PHYSICS_STEP = types.void(types.intp, types.intp)  # void mj_step(const mjModel *, mjData *)
-_step = function_at(PHYSICS_STEP)
+_call_step = c_caller(PHYSICS_STEP)
 
 ADVANCE = STATUS(
     ADDRESS,  # of MuJoCo's step
@@ -185,7 +185,7 @@ def advance(
         for step in range(steps):
             if obstacles.shape[0] > 0:
                 touch(obstacles, (shared[of.TICKS] + step / steps) * TICK, chain, qpos, qvel, forces, contact)
-            _step(physics)(model, data)
+            _call_step(physics, model, data)
         shared[of.TICKS] += 1.0
         total = 0.0
         for i in range(qvel.shape[0]):

@@ -18,7 +18,7 @@ from dqcontrol.laws.inverses import (
 )
 from dqcontrol.robots import kernels
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kernels import chain_function, hand_jacobian
+from dqcontrol.robots.kernels import call_chain, hand_jacobian
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     none = work[8 + 21 * n : 8 + 22 * n]
     hand = work[8 + 22 * n : 14 + 22 * n]
     rest = work[14 + 22 * n :]
-    status = chain_function(kinematics)(chain, q, buffer)
+    status = call_chain(kinematics, chain, q, buffer)
     if status != OK:
         return status
     twist_jacobian = as_matrix(buffer[8 + 8 * n : 8 + 14 * n], 6, n)

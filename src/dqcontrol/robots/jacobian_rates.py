@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dqcontrol.compile import INPUT, NOT_FINITE, OK, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, inlined, kernel
-from dqcontrol.intrinsics import ADDRESS, as_matrix, function_at
+from dqcontrol.intrinsics import ADDRESS, as_matrix, caller
 from dqcontrol.robots.kernels import HEADING, SIDEWAYS, all_kinematics, split
 
 RATES = STATUS(READ2, INPUT, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)
 
-_rates = function_at(RATES)
+_call_rates = caller(RATES)
 
 
 @inlined
@@ -94,7 +94,7 @@ def jacobian_rates(chain, q, speed, out):
 def batch(function, chain, q, speed, out):
     """Call `jacobian_rates` for every row; stop at the first that fails."""
     for i in range(q.shape[0]):
-        status = _rates(function)(chain, q[i], speed[i], out[i])
+        status = _call_rates(function, chain, q[i], speed[i], out[i])
         if status != OK:
             return status
     return OK

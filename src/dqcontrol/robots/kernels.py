@@ -26,7 +26,7 @@ from dqcontrol.compile import (
     inlined,
     kernel,
 )
-from dqcontrol.intrinsics import ADDRESS, as_matrix, function_at
+from dqcontrol.intrinsics import ADDRESS, as_matrix, caller
 from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
@@ -34,7 +34,7 @@ REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 CHAIN = STATUS(READ2, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
 
-chain_function = function_at(CHAIN)
+call_chain = caller(CHAIN)
 
 
 @inlined
@@ -282,7 +282,7 @@ def position(pose):
 def batch(function, chain, q, out):
     """Call a chain function for every row of q; stop at the first that fails."""
     for i in range(q.shape[0]):
-        status = chain_function(function)(chain, q[i], out[i])
+        status = call_chain(function, chain, q[i], out[i])
         if status != OK:
             return status
     return OK
