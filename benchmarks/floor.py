@@ -13,6 +13,7 @@ from pathlib import Path
 import batches
 import commands
 import kinematics
+import pereira2016
 import quadratic_programs
 import rollout
 import sizes
@@ -36,6 +37,7 @@ def main() -> None:
         commands.ratios,
         quadratic_programs.ratios,
         rollout.ratios,
+        pereira2016.ratios,
         batches.ratios,
         starting.ratios,
     )
