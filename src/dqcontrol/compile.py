@@ -1,26 +1,16 @@
-"""Numba's options and cache, in one place.
+"""Numba's options, in one place.
 
 A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use,
 not when it is imported, and its machine code is cached. From Python it is called like a function; other
 compiled code receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the
 interpreted loop runs the very same machine code. Small functions that kernels share are marked `inlined`.
-
-The cache folder is named after a hash of all package sources, of Numba's version and of the processor,
-because Numba's own staleness check sees only the file of the function itself, not those of its callees.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import re
-import shutil
-import sys
-import tempfile
 import warnings
 from collections.abc import Callable
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
@@ -31,7 +21,8 @@ from numba.core.compiler import Compiler
 from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 
-from dqcontrol.errors import CacheWarning, InterpretedWarning
+from dqcontrol import kernel_cache
+from dqcontrol.errors import InterpretedWarning
 
 # Kernels allocate nothing, so they do without Numba's reference counts (`_nrt=False`), which would cost a third of
 # their time; a user's own function may allocate.
@@ -46,71 +37,13 @@ STATUS = types.intp
 
 OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 
-_KEPT_CACHES = 4
-
-
-def _processor() -> str:
-    """Return which processor's instructions machine code uses: this one's, or that of ``NUMBA_CPU_NAME``."""
-    return numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()  # type: ignore[attr-defined]
-
-
-def source_hash() -> str:
-    """Return a hash of all that machine code depends on: this package's sources, Numba, Python and the processor."""
-    digest = hashlib.sha256(f"{numba.__version__} {sys.version} {_processor()}".encode())
-    root = Path(__file__).parent
-    for path in sorted(root.rglob("*.py")):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cache_root() -> Path:
-    if chosen := os.environ.get("DQCONTROL_CACHE"):
-        return Path(chosen)
-    if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "dqcontrol"
-
-
-def _writable_cache() -> Path | None:
-    root = _cache_root()
-    folder = root / source_hash()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        caches = (
-            p for p in root.iterdir() if re.fullmatch("[0-9a-f]{16}", p.name) and p.is_dir() and p != folder
-        )
-        others = sorted(caches, key=lambda p: p.stat().st_mtime)  # names of hashes only: the rest is not ours
-        for old in others[: -(_KEPT_CACHES - 1)]:
-            shutil.rmtree(old, ignore_errors=True)
-    except (OSError, RuntimeError):  # RuntimeError: no home folder
-        return None
-    return folder
-
-
-def cache_state() -> tuple[Path, bool, int]:
-    """Return the cache folder, whether it can be written, and how many kernels lie in it."""
-    folder = _cache or _cache_root()
-    return folder, _cache is not None, len(list(_cache.glob("*/*.nbi"))) if _cache else 0
-
-
-_cache = _writable_cache()
-_warned = False
-_announced = False
-
 
 def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) -> Any:
     previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(_cache) if _cache else previous  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(kernel_cache.FOLDER or previous)  # type: ignore[attr-defined]
     try:
         return numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
-            cache=cached and _cache is not None,
+            cache=cached and kernel_cache.FOLDER is not None,
             fastmath=fastmath,
             nogil=True,
             error_model="numpy",
@@ -219,16 +152,14 @@ def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., A
 
 
 def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
-    _announce(function)
+    kernel_cache.announce(function.__name__)
     try:
         return _compiled(function, signature, fastmath)
     except Exception:
-        if _cache is None:
+        if not kernel_cache.clear():
             raise
         # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is
         # not the cache's, the second attempt raises it again.
-        shutil.rmtree(_cache, ignore_errors=True)
-        _cache.mkdir(parents=True, exist_ok=True)
         return _compiled(function, signature, fastmath)
 
 
@@ -295,21 +226,3 @@ def compile_own(
         )
         return InterpretedKernel(checked(function), reason)
     return own
-
-
-def _announce(function: Callable[..., Any]) -> None:
-    global _warned, _announced
-    if _cache is None:
-        if not _warned:
-            _warned = True
-            warnings.warn(
-                f"cannot write to {_cache_root()}: kernels are compiled anew in each process; "
-                "set DQCONTROL_CACHE to a writable folder",
-                CacheWarning,
-                stacklevel=5,
-            )
-    elif not _announced and not any(_cache.glob(f"*/*{function.__name__}-*.nbi")):
-        _announced = True
-        print(
-            "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
-        )

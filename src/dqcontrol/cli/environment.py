@@ -12,7 +12,7 @@ from importlib import metadata
 
 from packaging.requirements import Requirement
 
-from dqcontrol import compile as compiling
+from dqcontrol import kernel_cache
 from dqcontrol.errors import Error
 
 OK, MISSING, PROBLEM = "ok", "missing", "problem"
@@ -92,7 +92,7 @@ def _installed(requirement: Requirement) -> tuple[str, bool]:
 
 
 def _cache() -> Finding:
-    folder, writable, kernels = compiling.cache_state()
+    folder, writable, kernels = kernel_cache.state()
     if not writable:
         cure = "set DQCONTROL_CACHE to a writable folder; until then each process compiles anew"
         return Finding("compiled kernels", f"{folder}: cannot be written", PROBLEM, cure)

@@ -9,8 +9,8 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from dqcontrol.compile import source_hash
 from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.kernel_cache import source_hash
 
 AGAIN = "again"  # folder that the commands write to
 _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
