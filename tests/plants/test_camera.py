@@ -78,7 +78,7 @@ def test_the_filter_is_of_first_order(body):
     assert frames[-1] - measured[400, 0] == pytest.approx(0.4 * (1 - weight) / weight / rate, rel=1e-3)
 
 
-def test_without_frames_the_base_slows_down_stops_and_goes_on(body):
+def test_without_frames_base_and_arm_slow_down_stop_and_go_on(body):
     camera = Camera(rate=20.0, losses=[FiducialLoss(time=0.5, duration=1.5)], timeout=0.2, stopping_time=0.4)
     q, measured, live = drive(body, camera, 300)
     age, share = (values[:, 0] for _, values in live.foreseen)
@@ -89,8 +89,12 @@ def test_without_frames_the_base_slows_down_stops_and_goes_on(body):
     assert share == pytest.approx(np.clip(1 - (lost - 0.2) / 0.4, 0, 1), abs=1e-6)
     turned = np.diff(q[:, 2])
     assert turned == pytest.approx(T * 0.5 * share, abs=1e-12)
+    target, decay, joint = T * 0.1 * np.cumsum(share), np.exp(-T / Servo().time_constant), [0.0]
+    for wanted in target:
+        joint.append(wanted + (joint[-1] - wanted) * decay)
+    assert q[:, 3] == pytest.approx(np.array(joint), abs=1e-12)
     assert np.array_equal(q[106, :3], q[200, :3]), "it stands still"
-    assert q[200, 3] > q[106, 3] + 0.05, "its arm does not"
+    assert abs(q[200, 3] - q[150, 3]) < 1e-5, "and so does its arm, as soon as its servo is there"
     assert np.array_equal(measured[46, :3], measured[199, :3])
     assert measured[200, :3] == pytest.approx(q[200, :3], abs=1e-15)
 
@@ -102,12 +106,12 @@ def test_a_lost_camera_ends_in_the_record_and_its_files(body, tmp_path):
     run = [body, far, Proportional(gain=1.0), Servo(camera=camera), start, T]
     record = dqc.simulate(*run, duration=1.0)
     assert record.readings["camera_age"].units == ("s",)
-    assert record.readings["base_share"].values[-1] == 0
+    assert record.readings["command_share"].values[-1] == 0
     moving = np.abs(np.diff(record.q[:, 0])) > 0
     assert moving[:10].all()
     assert not moving[40:].any()
     again = load_record(save_record(record, tmp_path / "record.mcap"))
-    assert np.array_equal(again.readings["base_share"].values, record.readings["base_share"].values)
+    assert np.array_equal(again.readings["command_share"].values, record.readings["command_share"].values)
 
 
 @pytest.mark.parametrize(

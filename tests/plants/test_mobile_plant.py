@@ -179,17 +179,25 @@ def test_joints_follow_while_the_base_drives(body, mode):
     assert np.array_equal(live.measured[3:], live.q[3:])
 
 
-def test_the_camera_measures_and_its_loss_stops_the_robot(body):
+@pytest.mark.parametrize("mode", ["integrated", "measured"])
+def test_the_camera_measures_and_its_loss_stops_the_robot(body, mode):
     camera = Camera(
         rate=25, delay=T, timeout=0.3, stopping_time=0.2, losses=[FiducialLoss(time=0.5, duration=10)]
     )
     live, q, rows = drive(
-        MobilePlant(location="camera", camera=camera), body, Q0, [0.3, 0, 0, 0, 0, 0, 0], 1.6
+        MobilePlant(location="camera", camera=camera, command_mode=mode),
+        body,
+        Q0,
+        [0.3, 0, 0.2, 0, 0, 0, 0],
+        1.6,
     )
     speed = np.hypot(*np.diff(q[:, :2], axis=0).T) / T
     assert speed[20] > 0.28
     assert speed[60:].max() < 2e-3  # 0.5 s after the last frame and a moment later
-    assert reading(live, "base_share", rows)[-1] == 0
+    turned = np.diff(q[:, 3:], axis=0) / T
+    assert turned[20, 0] > 0.05
+    assert np.abs(turned[60:]).max() < 0.01, "nor does the arm sink"
+    assert reading(live, "command_share", rows)[-1] == 0
     assert np.hypot(*(live.measured[:2] - q[-1, :2])) > 0.05  # what it saw last
 
 

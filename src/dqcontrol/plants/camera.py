@@ -56,7 +56,7 @@ class CameraSchedule:
     age
         Time since the last frame arrived, shape (N,), s.
     share
-        Of the base's commands that is still obeyed, shape (N,).
+        Of the commands that is still obeyed, shape (N,).
     delay
         From a frame to its arrival, in samples.
     weight
@@ -77,8 +77,9 @@ class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     A frame shows the pose at the first sample at or after its time, arrives after the delay, and is held until the next
     one. Each moves the estimate z by its weight w: z + w (frame − z), w = 1 − exp(−1 / (rate · filter_time)).
 
-    When no frame has arrived for longer than ``timeout``, the base's commands are scaled down, to nothing within
-    ``stopping_time``; with the next frame they count again. The arm's joints are not concerned.
+    When no frame has arrived for longer than ``timeout``, all commands are scaled down, to nothing within
+    ``stopping_time``; with the next frame they count again. The arm stops with its base: where that is believed to be,
+    it no longer is, and the hand would go on towards a goal that it never comes nearer to.
 
     Parameters
     ----------

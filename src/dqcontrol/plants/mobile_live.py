@@ -41,7 +41,7 @@ class LiveMobile:
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip: speed of each wheel's contact along
         the heading, and of the axle across it), tilt of the base, opening of the gripper, poses of the cubes, and with
-        a camera the age of its last frame and the share of the base's command that is obeyed.
+        a camera the age of its last frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
     """
@@ -142,6 +142,7 @@ class LiveMobile:
         rate[:] = u[2:]
         if self._plant.command_mode == "measured":  # the rate that ends at measured + T u
             rate += (self.measured[3:] - self.data.act[:joints]) / self._run[0]
+        rate *= self._share
         self._advance(self.model, self.data, self._substeps)
         self._locate()
         if not self.q.dot(self.q) < _LOST:
@@ -153,10 +154,14 @@ class LiveMobile:
             self._sight.look(self.q[:3])
         self._measure()
 
+    @property
+    def _share(self) -> float:
+        """Share of the commands that is obeyed: 1, but without frames of the camera."""
+        return self._sight.share if self._sight is not None else 1.0
+
     def _command_wheels(self, v: float, omega: float) -> None:
         """Set the wheels' speeds, along the same arc where the rims would be too fast."""
-        share = self._sight.share if self._sight is not None else 1.0
-        turning = self._drive.half_track * omega
+        turning, share = self._drive.half_track * omega, self._share
         right, left = (
             share * (v + turning) / self._drive.wheel_radius,
             share * (v - turning) / self._drive.wheel_radius,
@@ -253,7 +258,7 @@ def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
             )
         ),
         *(
-            (Channel("camera_age", (), "s"), Channel("base_share", (), ""))
+            (Channel("camera_age", (), "s"), Channel("command_share", (), ""))
             if plant.location == "camera"
             else ()
         ),

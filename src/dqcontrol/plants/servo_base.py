@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT = range(6, 11)
 _HEAD = 11
-CHANNELS = (Channel("camera_age", (), "s"), Channel("base_share", (), ""))
+CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))
 
 
 @inlined
@@ -48,8 +48,7 @@ def push(queue, latest):
 def servo_on_base(command, parameters, noise, state, q, measured):
     """Let joints follow their targets, move the bases, read encoders and camera.
 
-    Noise: that of the encoders, then the share of the bases' commands that is obeyed, whether a frame arrives, its
-    errors.
+    Noise: that of the encoders, then the share of the commands that is obeyed, whether a frame arrives, its errors.
     """
     if command.shape[0] != int(parameters[_COMMANDS]):
         return WRONG_SIZE
@@ -81,7 +80,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     else:
         to_inputs(drives, measured, command, inputs)
     for i in range(joints):
-        joint_command[i] = inputs[int(moved_by[i])]
+        joint_command[i] = noise[joints] * inputs[int(moved_by[i])]
         inputs[int(moved_by[i])] = 0.0
         joint_q[i], joint_measured[i] = q[int(coordinate[i])], measured[int(coordinate[i])]
     status = follow(joint_command, servos, noise, servo_state, joint_q, joint_measured)

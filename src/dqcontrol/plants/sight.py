@@ -36,7 +36,7 @@ class Sight:
 
     @property
     def share(self) -> float:
-        """Share of the base's commands that is still obeyed."""
+        """Share of the commands that is still obeyed."""
         return float(self._plan.share[min(self._k, len(self._plan.share) - 1)])
 
     @property
