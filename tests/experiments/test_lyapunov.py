@@ -1,12 +1,16 @@
 """The Lyapunov certificate of a run: V falls as it should, up to what samples leave, in regulation and tracking."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.experiments import certificate
+from dqcontrol.experiments import Certificate, certificate
+from dqcontrol.experiments.lyapunov import LYAPUNOV
 from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.loop import export_record, load_record, save_record
 from dqcontrol.plants import Integrator
 from dqcontrol.view import lyapunov
 
@@ -120,6 +124,31 @@ def test_motion_of_the_unconstrained_form_is_what_its_drives_do(body):
     moved = algebra.multiply(algebra.conjugate(record.pose[:-1]), record.pose[1:])
     speed = np.linalg.norm(2 * algebra.log_screw(moved) / 1e-3, axis=1)
     np.testing.assert_allclose(np.sqrt(found.velocity_part[1:]), speed, rtol=2e-3, atol=1e-9)
+
+
+def test_runs_record_it(body, tmp_path):
+    """V, its predicted rate and W₂ are in the recording and the exports of runs on ideal joints, and in no others."""
+    spec = {
+        "name": "certified",
+        "robot": "little-john",
+        "start": HOME.tolist(),
+        "period": 0.05,
+        "duration": 5,
+        "reference": {"kind": "set-point", "offset": {"translation": [0.3, 0.1, 0]}},
+        "law": {"kind": "feedback-linearization", "stiffness": 1.0, "damping": 1.0},
+        "plant": {"kind": "integrator"},
+    }
+    run = dqc.run(spec)
+    wanted = certificate(body, run.record, FeedbackLinearization(stiffness=1.0, damping=1.0))
+    again = load_record(save_record(run.record, tmp_path / "record.mcap"))
+    found = Certificate.recorded(again)
+    assert found is not None
+    for field in fields(wanted):
+        np.testing.assert_array_equal(getattr(found, field.name), getattr(wanted, field.name))
+    np.testing.assert_array_equal(again.readings[LYAPUNOV].values[:, 0], wanted.value)
+    assert export_record(again, tmp_path / "log.csv").read_text().count("lyapunov.value [1/s²]") == 1
+    for changes in ({"plant": {"kind": "servo"}}, {"law": {"kind": "proportional", "gain": 1.0}}):
+        assert Certificate.recorded(dqc.run(spec | changes).record) is None
 
 
 def test_picture(body, tmp_path):

@@ -14,11 +14,10 @@ import dqcontrol as dqc
 import dqcontrol.view
 from dqcontrol import cli
 from dqcontrol.experiments import load_run, run_study_to, run_sweep_to
-from dqcontrol.experiments.lyapunov import recorded_certificate
+from dqcontrol.experiments.lyapunov import Certificate
 from dqcontrol.experiments.parameter_units import parameter_unit, with_unit
 from dqcontrol.experiments.provenance import command, evaluation_command, origins
 from dqcontrol.experiments.published.reproduced import Reproduced
-from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.study_report import study_verdicts
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.experiments.verdicts import run_verdicts
@@ -207,7 +206,7 @@ def test_stability_proof_and_range_are_judged():
         "plant": {"kind": "integrator"},
     }
     run = dqc.run(spec)
-    certificate = recorded_certificate(read_spec(spec)[0], run.robot, run.record)
+    certificate = Certificate.recorded(run.record)
     assert certificate is not None
     found = verdicts(run, certificate)
     assert found["Lyapunov function V"][:2] == ("falls", True)

@@ -406,6 +406,8 @@ def test_bad_arguments():
         body.kinematics(np.array([0, 0, np.nan, 0, 0, 0, 0, 0]))
     with pytest.raises(ValueRangeError, match=r"inertia: .* has none"):
         body.gravity_torque(np.zeros(8))
+    with pytest.raises(ShapeError, match=r"^limits: expected Limits or None, got \(\[0\], \[1\]\)$"):
+        SerialArm.from_dh([0], [0], [1], [0], limits=([0], [1]))  # type: ignore[arg-type]
     with pytest.raises(ValueRangeError, match="joint 1 has lower 1 ≥ upper -1; lower must be below upper"):
         Limits([1.0], [-1.0], [1.0], [1.0])
     with pytest.raises(ShapeError, match=r"limits.effort: expected shape \(2,\), got \(3,\)"):

@@ -3,6 +3,7 @@
 import matplotlib.quiver
 import numpy as np
 import pytest
+from mpl_toolkits.mplot3d import proj3d
 
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError
@@ -45,6 +46,24 @@ def test_superimposed_robots_start_and_end_where_the_run_did(body, records):
     for i, record in enumerate(records.values()):
         np.testing.assert_allclose(hands[4 * i], record.position[0], atol=1e-12)
         np.testing.assert_allclose(hands[4 * i + 3], record.position[-1], atol=1e-12)
+
+
+def test_all_of_a_long_way_is_seen(body):
+    """Goal and hand at the far corner: their pixels are drawn, and lie on the canvas."""
+    q = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    goal = dqc.references.SetPoint(body.fkm(q + [1.6, 1.3, 0, 0, 0, 0, 0, 0]))
+    law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0)
+    record = dqc.simulate(body, goal, law, dqc.plants.Integrator(), q, 0.05, 10.0)
+    figure = superimposed(body, {"": record})
+    figure.canvas.draw()
+    width, height = figure.canvas.get_width_height()
+    axes = figure.axes[0]
+    for line in axes.lines:
+        x, y, _ = proj3d.proj_transform(*line.get_data_3d(), axes.get_proj())
+        pixels = axes.transData.transform(np.column_stack([x, y]))
+        assert (pixels > 0).all()
+        assert (pixels < [width, height]).all()
+        assert not line.get_clip_on()
 
 
 def test_an_arm_alone_can_be_superimposed_but_has_no_base_path():

@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.task_range import task_range
-from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.laws import FeedbackLinearization, Law
 from dqcontrol.loop.record import Record
-from dqcontrol.plants import Integrator
+from dqcontrol.loop.signals import Signal
+from dqcontrol.plants import Integrator, Plant
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 from dqcontrol.robots import Robot, WholeBody
 
 Array = NDArray[np.float64]
+
+LYAPUNOV = "lyapunov"  # among the readings of a record: V, then these parts
+_PARTS = (
+    "predicted_rate",
+    "matrosov",
+    "velocity_part",
+    "pose_part",
+    "outside_range",
+    "smallest_singular_value",
+)
+_UNITS = ("1/s²", "1/s³", "1/s", "1/s²", "1/s²", "", "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +69,14 @@ class Certificate:
     def rate(self) -> Array:
         """Difference quotient of V from each sample to the next, shape (N − 1,), 1/s³."""
         return np.diff(self.value) / np.diff(self.time)
+
+    @classmethod
+    def recorded(cls, record: Record) -> Certificate | None:
+        """Return what ``with_certificate`` wrote into a record; None if it wrote nothing."""
+        if LYAPUNOV not in record.readings:
+            return None
+        values = record.readings[LYAPUNOV].values[:, 1:].T
+        return cls(record.time, **dict(zip(_PARTS, values, strict=True)))
 
     @property
     def largest_rise(self) -> float:
@@ -130,9 +149,21 @@ def _what_moved(robot: Robot, record: Record) -> tuple[Robot, Array]:
     return robot, record.command
 
 
-def recorded_certificate(spec: Spec, robot: Robot, record: Record) -> Certificate | None:
-    """Return the certificate of a run of this law on ideal joints; None for other runs, and those that diverged."""
-    ((law,), (plant,)) = spec.law_by_label.values(), spec.plant_by_label.values()
+def with_certificate(robot: Robot, record: Record, law: Law, plant: Plant) -> Record:
+    """Return a record that also holds its certificate, as the reading `LYAPUNOV`.
+
+    Only a run of this law on ideal joints that did not diverge has one; other records are returned as they are.
+
+    Parameters
+    ----------
+    robot, record, law, plant
+        The run.
+    """
     if not isinstance(law, FeedbackLinearization) or not isinstance(plant, Integrator):
-        return None
-    return certificate(robot, record, law) if len(record) > 1 and np.isfinite(record.q).all() else None
+        return record
+    if len(record) < 2 or not np.isfinite(record.q).all():
+        return record
+    found = certificate(robot, record, law)
+    values = np.column_stack([found.value, *(getattr(found, name) for name in _PARTS)])
+    signal = Signal(LYAPUNOV, ("value", *_PARTS), _UNITS, values)
+    return replace(record, readings={**record.readings, LYAPUNOV: signal})

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.lyapunov import with_certificate
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
@@ -223,7 +224,10 @@ def execute(
         recording=recording,
         watch=watch,
     )
-    return with_range(scene.robot, record)
+    record = with_range(scene.robot, record)
+    if not spec.keeps_records:
+        return record
+    return with_certificate(scene.robot, record, case.variant.law, case.plant)
 
 
 def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.lyapunov import Certificate, recorded_certificate
+from dqcontrol.experiments.lyapunov import Certificate
 from dqcontrol.experiments.metric_tables import metrics_tables
 from dqcontrol.experiments.output import MARK
 from dqcontrol.experiments.provenance import AGAIN, command, evaluation_command, origins
 from dqcontrol.experiments.run import Run, units_of
-from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.verdicts import interventions_tables, run_verdicts
 from dqcontrol.loop.record import has_failed
 from dqcontrol.yaml_file import parse_yaml
@@ -26,7 +25,7 @@ def figures_of(run: Run) -> dict[str, Figure]:
     --------
     >>> figures_of(dqc.run("examples/circle.yaml"))["errors"].savefig("errors.pdf")  # doctest: +SKIP
     """
-    return _figures(run, _certificate(run, parse_yaml("spec", run.spec)))
+    return _figures(run, Certificate.recorded(run.record))
 
 
 def write_run_report(run: Run, folder: Path) -> None:
@@ -35,7 +34,7 @@ def write_run_report(run: Run, folder: Path) -> None:
     from dqcontrol.view.figure_files import laid_out
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
-    certificate, stopped = _certificate(run, data), run.record.stopped
+    certificate, stopped = Certificate.recorded(run.record), run.record.stopped
     figures = _figures(run, certificate)
     tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
@@ -69,11 +68,6 @@ def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
         certificate=certificate,
     )
     return {name: each() for name, each in draw.items()}
-
-
-def _certificate(run: Run, data: dict[str, Any]) -> Certificate | None:
-    """Return what the stability proof says of it; None for a log of somebody else's."""
-    return None if "evaluation" in data else recorded_certificate(read_spec(data)[0], run.robot, run.record)
 
 
 def _command(run: Run, data: dict[str, Any]) -> str:

@@ -87,6 +87,8 @@ class SerialArm(Robot):
         self._keep_chain(chain)
         self.joint_types = tuple(joint_types)
         self.joint_names = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
+        if not isinstance(limits, Limits | None):
+            raise ShapeError(f"limits: expected Limits or None, got {limits!r:.80}")
         self.limits = limits if limits is not None else Limits.none(n)
         self.inertia = inertia
         self.configuration_size = n

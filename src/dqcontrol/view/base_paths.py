@@ -146,6 +146,9 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
     axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=DESIRED)
+    for line in axes.lines:
+        line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,
+        line.set_in_layout(False)  # which must not shrink for them
     _frame(axes, np.vstack([*everything, goal[None]]))
     goal_mark = Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED)
     legend_below(figure, axes, [goal_mark])

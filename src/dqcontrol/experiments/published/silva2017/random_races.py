@@ -47,6 +47,8 @@ def random_table(
         random_goals(scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED)
     )
     found: dict[str, list[Outcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
+    if progress:
+        progress(0, count)
     for done, goal in enumerate(goals):
         samples = SetPoint(goal).samples(scene.samples[:, -1])
 
