@@ -171,6 +171,25 @@ def test_posture_is_a_loop_of_its_own():
     assert only(law=law, plant={"kind": "integrator"}).verdict == "monotone", "not judged"
 
 
+def test_laws_of_accelerations():
+    """k = k̄/(4 k_v): limits of the stiffness and of the damping, advice with ζ = k_v/√k̄ = 0.7, a mobile robot."""
+    law = {"kind": "feedback-linearization", "stiffness": 4.0, "damping": 2.0}
+    fine = only(law=law, plant={"kind": "integrator"})
+    assert (fine.worst.gain.value, fine.remark) == (0.5, "")
+    assert fine.verdict == "monotone"
+    limit = (4 - 2 * 2 * 0.01) * 4 / 0.01**2
+    stiff = only(law=law | {"stiffness": 1.1 * limit}, plant={"kind": "integrator"})
+    assert stiff.verdict == "unstable"
+    advised = re.search(r"k T = 218, limit 198; choose k̄ ≤ (.*) 1/s²$", stiff.remark)
+    assert advised
+    assert float(advised[1]) == pytest.approx((2 / 0.7) ** 2, rel=0.02)
+    hard = only(law=law | {"damping": 250}, plant={"kind": "integrator"})
+    assert hard.verdict == "unstable"
+    assert hard.remark.endswith("unstable: k_v T = 2.5, limit 2")
+    body = {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]}
+    assert only(law=law, plant={"kind": "integrator"}, **body).verdict == "monotone"
+
+
 def test_what_cannot_be_decided():
     row = only(plant={"kind": "servo", "delay": 1.0})
     assert row.verdict == "cannot be decided"

@@ -8,10 +8,11 @@ from scipy.signal import cont2discrete, tf2ss
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.experiments.stability import gain_limits, spectral_radius
+from dqcontrol.experiments.stability import gain_limits, spectral_radius, with_lag
 from dqcontrol.laws import (
     ClassicProportional,
     DecoupledProportional,
+    FeedbackLinearization,
     HInfinity,
     HInfinityTracking,
     LinearQuadraticDQ,
@@ -183,6 +184,26 @@ def test_loops_settle_below_the_limit_and_not_above(arm, law, plant):
     limit = limits_of(PLANTS[plant]).stable
     for share, stable in ((0.95, True), (1.05, False)):
         first, last = errors_at_both_ends(arm, LAWS[law](share * limit / T), PLANTS[plant], 4000, law)
+        assert last < 0.1 * first if stable else last > 20 * first, (share, first, last)
+
+
+@pytest.mark.parametrize("damping", [0.1, 1.0, 10.0, 150.0])
+def test_a_law_of_accelerations_on_ideal_joints(damping):
+    """(k̄/4) T² < 4 − 2 k_v T with k̄ = 4 k_v k; ζ = k_v/√k̄ for a short period."""
+    limits = gain_limits(with_lag(LinearModel(np.ones((1, 1)), np.full((1, 1), T)), damping, T), T)
+    assert limits.stable * damping * T == pytest.approx(4 - 2 * damping * T, rel=1e-6)
+    if damping <= 1:
+        assert limits.recommended / T == pytest.approx(damping / (4 * 0.7**2), rel=0.02)
+
+
+@pytest.mark.parametrize("plant", ["ideal", "integrated 0", "integrated 2", "measured 1"])
+@pytest.mark.parametrize("damping", [2.0, 40.0])
+def test_feedback_linearisation_settles_below_the_limit_and_not_above(arm, plant, damping):
+    model = PLANTS[plant].linear_model(arm, None, T)
+    limit = gain_limits(with_lag(model, damping, T), T).stable
+    for share, stable in ((0.95, True), (1.05, False)):
+        law = FeedbackLinearization(stiffness=4 * damping * share * limit / T, damping=damping)
+        first, last = errors_at_both_ends(arm, law, PLANTS[plant], 8000)
         assert last < 0.1 * first if stable else last > 20 * first, (share, first, last)
 
 

@@ -7,8 +7,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.laws import (
+    Cascade,
     ClassicProportional,
     DecoupledProportional,
+    FeedbackLinearization,
     HInfinity,
     HInfinityTracking,
     LinearQuadraticDQ,
@@ -159,3 +161,14 @@ def test_laws_without_a_loop_or_with_one_unknown(arm):
     assert rates.position.tolist() == rates.orientation.tolist() == [0]
     assert not len(measured_rates(arm, law))
     assert OwnLaw(function=print).loop_rates(np.zeros((1, 1))) is None
+    body = dqc.load_robot("little-john")
+    gains = {"stiffness": 2.0, "damping": 1.0}
+    for law, known in (
+        (FeedbackLinearization(**gains), True),
+        (FeedbackLinearization(**gains, velocity_state="commanded"), False),
+        (FeedbackLinearization(**gains, logarithm="inertial"), False),
+        (Cascade(**gains), False),
+    ):
+        rates = law.loop_rates(law.prepare(body, None, T).parameters)
+        assert (rates is not None) == known
+        assert rates is None or (rates.position.tolist(), rates.lag) == ([0.5], 1.0)

@@ -51,7 +51,7 @@ def test_superimposed_robots_start_and_end_where_the_run_did(body, records):
 def test_all_of_a_long_way_is_seen(body):
     """Goal and hand at the far corner: their pixels are drawn, and lie on the canvas."""
     q = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
-    goal = dqc.references.SetPoint(body.fkm(q + [1.6, 1.3, 0, 0, 0, 0, 0, 0]))
+    goal = dqc.references.SetPoint(body.fkm(q + np.array([1.6, 1.3, 0, 0, 0, 0, 0, 0])))
     law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0)
     record = dqc.simulate(body, goal, law, dqc.plants.Integrator(), q, 0.05, 10.0)
     figure = superimposed(body, {"": record})

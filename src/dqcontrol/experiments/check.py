@@ -20,11 +20,12 @@ from dqcontrol.experiments.stability import (
     gain_limits,
     spectral_radius,
     with_integral,
+    with_lag,
 )
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 
-Known = dict[tuple[complex, float], GainLimits]  # by direction and integral share of the gain
+Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
 
 _WORST_FIRST: tuple[Verdict, ...] = ("unstable", "oscillatory", "drifts", "monotone")
 
@@ -124,12 +125,16 @@ class LoopCheck:
         limits, when = loop.limits, f" at {loop.gain.time:g} s" if loop.gain.time is not None else ""
         if loop.verdict == "monotone" or loop.product <= limits.recommended:
             return ""
+        if loop.gain.lag * self.period >= 2:
+            return f"{self.names.label}: unstable: k_v T = {loop.gain.lag * self.period:.3g}, limit 2"
         if limits.stable == 0:
             return f"{self.names.label}: {loop.gain.loop} unstable: so is the plant, with any gain"
         facts = f"k T = {loop.product:.3g}{when}, limit {limits.stable:.3g}"
         if loop.verdict == "oscillatory":
             facts += f", spectral radius {loop.radius:.3g}"
         advice = f"choose k ≤ {limits.recommended / self.period:.3g} 1/s"
+        if loop.gain.lag and loop.gain.loop != "null space":
+            advice = f"choose k̄ ≤ {4 * loop.gain.lag * limits.recommended / self.period:.3g} 1/s²"
         if loop.gain.integral_share:
             half = abs(loop.gain.value) ** 2 / 2
             advice = (
@@ -267,9 +272,10 @@ def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
 
 
 def _loop(gain: LoopGain, model: LinearModel, period: float, known: Known) -> Loop:
-    """Return a loop with the limits of its gain's direction and integral, which are found once for each."""
+    """Return a loop with the limits of its gain's direction, integral and lag, which are found once for each."""
     way = gain.value / abs(gain.value) if gain.value.imag else 1.0
-    share = gain.integral_share
-    if (way, share) not in known:
-        known[way, share] = gain_limits(model, period, way, share)
-    return Loop(gain, known[way, share], with_integral(model, share * abs(gain.value), period), period)
+    share, model = gain.integral_share, with_lag(model, gain.lag, period)
+    kind = way, share, gain.lag
+    if kind not in known:
+        known[kind] = gain_limits(model, period, way, share)
+    return Loop(gain, known[kind], with_integral(model, share * abs(gain.value), period), period)

@@ -37,12 +37,15 @@ class LoopGain:
         When that is, s; None if it is constant.
     integral_share
         k_I / k² of a law with an integral, u = −k y − k_I ∫y dt: with ideal joints its damping ratio is ½√(k²/k_I).
+    lag
+        k_v of a law of accelerations, u̇ = k_v (−k y − u), 1/s: with ideal joints its damping ratio is ½√(k_v/k).
     """
 
     loop: str
     value: complex
     time: float | None
     integral_share: float = 0.0
+    lag: float = 0.0
 
 
 def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
@@ -56,10 +59,11 @@ def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
             k = int(np.abs(values).argmax())
             gain = complex(values[k])
             share = rates.integral / abs(gain) / abs(gain) if gain else 0.0  # its square may overflow
-            gains.append(LoopGain(loop, gain, k * prepared.dt if np.ptp(values) else None, share))
+            when = k * prepared.dt if np.ptp(values) else None
+            gains.append(LoopGain(loop, gain, when, share, rates.lag))
     rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
     if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):
-        gains.append(LoopGain("null space", rate, None))
+        gains.append(LoopGain("null space", rate, None, lag=rates.lag))
     return tuple(gains)
 
 
@@ -158,6 +162,35 @@ def with_integral(model: LinearModel, reset_rate: float, period: float) -> Linea
     change[:, :m] -= np.eye(m)
     transition = np.block([[np.eye(m), change], [np.zeros((len(model.transition), m)), model.transition]])
     return LinearModel(transition, np.vstack([weight * model.inputs[:m], model.inputs]))
+
+
+def with_lag(model: LinearModel, lag: float, period: float) -> LinearModel:
+    """Return a plant behind u⁺ = u + k_v T (w − u), semi-implicit: the w of this sample counts in its command.
+
+    Parameters
+    ----------
+    model
+        Of the plant, y the first entries of its state.
+    lag
+        k_v, 1/s; 0 for none.
+    period
+        T, s.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.experiments.stability import with_lag
+    >>> from dqcontrol.plants.linear_model import LinearModel
+    >>> ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.1))
+    >>> with_lag(ideal, 4.0, 0.1).poles(1.0).real.round(6).tolist()  # z² − (2 − k_v T (1 + kT)) z + 1 − k_v T
+    [0.84641, 0.71359]
+    """
+    if not lag:
+        return model
+    m, share = model.inputs.shape[1], lag * period
+    rest = np.zeros((m, len(model.transition)))
+    transition = np.block([[model.transition, (1 - share) * model.inputs], [rest, (1 - share) * np.eye(m)]])
+    return LinearModel(transition, share * np.vstack([model.inputs, np.eye(m)]))
 
 
 def spectral_radius(poles: NDArray[np.complex128]) -> float:

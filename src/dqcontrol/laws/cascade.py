@@ -105,6 +105,9 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
             [super().rows(robot, reference, dt), as_positive("inner_gain", self.inner_gain)]
         )
 
+    def loop_rates(self, parameters: np.ndarray) -> None:
+        """Return None: the inner loop has a share in them."""
+
     def state_size(self, robot: Robot) -> int:
         """Return room for the state of `FeedbackLinearization` and a virtual base for each drive."""
         return super().state_size(robot) + 3 * len(robot.drives)

@@ -22,6 +22,7 @@ from dqcontrol.laws.linearization import (
     VelocityState,
     linearize,
 )
+from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
 from dqcontrol.laws.pose_law import parameter_head
 from dqcontrol.laws.sideways import drive_table, feasible_inputs, turn_rates
@@ -152,6 +153,14 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
                 ]
             ]
         )
+
+    def loop_rates(self, parameters: np.ndarray) -> LoopRates | None:
+        """Return k̄/(4 k_v) behind a lag of k_v; None where the logarithm or sideways motion changes them."""
+        row = parameters[0]
+        if self.logarithm != "body" or (self.velocity_state != "realised" and len(row) > DRIVES):
+            return None
+        rates = np.full(len(parameters), self.stiffness / (4 * self.damping))
+        return LoopRates(rates, rates, lag=self.damping)
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign, the hand's twist and the last inputs, with a sideways speed for each drive."""

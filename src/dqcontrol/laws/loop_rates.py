@@ -19,11 +19,15 @@ class LoopRates:
         even so; None where the law leaves that part free.
     integral
         k_I of both, 1/s²: ė = −λe − k_I ∫e dt.
+    lag
+        k_v of laws that command accelerations, 1/s: their velocities follow what λ asks for, u̇ = k_v (−λe − u), also
+        those in the null space. 0 for laws that command velocities.
     """
 
     position: NDArray[np.inexact] | None
     orientation: NDArray[np.inexact] | None
     integral: float = 0.0
+    lag: float = 0.0
 
 
 def largest_rates(gains: NDArray[np.float64]) -> NDArray[np.inexact]:
