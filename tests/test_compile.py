@@ -71,6 +71,30 @@ def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
     assert indexes(cache)[0].stat().st_mtime_ns == before
 
 
+SINGULAR = """
+import numpy as np, dqcontrol as dqc
+body, law, rng = dqc.load_robot("little-john"), dqc.laws.ClassicWholeBody(gain=1.0), np.random.default_rng(1)
+q = np.hstack([np.zeros((2000, 3)), rng.uniform(-2.6, 2.6, (2000, 5))])
+smallest = np.linalg.svd(body.in_form("unconstrained").pose_jacobian(q), compute_uv=False)[:, 5]
+for each in q[smallest < 0.02]:  # where the general inverse works, a function that kernels call
+    goal = dqc.Sample(body.fkm(each + rng.uniform(-1, 1, 8)))
+    print(*(value.hex() for value in law.command(body, each, goal, 0.05)))
+"""
+
+
+def test_a_first_run_has_the_last_digits_of_all_others(tmp_path):
+    """Code just compiled and code read from the cache: parts of kernels must be the same ones."""
+    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent), "DQCONTROL_CACHE": str(tmp_path)}
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-B", "-c", SINGULAR], env=environment, capture_output=True, text=True, check=True
+        ).stdout
+        for _ in range(2)
+    )
+    assert first.count("\n") > 100
+    assert first == second
+
+
 def test_an_edit_in_another_file_is_seen(tmp_path):
     """The kernel is in loop/, what it calls in algebra/: Numba alone would use the old machine code."""
     copy = tmp_path / "source" / "dqcontrol"
