@@ -87,7 +87,11 @@ def test_a_first_run_has_the_last_digits_of_all_others(tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent), "DQCONTROL_CACHE": str(tmp_path)}
     first, second = (
         subprocess.run(
-            [sys.executable, "-B", "-c", SINGULAR], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-B", "-c", SINGULAR],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         ).stdout
         for _ in range(2)
     )
