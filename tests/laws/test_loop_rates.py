@@ -23,6 +23,7 @@ from dqcontrol.laws import (
     Schedule,
     Steps,
 )
+from dqcontrol.laws.loop_rates import LoopRates
 
 SEED = 20260732
 T = 0.01
@@ -171,4 +172,4 @@ def test_laws_without_a_loop_or_with_one_unknown(arm):
     ):
         rates = law.loop_rates(law.prepare(body, None, T).parameters)
         assert (rates is not None) == known
-        assert rates is None or (rates.position.tolist(), rates.lag) == ([0.5], 1.0)
+        assert rates is None or rates == LoopRates(pytest.approx([0.5]), pytest.approx([0.5]), lag=1.0)
