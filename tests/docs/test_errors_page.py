@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dqcontrol import compile as compiling
-from dqcontrol import errors
+from dqcontrol import errors, kernel_cache
 
 PAGE = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^##+ (\w+(?:Error|Warning))\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE))
@@ -64,10 +63,10 @@ def test_the_message_is_what_the_example_says(name, tmp_path, monkeypatch):
 
 
 def test_the_cache_that_cannot_be_written(monkeypatch):
-    monkeypatch.setattr(compiling, "_cache", None)
-    monkeypatch.setattr(compiling, "_warned", False)
+    monkeypatch.setattr(kernel_cache, "FOLDER", None)
+    monkeypatch.setattr(kernel_cache, "_warned", False)
     monkeypatch.setenv("DQCONTROL_CACHE", "/read-only")
     (promised,) = fenced("text", SECTIONS["CacheWarning"])
     with pytest.warns(errors.CacheWarning) as caught:
-        compiling._announce(len)
+        kernel_cache.announce("len")
     assert str(caught[0].message) == promised.strip()
