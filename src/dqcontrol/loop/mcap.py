@@ -27,37 +27,23 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ExistsError, FileFormatError
-from dqcontrol.loop.mcap_topics import (
-    COMMAND,
-    DISTURBANCE,
-    MEASURED,
-    NUMBERS,
-    READINGS,
-    SAMPLE,
-    STATES,
-    TOPICS,
-    columns_of,
-)
-from dqcontrol.loop.message_types import definition, full_name
+from dqcontrol.loop.mcap_topics import COMMAND, DISTURBANCE, MEASURED, READINGS, SAMPLE, STATES
+from dqcontrol.loop.mcap_writer import END, FORMAT, METADATA, SampleWriter, about
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.whole_file import whole_file
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-
-FORMAT = "1"
-METADATA, END = "dqcontrol", "dqcontrol_end"
-_FRAME = "world"
 
 
 def save_record(record: Record, path: str | Path, spec: str = "") -> Path:
@@ -126,51 +112,12 @@ def load_metadata(path: str | Path) -> dict[str, str]:
     return _read(path, _metadata)
 
 
-def _write(stream: Any, record: Record, spec: str) -> None:
-    from mcap_ros2.writer import Writer
-
-    with Writer(stream) as writer:
-        signals = list(record.readings.values())
-        metadata = about(record.joint_names, record.input_names, spec, signals)
-        writer.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
-        write_samples(writer, register(writer), record, range(len(record)), min(0.0, float(record.time[0])))
-
-
-def about(
-    joints: Sequence[str], inputs: Sequence[str], spec: str, signals: Sequence[Signal]
-) -> dict[str, str]:
-    """Return what a recording says about itself."""
-    from dqcontrol import __version__
-
-    return {
-        "format": FORMAT,
-        "version": __version__,
-        "joint_names": json.dumps(joints, ensure_ascii=False),
-        "input_names": json.dumps(inputs, ensure_ascii=False),
-        "spec": spec,
-        "readings": json.dumps([signal[:3] for signal in signals], ensure_ascii=False),
-    }
-
-
-def register(writer: Any) -> dict[str, Any]:
-    """Return the schemas of all message types."""
-    return {kind: writer.register_msgdef(full_name(kind), definition(kind)) for kind in set(TOPICS.values())}
-
-
-def write_samples(writer: Any, schemas: dict[str, Any], record: Record, rows: range, first: float) -> None:
-    """Write the messages of some samples; MCAP has no negative times, so they count from ``first`` (s)."""
-    columns = columns_of(record)
-    topics = {topic: TOPICS.get(topic, NUMBERS) for topic in columns}
-    for k in rows:
-        stamp = round((float(record.time[k]) - first) * 1e9)
-        header = {
-            "stamp": dict(zip(("sec", "nanosec"), divmod(stamp, 10**9), strict=True)),
-            "frame_id": _FRAME,
-        }
-        for topic, kind in topics.items():
-            message = columns[topic](k)
-            message["header"] = header
-            writer.write_message(topic, schemas[kind], message, log_time=stamp, sequence=k)
+def _write(stream: IO[bytes], record: Record, spec: str) -> None:
+    writer = SampleWriter(stream)
+    metadata = about(record.joint_names, record.input_names, spec, list(record.readings.values()))
+    writer.file.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
+    writer.write(record, len(record), min(0.0, float(record.time[0])))
+    writer.file.finish()
 
 
 def _read(path: str | Path, parse: Callable[[Any], T]) -> T:

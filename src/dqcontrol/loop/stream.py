@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
-from dqcontrol.loop.mcap import END, METADATA, about, register, write_samples
+from dqcontrol.loop.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.loop.record import Record, pose_errors
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import INTERVENTIONS
@@ -28,7 +28,7 @@ _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 def prepare_to_record(robot: Robot) -> None:
     """Import and compile what a recording needs: now, not while the robot moves."""
-    from mcap_ros2.writer import Writer
+    from mcap.writer import Writer
 
     _ = Writer, pose_errors.compiled, robot.fkm(np.zeros(robot.configuration_size))
 
@@ -60,8 +60,6 @@ class RecordStream:
     """
 
     def __init__(self, path: str | Path, robot: Robot, spec: str = "") -> None:
-        from mcap_ros2.writer import Writer
-
         self.path, self._robot = Path(path), robot
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.failure = ""
@@ -73,10 +71,9 @@ class RecordStream:
             self._file = open(self.path, "xb")  # noqa: SIM115 — closed by `close`
         except FileExistsError:
             raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
-        self._writer = Writer(self._file, chunk_size=_CHUNK)
+        self._writer = SampleWriter(self._file, _CHUNK)
         signal = Signal(INTERVENTIONS, (), ("",), np.zeros((0, 1)))
-        self._writer.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
-        self._schemas = register(self._writer)
+        self._writer.file.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._file.flush()
         prepare_to_record(robot)
         self._switch = sys.getswitchinterval()
@@ -118,10 +115,10 @@ class RecordStream:
         try:
             if not self.failure:
                 self._drain(everything=True)
-                self._writer.add_metadata(
+                self._writer.file.add_metadata(
                     END, {"samples": str(self._written), "stopped": stopped or "duration"}
                 )
-                self._writer.finish()
+                self._writer.file.finish()
         except OSError as error:
             self.failure = _worded(error)
         finally:
@@ -168,7 +165,7 @@ class RecordStream:
             self._robot.input_names,
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), codes[:, None])},
         )
-        write_samples(self._writer, self._schemas, record, range(ready), self._first)
+        self._writer.write(record, ready, self._first)
         self._file.flush()
         self._written += ready
         self._held = rows[ready:]
