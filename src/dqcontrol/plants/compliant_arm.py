@@ -16,7 +16,7 @@ from dqcontrol.plants.joint_table import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.obstacle import steps_per_touch
 from dqcontrol.plants.payload_compensation import PayloadScale
-from dqcontrol.plants.plant import start_configuration
+from dqcontrol.plants.plant import start_within_limits
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
     """
     mujoco = import_mujoco()
     file = load_controllers(robot, plant.controllers)
-    start, ticks, n = _start(robot, q0), _ticks(dt), robot.configuration_size
+    start, ticks, n = start_within_limits(robot, q0), _ticks(dt), robot.configuration_size
     actuation = file.actuation(plant.springs)
     elastic = actuation.elastic
     hand = file.hand_body() if plant.hand else None
@@ -104,18 +104,6 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
         period = ticks * TICK
         scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
     return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, steps)
-
-
-def _start(robot: Robot, q0: ArrayLike) -> Array:
-    """Return the start configuration, or say why the arm cannot be there."""
-    start = start_configuration(robot, q0)
-    for i, name in enumerate(robot.joint_names):
-        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
-        if not lower <= start[i] <= upper:
-            raise ValueRangeError(
-                f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
-            )
-    return start
 
 
 def _ticks(dt: float) -> int:

@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import (
-    DivergedError,
-    SafetyWarning,
-    ShapeError,
-    ValueRangeError,
-    as_array,
-    as_positive,
-    unknown_name,
-)
+from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
 from dqcontrol.plants import joint_table as of
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.elastic_model import TICK
 from dqcontrol.plants.loads import loss_table, payload_table, push_table
 from dqcontrol.plants.obstacle import obstacle_table
+from dqcontrol.plants.plant import as_command
 from dqcontrol.plants.wrist import LiveWrist
 from dqcontrol.robots.gravity import WORK
 
@@ -185,13 +177,7 @@ class LiveCompliant:
             If the arm left the finite numbers.
         """
         moves = self._moves
-        if type(command) is not np.ndarray or command.shape != moves.shape or command.dtype != moves.dtype:
-            command = as_array("command", command)
-            if command.shape != moves.shape:
-                raise ShapeError(f"command: expected shape {moves.shape}, got {command.shape}")
-        if not math.isfinite(command.dot(command)):
-            raise ValueRangeError(f"command: must be finite, got {command}")
-        np.multiply(command, self._arm.ticks * TICK, out=moves)
+        np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)
         self._shared[of.AGE] = 0.0
         self._advance(self._arm.ticks, self._from_measured)
 

@@ -12,8 +12,8 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.plants.plant import Plant, start_configuration
+from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
+from dqcontrol.plants.plant import Plant, as_command, start_configuration
 from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
@@ -113,9 +113,7 @@ class LiveCoppelia:
         Error
             If CoppeliaSim does not answer, or says that something went wrong.
         """
-        rate = as_array("command", command)
-        if rate.shape != self.q.shape:
-            raise ShapeError(f"command: expected shape {self.q.shape}, got {rate.shape}")
+        rate = as_command(command, len(self.q))
         if self._mode == "velocity":
             send, values = self._sim.setJointTargetVelocity, rate
         else:

@@ -14,7 +14,7 @@ from dqcontrol.plants.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mujoco_live import per_joint
 from dqcontrol.plants.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco_servos import Array, JointServos
-from dqcontrol.plants.plant import start_configuration
+from dqcontrol.plants.plant import start_within_limits
 from dqcontrol.plants.scene import Scene, add_scene
 from dqcontrol.plants.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
 from dqcontrol.robots.bases import DifferentialDrive
@@ -116,14 +116,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, or something does not fit it.
         """
         drive, arm = self._taken_apart(robot)
-        start = start_configuration(robot, q0)
+        start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
-        for i, name in enumerate(robot.joint_names):
-            lower, upper = robot.limits.lower[i], robot.limits.upper[i]
-            if not lower <= start[i] <= upper:
-                raise ValueRangeError(
-                    f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
-                )
         model = self._mobile_model(robot, drive, arm)
         live = LiveMobile(self, robot, drive, arm, model, substeps, (dt, steps, seed))
         live.place(start)

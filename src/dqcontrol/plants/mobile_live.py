@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.gripper import FINGERS
-from dqcontrol.plants.mujoco_live import JointEncoders
+from dqcontrol.plants.mujoco_live import LOST, JointEncoders
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.odometry import Odometry
+from dqcontrol.plants.plant import as_command
 from dqcontrol.plants.sight import Sight
 from dqcontrol.plants.wheeled_base import WHEELS, yaw_of
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from dqcontrol.robots.serial_arm import SerialArm
 
 Array = NDArray[np.float64]
-
-_LOST = 1e12  # rad², m²; a configuration beyond it has diverged
 
 
 class LiveMobile:
@@ -127,9 +126,7 @@ class LiveMobile:
         DivergedError
             If the robot left the finite numbers.
         """
-        u = as_array("command", command)
-        if u.shape != (self._robot.input_size,):
-            raise ShapeError(f"command: expected shape ({self._robot.input_size},), got {u.shape}")
+        u = as_command(command, self._robot.input_size)
         if len(u) == len(self.q):
             u = self._robot.feasible_inputs(self.measured, u)  # type: ignore[attr-defined]
         if self._sight is not None and self._sight.is_over:
@@ -145,7 +142,7 @@ class LiveMobile:
         rate *= self._share
         self._advance(self.model, self.data, self._substeps)
         self._locate()
-        if not self.q.dot(self.q) < _LOST:
+        if not self.q.dot(self.q) < LOST:
             raise DivergedError(
                 f"plant: the robot diverged before {self.data.time:g} s, q = {self.q}; try a smaller timestep"
             )

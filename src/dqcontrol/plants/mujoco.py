@@ -12,7 +12,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco_live import LiveMujoco, per_joint
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco_servos import JointServos, mass_matrix
-from dqcontrol.plants.plant import start_configuration
+from dqcontrol.plants.plant import start_within_limits
 from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
@@ -106,14 +106,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             raise ValueRangeError(
                 f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; use kind 'mobile'"
             )
-        start = start_configuration(robot, q0)
+        start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
-        lower, upper = robot.limits.lower, robot.limits.upper
-        for i, name in enumerate(robot.joint_names):
-            if not lower[i] <= start[i] <= upper[i]:
-                raise ValueRangeError(
-                    f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower[i]:g} … {upper[i]:g}"
-                )
         model = self._model(robot)
         data = self._balance(robot, model, start)
         return LiveMujoco(self, model, data, substeps, seed)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, ShapeError, as_array
 from dqcontrol.plants.mujoco_model import import_mujoco
+from dqcontrol.plants.plant import as_command
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mujoco import MujocoPlant
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LOST = 1e12  # rad², m²; a configuration beyond it has diverged
+LOST = 1e12  # rad², m²; a configuration beyond it has diverged
 
 
 class LiveMujoco:
@@ -90,17 +90,11 @@ class LiveMujoco:
             If the arm left the finite numbers.
         """
         rate = self._rate
-        if type(command) is not np.ndarray or command.shape != rate.shape or command.dtype != rate.dtype:
-            command = as_array("command", command)
-            if command.shape != rate.shape:
-                raise ShapeError(f"command: expected shape {rate.shape}, got {command.shape}")
-        if not math.isfinite(command.dot(command)):
-            raise ValueRangeError(f"command: must be finite, got {command}")
-        rate[:] = command
+        rate[:] = as_command(command, len(rate))
         if self._from_measured:  # the rate that ends at measured + T u
             rate += (self.measured - self._target) / self._period
         self._advance(self.model, self.data, self._substeps)
-        if not self.q.dot(self.q) < _LOST:
+        if not self.q.dot(self.q) < LOST:
             raise DivergedError(
                 f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"

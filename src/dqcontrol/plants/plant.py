@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
@@ -95,6 +96,33 @@ def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
     if start.ndim != 1:
         raise ShapeError(f"q0: expected shape ({robot.configuration_size},), got {start.shape}")
     return start
+
+
+def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
+    """Return q0 as an array (n,), or say why the robot cannot be there."""
+    start = start_configuration(robot, q0)
+    for i, name in enumerate(robot.joint_names):
+        lower, upper = robot.limits.lower[i], robot.limits.upper[i]
+        if not lower <= start[i] <= upper:
+            raise ValueRangeError(
+                f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
+            )
+    return start
+
+
+def as_command(command: ArrayLike, size: int) -> Array:
+    """Return a command as finite array (m,), or say what is wrong with it; quick where nothing is."""
+    if (
+        type(command) is np.ndarray
+        and command.shape == (size,)
+        and command.dtype == np.float64
+        and math.isfinite(command.dot(command))
+    ):
+        return command
+    array = as_array("command", command)
+    if array.shape != (size,):
+        raise ShapeError(f"command: expected shape ({size},), got {array.shape}")
+    return array
 
 
 def whole_periods(field: str, seconds: float, dt: float) -> int:
