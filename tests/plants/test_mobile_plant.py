@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.errors import DivergedError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.plants import (
     Basket,
     Camera,
@@ -274,3 +274,6 @@ def test_bad_starts(body, cart):
         live.step(np.zeros(3))
     with pytest.raises(ValueRangeError, match="finite"):
         live.step([np.nan, 0])
+    live = MobilePlant().start(body, Q0, T, 1, 0)
+    with pytest.raises(DivergedError, match=r"a command of 1e\+30 rad/s"):
+        live.step(np.eye(7)[4] * 1e30)

@@ -431,6 +431,12 @@ def test_an_arm_too_weak_for_its_weight_is_refused():
         (np.array([np.inf, -np.inf, 0, 0, 0, 0, 0]), ValueRangeError, "command: must be finite"),
         (np.zeros(6), ShapeError, r"command: expected shape \(7,\), got \(6,\)"),
         (["fast"] * 7, ShapeError, "command: expected real numbers"),
+        (
+            [0, 2e11, 0, 0, 0, 0, 0],
+            DivergedError,
+            r"a command of 2e\+11 rad/s; MuJoCo takes less than 1e\+10",
+        ),
+        (np.full(7, -1e200), DivergedError, r"a command of 1e\+200 rad/s"),
     ],
 )
 def test_bad_commands_are_named_and_move_nothing(command, error, words):

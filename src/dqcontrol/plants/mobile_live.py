@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.gripper import FINGERS
-from dqcontrol.plants.mujoco_live import LOST, JointEncoders
+from dqcontrol.plants.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.odometry import Odometry
 from dqcontrol.plants.plant import as_command
@@ -124,7 +124,7 @@ class LiveMobile:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite, or the camera's periods are over.
         DivergedError
-            If the robot left the finite numbers.
+            If the robot left the finite numbers, or the command those that MuJoCo takes.
         """
         u = as_command(command, self._robot.input_size)
         if len(u) == len(self.q):
@@ -140,6 +140,7 @@ class LiveMobile:
         if self._plant.command_mode == "measured":  # the rate that ends at measured + T u
             rate += (self.measured[3:] - self.data.act[:joints]) / self._run[0]
         rate *= self._share
+        check_rate(self.data.ctrl)
         self._advance(self.model, self.data, self._substeps)
         self._locate()
         if not self.q.dot(self.q) < LOST:

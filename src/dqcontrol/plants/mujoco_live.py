@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LOST = 1e12  # rad², m²; a configuration beyond it has diverged
+_MOST_RATE = 1e10  # MuJoCo's mjMAXVAL
 
 
 class LiveMujoco:
@@ -87,12 +88,13 @@ class LiveMujoco:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite.
         DivergedError
-            If the arm left the finite numbers.
+            If the arm left the finite numbers, or the command those that MuJoCo takes.
         """
         rate = self._rate
         rate[:] = as_command(command, len(rate))
         if self._from_measured:  # the rate that ends at measured + T u
             rate += (self.measured - self._target) / self._period
+        check_rate(rate)
         self._advance(self.model, self.data, self._substeps)
         if not self.q.dot(self.q) < LOST:
             raise DivergedError(
@@ -100,6 +102,13 @@ class LiveMujoco:
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
         self._encoders.read(self.q, self.measured)
+
+
+def check_rate(rate: Array) -> None:
+    """Say that a run diverged where MuJoCo would take a rate for a mistake, and silently let go of all servos."""
+    largest = np.abs(rate).max()
+    if not largest < _MOST_RATE:
+        raise DivergedError(f"plant: a command of {largest:g} rad/s; MuJoCo takes less than {_MOST_RATE:g}")
 
 
 class JointEncoders:

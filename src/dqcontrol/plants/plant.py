@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
@@ -111,14 +110,7 @@ def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
 
 
 def as_command(command: ArrayLike, size: int) -> Array:
-    """Return a command as finite array (m,), or say what is wrong with it; quick where nothing is."""
-    if (
-        type(command) is np.ndarray
-        and command.shape == (size,)
-        and command.dtype == np.float64
-        and math.isfinite(command.dot(command))
-    ):
-        return command
+    """Return a command as finite array (m,), or say what is wrong with it."""
     array = as_array("command", command)
     if array.shape != (size,):
         raise ShapeError(f"command: expected shape ({size},), got {array.shape}")
