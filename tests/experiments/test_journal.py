@@ -1,12 +1,10 @@
 """Interrupted studies go on: what was finished is taken over, what was half-written is not, and nothing is mixed."""
 
 import os
-import subprocess
-import sys
-import time
 
 import pytest
 import yaml
+from killed_study import run_and_kill
 from study_specs import spec
 
 import dqcontrol as dqc
@@ -83,14 +81,7 @@ def test_a_killed_study_goes_on(tmp_path, jobs):
     data = spec(repeats=300, reference={**spec()["reference"], "duration": 10})
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(data))
     target, part = tmp_path / "noise", working_folder(tmp_path / "noise")
-    process = subprocess.Popen([sys.executable, "-c", IMPATIENT, tmp_path / "spec.yaml", target, str(jobs)])
-    try:
-        while not list(part.glob("part-*.parquet")) and process.poll() is None:
-            time.sleep(0.01)
-    finally:
-        process.kill()
-        process.wait()
-    assert not target.exists()
+    run_and_kill(IMPATIENT, tmp_path / "spec.yaml", target, str(jobs))
     (part / ".part-00000099.parquet.tmp").write_bytes(b"PAR1 half a part")
     study = run_study_to(tmp_path / "spec.yaml", target)
     assert 0 < study.taken_over < 600

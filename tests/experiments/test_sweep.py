@@ -1,12 +1,10 @@
 """Parameter studies: the same rows wherever they run, none lost and none twice, and mistakes named beforehand."""
 
 import resource
-import subprocess
-import sys
-import time
 
 import pytest
 import yaml
+from killed_study import run_and_kill
 from study_specs import AT_ONCE, FAR, spec
 
 import dqcontrol as dqc
@@ -122,16 +120,8 @@ def test_a_killed_sweep_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 40)
     data = study(sweep={"points": 400})
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(data))
-    target, part = tmp_path / "s", working_folder(tmp_path / "s")
-    process = subprocess.Popen([sys.executable, "-c", KILLED, tmp_path / "spec.yaml", target])
-    try:
-        while not list(part.glob("part-*.parquet")) and process.poll() is None:
-            time.sleep(0.01)
-    finally:
-        process.kill()
-        process.wait()
-    assert not target.exists()
-    told = []
+    target, told = tmp_path / "s", []
+    run_and_kill(KILLED, tmp_path / "spec.yaml", target)
     run_sweep_to(tmp_path / "spec.yaml", target, jobs=1, progress=lambda *done: told.append(done))
     assert 0 < told[0][0] < 1600
     run_sweep_to(data, tmp_path / "whole", jobs=1)
