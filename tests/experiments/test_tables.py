@@ -153,7 +153,7 @@ def test_terminal_shows_markup_as_text():
 
     console = Console(file=io.StringIO(), width=80)
     console.print(TABLE.rich())
-    shown = console.file.getvalue()  # type: ignore[attr-defined]
+    shown = console.file.getvalue()
     assert "K & [bold]x[/bold]" in shown
     assert "Error [mm]" in shown
     assert "1.23" in shown

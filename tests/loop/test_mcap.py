@@ -119,6 +119,7 @@ def test_messages_are_byte_for_byte_those_of_the_librarys_encoder(tmp_path, join
         schemas = {}
         reader = make_reader(ours, decoder_factories=[DecoderFactory()])
         for schema, channel, message, ros in reader.iter_decoded_messages(log_time_order=False):
+            assert schema
             if schema.name not in schemas:
                 schemas[schema.name] = writer.register_msgdef(schema.name, schema.data.decode())
             writer.write_message(channel.topic, schemas[schema.name], ros, log_time=message.log_time)

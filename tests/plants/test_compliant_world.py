@@ -263,7 +263,7 @@ def test_bad_loads_in_a_spec_are_named(fields, words):
             "plant.pushes.point: unknown name 'link 9'",
         ),
         ({"pushes": [Push(time=0, duration=0, force=(0, 0, 1))]}, ValueRangeError, "plant.pushes.duration"),
-        ({"pushes": [Push(time=0, duration=1, force=(0, 1))]}, ShapeError, "plant.pushes.force"),  # type: ignore[arg-type]
+        ({"pushes": [Push(time=0, duration=1, force=(0, 1))]}, ShapeError, "plant.pushes.force"),
         (
             {"payload": Payload(mass=1, begin=2, until=1)},
             ValueRangeError,

@@ -168,10 +168,7 @@ def test_runs_without_obstacle_have_neither():
 
 def test_the_example_says_that_softer_arms_hit_less_and_come_back_later():
     study = dqc.run_study(Path(__file__).parents[2] / "examples/contact.yaml")
-    peaks, times = (
-        [float(row[key]) for row in study.rows]
-        for key in ("peak_contact", "recovery_time")  # type: ignore[arg-type]
-    )
+    peaks, times = ([float(row[key]) for row in study.rows] for key in ("peak_contact", "recovery_time"))
     assert peaks[0] < peaks[1] < peaks[2] < 35
     assert times[0] > times[1] > times[2] > 1
     page = (Path(__file__).parents[2] / "docs/physics.md").read_text()

@@ -117,7 +117,7 @@ def test_a_blow_is_no_payload():
 
 def test_the_example_says_what_each_buys():
     study = dqc.run_study(Path(__file__).parents[2] / "examples/payload.yaml")
-    mean = {(row["law"], row["plant"]): float(row["position.settled_mean"]) for row in study.rows}  # type: ignore[arg-type]
+    mean = {(row["law"], row["plant"]): float(row["position.settled_mean"]) for row in study.rows}
     assert mean["K+FF", "payload weighed"] < 0.5 * mean["K+FF", "payload"]
     assert mean["K+FF+I", "payload"] < 0.2 * mean["K+FF", "payload"]
     assert mean["K+FF+I", "payload weighed"] < mean["K+FF+I", "payload"]
@@ -158,7 +158,7 @@ def test_runs_are_repeatable_to_the_last_bit():
             "plant.wrist_fault.duration: must be > 0",
         ),
         (
-            {"wrist_fault": WristFault(time=0, duration=1, force=(1.0, 2.0))},  # type: ignore[arg-type]
+            {"wrist_fault": WristFault(time=0, duration=1, force=(1.0, 2.0))},
             ShapeError,
             "plant.wrist_fault.force",
         ),

@@ -115,7 +115,7 @@ def test_repeat_keeps_the_pose_from_jumping_between_x_and_minus_x():
             r"references\[1\]: must start where references\[0\] ends, but starts 0.5 m and 0 degrees from",
         ),
         (lambda: r.Repeat(CIRCLE, 0), r"count: expected a whole number ≥ 1, got 0"),
-        (lambda: r.Repeat(CIRCLE, 1.5), r"count: expected a whole number ≥ 1, got 1.5"),  # type: ignore[arg-type]
+        (lambda: r.Repeat(CIRCLE, 1.5), r"count: expected a whole number ≥ 1, got 1.5"),
         (lambda: r.Repeat(r.SetPoint(START), 2), r"references\[0\]: never ends"),
     ],
 )

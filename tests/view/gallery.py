@@ -140,7 +140,7 @@ def figures():
         "histogram": lambda: view.histogram({name: RNG.normal(8, 0.1, 400) for name in "abc"}),
         "repeats": lambda: view.repeats_figure(rows()),
         "gains": lambda: view.gain_figure(rows(), "parameter.gain"),
-        "sweep": lambda: view.sweep_figure(Ranked()),  # type: ignore[arg-type]
+        "sweep": lambda: view.sweep_figure(Ranked()),
         "surface": lambda: view.surface(
             q, r, {"Eff [rad s]": bowl, "L.Vel [m]": bowl**2, "log₁₀ Err": -bowl}
         ),

@@ -145,5 +145,5 @@ def _run(
 
 def _warn_of_limits(rows: Iterable[Row]) -> None:
     for label, trials in by_label(rows).items():
-        if any((row["limit_margin"] or 0.0) < 0 for row in trials):  # type: ignore[operator]
-            warnings.warn(beyond_limits(label, trials), LimitWarning, stacklevel=4)
+        if beyond := beyond_limits(label, trials):
+            warnings.warn(beyond, LimitWarning, stacklevel=4)

@@ -174,8 +174,10 @@ def units_of(robot: Robot) -> dict[str, list[str]]:
 
 
 def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
-    """Say how far repeats of one case, given by their metrics, went beyond the joint limits."""
+    """Say how far repeats of one case, given by their metrics, went beyond the joint limits; nothing if none did."""
     crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < 0]
+    if not crossed:
+        return ""
     worst = min(crossed, key=lambda trial: trial["limit_margin"])
     count = f", in {len(crossed)} of {len(trials)} repeats" if len(trials) > 1 else ""
     return (
@@ -273,6 +275,6 @@ def run(
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = replace(as_run(setting, case, 0, record), expected=expected)
-    if done.metrics.limit_margin < 0:
-        warnings.warn(beyond_limits(done.label, [done.metrics.flat()]), LimitWarning, stacklevel=2)
+    if beyond := beyond_limits(done.label, [done.metrics.flat()]):
+        warnings.warn(beyond, LimitWarning, stacklevel=2)
     return done

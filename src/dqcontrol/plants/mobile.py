@@ -115,11 +115,11 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         Error
             If the robot has another base, or something does not fit it.
         """
-        drive, arm = self._taken_apart(robot)
+        body, drive, arm = self._taken_apart(robot)
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
         model = self._mobile_model(robot, drive, arm)
-        live = LiveMobile(self, robot, drive, arm, model, substeps, (dt, steps, seed))
+        live = LiveMobile(self, body, drive, arm, model, substeps, (dt, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
@@ -130,30 +130,30 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def picture_model(self, robot: Robot) -> Any:
         """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
-        return self._spec(robot, *self._taken_apart(robot))
+        return self._spec(*self._taken_apart(robot))
 
-    def _taken_apart(self, robot: Robot) -> tuple[DifferentialDrive, SerialArm | None]:
-        """Return the drive and what it carries, the arm with inertias."""
+    def _taken_apart(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
+        """Return the robot, its drive and what that carries, the arm with inertias."""
         parts = robot.parts if isinstance(robot, WholeBody) else ()
-        bases = [part for part in parts if not isinstance(part, SerialArm | np.ndarray)]
+        drive = parts[0] if parts else None
+        carried = [part for part in parts[1:] if isinstance(part, SerialArm | np.ndarray)]
         if (
-            not parts
-            or len(bases) != 1
-            or bases[0] is not parts[0]
-            or not isinstance(parts[0], DifferentialDrive)
+            not isinstance(robot, WholeBody)
+            or not isinstance(drive, DifferentialDrive)
+            or len(carried) < len(parts) - 1
         ):
             found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
             raise ValueRangeError(
                 f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
                 f"{robot.name}: {found or type(robot).__name__}; mecanum wheels are not modelled"
             )
-        if not any(isinstance(part, SerialArm) for part in parts):
-            return parts[0], None
-        arm = SerialArm.join(parts[1:], robot.name)  # type: ignore[arg-type]
+        if not any(isinstance(part, SerialArm) for part in carried):
+            return robot, drive, None
+        arm = SerialArm.join(carried, robot.name)
         if arm.inertia is None:
             masses = per_joint("link_mass", self.link_mass, arm.configuration_size)
             arm = with_assumed_inertia(arm, masses, self.link_radius)
-        return parts[0], arm
+        return robot, drive, arm
 
     def _spec(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
         """Return robot, gripper and scene without motors."""

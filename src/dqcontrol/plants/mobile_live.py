@@ -22,8 +22,8 @@ from dqcontrol.plants.wheeled_base import WHEELS, yaw_of
 if TYPE_CHECKING:
     from dqcontrol.plants.mobile import MobilePlant
     from dqcontrol.robots.bases import DifferentialDrive
-    from dqcontrol.robots.robot import Robot
     from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.whole_body import WholeBody
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class LiveMobile:
     def __init__(
         self,
         plant: MobilePlant,
-        robot: Robot,
+        robot: WholeBody,
         drive: DifferentialDrive,
         arm: SerialArm | None,
         model: Any,
@@ -128,7 +128,7 @@ class LiveMobile:
         """
         u = as_command(command, self._robot.input_size)
         if len(u) == len(self.q):
-            u = self._robot.feasible_inputs(self.measured, u)  # type: ignore[attr-defined]
+            u = self._robot.feasible_inputs(self.measured, u)
         if self._sight is not None and self._sight.is_over:
             raise ValueRangeError("step: the plant was started for fewer periods, and they are over")
         self._command_wheels(u[0], u[1])
@@ -202,8 +202,8 @@ class LiveMobile:
         x, y = data.qpos[4:6]
         out[7] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
         at = 8
-        if len(self._fingers):
-            out[at] = self._plant.gripper.opening - data.qpos[self._fingers].sum()  # type: ignore[union-attr]
+        if (gripper := self._plant.gripper) is not None:
+            out[at] = gripper.opening - data.qpos[self._fingers].sum()
             at += 1
         for first in self._cubes:
             out[at : at + 7] = data.qpos[first : first + 7]

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_across, plane_axes
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Trace
 
 
@@ -60,9 +60,9 @@ class Circle(PlanarReference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_unit("start", self.start))
+        start = as_pose("start", self.start)
         trace = _around(self.radius, self.duration, self.turns, self.clockwise)
-        self._place(trace, self.start, plane_axes("plane", self.plane))  # type: ignore[arg-type]
+        self._place(trace, start, plane_axes("plane", self.plane))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,11 +113,11 @@ class Spiral(PlanarReference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_unit("start", self.start))
+        start = as_pose("start", self.start)
         trace = _around(self.radius, self.duration, self.turns, self.clockwise)
         axes, along = plane_across("axis", self.axis)
         advance = float(as_array("length", self.length, ())) / trace.times[-1] * along
-        self._place(trace, self.start, axes, advance=advance)  # type: ignore[arg-type]
+        self._place(trace, start, axes, advance=advance)
 
 
 def _around(radius: float, duration: float, turns: float, clockwise: bool) -> Trace:

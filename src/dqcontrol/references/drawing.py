@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Stroke, Trace, distance_home
 
 ORIENTATIONS = ("fixed", "path")
@@ -73,7 +73,7 @@ class Drawing(PlanarReference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_unit("start", self.start))
+        start = as_pose("start", self.start)
         strokes = tuple(self.strokes)
         object.__setattr__(self, "strokes", strokes)
         if self.orientation not in ORIENTATIONS:
@@ -86,7 +86,7 @@ class Drawing(PlanarReference):
         if self.repeat > 1 and (gap := distance_home(strokes)):
             raise ValueRangeError(f"repeat: the drawing must end at its origin, it ends {gap:.6g} m from it")
         trace = Trace.of(strokes * self.repeat, turn_speed if follow else None)
-        self._place(trace, self.start, plane_axes("plane", self.plane), follow=follow)  # type: ignore[arg-type]
+        self._place(trace, start, plane_axes("plane", self.plane), follow=follow)
 
     @property
     def length(self) -> float:

@@ -14,7 +14,7 @@ from dqcontrol.algebra import pose
 from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
 from dqcontrol.references.drawing import ORIENTATIONS, TURN_SPEED, Drawing
 from dqcontrol.references.plane import PLANES, Plane, plane_axes
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Arc, Line, Rest, Stroke, Trace, distance_home
 from dqcontrol.references.text_file import as_number, read_text
 
@@ -71,7 +71,7 @@ class DrawingFile:
                 raise ValueRangeError(
                     f"start: {self.path} gives no {lacks} to start at: give the hand's pose"
                 )
-            hand = as_unit("start", start)
+            hand = as_pose("start", start)
             origin = hand if position is None else pose(hand[:4], position)
         else:
             origin = pose(rotation, position)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Array, Reference
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_unit
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -96,7 +96,7 @@ class DriveTo(Reference):
         ShapeError, ValueRangeError
             As above, or if the pose is none, or out of reach.
         """
-        target = as_unit("pose", pose)
+        target = as_pose("pose", pose)
         q = as_array("start", start, (robot.configuration_size,))
         found = _solutions(robot, q, target)
         smallest = np.linalg.svd(robot.hand_jacobian(found), compute_uv=False)[:, -1]

@@ -35,6 +35,7 @@ class PlanarReference(Reference):
         """Hold the paper's origin at the start pose (8,); advance (3,), m/s, moves the paper meanwhile."""
         values = {
             "trace": trace,
+            "start": start,
             "_start": start,
             "_axes": axes,
             "_follow": follow,

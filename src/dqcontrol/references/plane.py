@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,7 +10,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 PLANES = ("xy", "xz", "yz")
 
-Plane = str | Sequence[ArrayLike] | NDArray[np.float64]
+Plane = str | ArrayLike
 
 
 def plane_axes(field: str, plane: Plane) -> NDArray[np.float64]:
@@ -39,7 +37,7 @@ def plane_axes(field: str, plane: Plane) -> NDArray[np.float64]:
         if plane not in PLANES:
             raise unknown_name(field, plane, PLANES)
         return np.array([AXES[plane[0]], AXES[plane[1]]])
-    axes = as_array(field, plane, (2, 3))  # type: ignore[arg-type]
+    axes = as_array(field, plane, (2, 3))
     if axes.shape != (2, 3):
         raise ShapeError(f"{field}: expected shape (2, 3), got {axes.shape}")
     lengths = np.linalg.norm(axes, axis=1, keepdims=True)

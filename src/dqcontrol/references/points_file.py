@@ -13,7 +13,7 @@ from dqcontrol.algebra import pose, renormalise
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
 from dqcontrol.references.points import Points
 from dqcontrol.references.reference import Array
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.text_file import as_number, read_text
 
 POSITION = ("x", "y", "z")
@@ -124,7 +124,7 @@ def _poses(path: object, table: dict[str, Array], lines: list[str], start: Array
         return pose(_units(r, lines, "qw … qz")[:, :4], position)
     if start is None:
         raise ValueRangeError(f"start: {path} gives no orientation: give a pose that has it")
-    return pose(as_unit("start", start)[:4], position)
+    return pose(as_pose("start", start)[:4], position)
 
 
 def _units(x: Array, lines: list[str], columns: str) -> Array:

@@ -44,7 +44,7 @@ class Sample:
 
     def __post_init__(self) -> None:
         data = np.empty(SAMPLE_SIZE)
-        data[POSE] = as_unit("pose", self.pose)
+        data[POSE] = as_pose("pose", self.pose)
         data[TWIST] = _six("twist", self.twist)
         data[TWIST_RATE] = _six("twist_rate", self.twist_rate)
         data[TIME] = as_array("time", self.time, ())
@@ -64,8 +64,8 @@ def _six(field: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def as_unit(field: str, pose: ArrayLike) -> NDArray[np.float64]:
-    """Return a unit dual quaternion (8,), renormalised, or say what is wrong with it."""
+def as_pose(field: str, pose: ArrayLike) -> NDArray[np.float64]:
+    """Return one pose as unit dual quaternion (8,), renormalised, or say what is wrong with it."""
     x = as_array(field, getattr(pose, "vec8", pose), (8,))
     if x.ndim != 1:
         raise ShapeError(f"{field}: expected shape (8,), got {x.shape}")

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, as_unit
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, as_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class SetPoint(Reference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", as_unit("pose", self.pose))
+        object.__setattr__(self, "pose", as_pose("pose", self.pose))
         if self.duration != math.inf:
             object.__setattr__(self, "duration", as_positive("duration", self.duration))
         object.__setattr__(self, "corners", NO_CORNERS)

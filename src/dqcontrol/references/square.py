@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Line, Trace
 
 
@@ -59,7 +59,7 @@ class Square(PlanarReference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_unit("start", self.start))
+        start = as_pose("start", self.start)
         side = as_positive("side", self.side)
         shares = as_array("shares", self.shares)
         if shares.shape != (4,):
@@ -71,4 +71,4 @@ class Square(PlanarReference):
         ends = ((across, 0.0), (across, -side), (0.0, -side), (0.0, 0.0))
         speeds = (side / seconds).tolist()
         trace = Trace.of([Line(*end, speed) for end, speed in zip(ends, speeds, strict=True)])
-        self._place(trace, self.start, plane_axes("plane", self.plane))  # type: ignore[arg-type]
+        self._place(trace, start, plane_axes("plane", self.plane))

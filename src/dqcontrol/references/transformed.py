@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.references.reference import Array, Reference
 from dqcontrol.references.rigid_motion import displaced
-from dqcontrol.references.sample import as_unit
+from dqcontrol.references.sample import as_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Transformed(Reference):
     _by: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        by = as_unit("by", self.by)
+        by = as_pose("by", self.by)
         kept = {"duration": self.reference.duration, "corners": self.reference.corners}
         for name, value in {"by": by, "_by": by, **kept}.items():
             object.__setattr__(self, name, value)

@@ -92,7 +92,7 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     figure.align_ylabels()
-    figure.get_layout_engine().set(wspace=0.05)  # type: ignore[union-attr]
+    figure.set_layout_engine("constrained", wspace=0.05)
     legend_below(figure, coordinates[0])
     return figure
 

@@ -88,7 +88,7 @@ def _paths(records: Mapping[str, Record]) -> Figure:
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-        figure.get_layout_engine().set(wspace=0.12)  # type: ignore[union-attr]
+        figure.set_layout_engine("constrained", wspace=0.12)
     marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
     legend_below(figure, space, marks)
     return figure

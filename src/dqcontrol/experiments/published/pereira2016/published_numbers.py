@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.experiments.published.printed import Claim, PublishedCell, read_claims, read_table
@@ -18,7 +18,15 @@ REPRODUCTIONS = ("lqr", "h-infinity", "circle", "spiral", "sampling-time", "circ
 _FOLDER = Path(__file__).parent
 _LINEAR_QUADRATIC = ("LQR-R8", "LQR-DQ")
 
-T = TypeVar("T")
+
+class _Printed(Protocol):
+    """Something that is printed of an experiment."""
+
+    @property
+    def reproduction(self) -> str: ...
+
+
+T = TypeVar("T", bound=_Printed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,4 +144,4 @@ def claims(reproduction: str) -> list[Claim]:
 def _of(reproduction: str, entries: tuple[T, ...]) -> list[T]:
     if reproduction not in REPRODUCTIONS:
         raise unknown_name("reproduction", reproduction, REPRODUCTIONS)
-    return [entry for entry in entries if getattr(entry, "reproduction") == reproduction]  # noqa: B009
+    return [entry for entry in entries if entry.reproduction == reproduction]
