@@ -138,6 +138,14 @@ def as_array(
     return array
 
 
+def as_each(field: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
+    """Return so many finite numbers, given one for all of them or one each, as a new array (size,)."""
+    array = as_array(field, value)
+    if array.shape not in ((), (size,)):
+        raise ShapeError(f"{field}: expected one number or {size}, got shape {array.shape}")
+    return np.broadcast_to(array, (size,)).copy()
+
+
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
     """Return a finite number above zero (or not below it)."""
     number = float(as_array(field, value, ()))

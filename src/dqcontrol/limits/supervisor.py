@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive
 from dqcontrol.limits import supervisor_layout as at
 from dqcontrol.limits.prepared_supervisor import PreparedSupervisor
 from dqcontrol.robots.robot import Robot
@@ -148,12 +148,10 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 def _each(field: str, value: float | list[float], m: int) -> Array:
     """Return a bound for each input."""
-    numbers = as_array(f"supervisor.{field}", value)
-    if numbers.shape not in ((), (m,)):
-        raise ShapeError(f"supervisor.{field}: expected one number or {m}, got shape {numbers.shape}")
+    numbers = as_each(f"supervisor.{field}", value, m)
     if (numbers <= 0).any():
         raise ValueRangeError(f"supervisor.{field}: must be > 0, got {numbers.min():g}")
-    return np.broadcast_to(numbers, m)
+    return numbers
 
 
 def _box(workspace: WorkspaceBox) -> Array:

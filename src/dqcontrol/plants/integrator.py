@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compile import OK, WRONG_SIZE, kernel
-from dqcontrol.errors import ShapeError, as_array, as_positive
+from dqcontrol.errors import as_each, as_positive
 from dqcontrol.intrinsics import as_matrix
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
@@ -71,10 +71,7 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
             If q0, dt or the bias does not fit.
         """
         q0, dt, m = start_configuration(robot, q0), as_positive("dt", dt), robot.input_size
-        bias = as_array("plant.bias", self.bias)
-        if bias.shape not in ((), (m,)):
-            raise ShapeError(f"plant.bias: expected one number or {m}, got shape {bias.shape}")
-        parameters = np.concatenate([[dt], np.broadcast_to(bias, m), robot.drives.ravel()])
+        parameters = np.concatenate([[dt], as_each("plant.bias", self.bias, m), robot.drives.ravel()])
         move = drive if len(robot.drives) else integrate
         return CompiledPlant(move, parameters, np.zeros(m), q0, np.zeros((steps, 1)))
 

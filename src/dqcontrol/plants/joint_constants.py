@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants import joint_table as of
 from dqcontrol.plants.controller_file import ControllerFile
 from dqcontrol.plants.elastic_model import TICK, Actuation, Hand
@@ -38,14 +38,13 @@ def constants_table(
     put(of.LOWER, file.column("range", "lower"))
     put(of.UPPER, file.column("range", "upper"))
     fastest = file.column("range", "slew_rate")
-    put(
-        of.SLEW,
-        TICK * (fastest if plant.slew_rate is None else np.minimum(fastest, _each("slew_rate", plant, n))),
-    )
-    put(of.SPEED, _each("speed", plant, n))
-    put(of.STIFFNESS, _each("stiffness", plant, n))
-    put(of.TORQUE_ASKED, _each("torque", plant, n))
-    put(of.DUTY_ASKED, _each("duty", plant, n))
+    if plant.slew_rate is not None:
+        fastest = np.minimum(fastest, as_each("plant.slew_rate", plant.slew_rate, n))
+    put(of.SLEW, TICK * fastest)
+    put(of.SPEED, as_each("plant.speed", plant.speed, n))
+    put(of.STIFFNESS, as_each("plant.stiffness", plant.stiffness, n))
+    put(of.TORQUE_ASKED, as_each("plant.torque", plant.torque, n))
+    put(of.DUTY_ASKED, as_each("plant.duty", plant.duty, n))
     put(of.POSITION_P, file.column("position_loop", "k_p"))
     put(of.POSITION_I, TICK * file.column("position_loop", "k_i"))
     put(of.POSITION_D, file.column("position_loop", "k_d"))
@@ -175,10 +174,3 @@ def _held_by_position_loop(state: Array, constants: Array, torque: float) -> Non
         limit = constants[of.POSITION_LIMIT]
         state[of.POSITION_INTEGRAL] = np.clip(wanted, -limit, limit)
     state[of.TARGET] += (wanted - state[of.POSITION_INTEGRAL]) / constants[of.POSITION_P]
-
-
-def _each(field: str, plant: CompliantPlant, n: int) -> Array:
-    array = as_array(f"plant.{field}", getattr(plant, field))
-    if array.shape not in ((), (n,)):
-        raise ShapeError(f"plant.{field}: expected one number or {n}, got shape {array.shape}")
-    return np.broadcast_to(array, (n,)).copy()

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.errors import ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile_live import LiveMobile, dofs_of
-from dqcontrol.plants.mujoco_live import per_joint
 from dqcontrol.plants.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco_servos import Array, JointServos
 from dqcontrol.plants.plant import start_within_limits
@@ -151,7 +150,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             return robot, drive, None
         arm = SerialArm.join(carried, robot.name)
         if arm.inertia is None:
-            masses = per_joint("link_mass", self.link_mass, arm.configuration_size)
+            masses = as_each("plant.link_mass", self.link_mass, arm.configuration_size)
             arm = with_assumed_inertia(arm, masses, self.link_radius)
         return robot, drive, arm
 
@@ -190,7 +189,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         model.geom_solref[:] = (_CONTACT_STEPS * self.timestep, 1)
         damping = model.dof_damping.reshape(model.nv, -1)[:, 0]
         names = robot.joint_names[3:]
-        damping[dofs_of(model, names)] = per_joint("viscous_friction", self.viscous_friction, len(names))
+        damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
         if self.gripper is not None:
             damping[dofs_of(model, FINGERS)] = self.gripper.force / self.gripper.speed
         return model

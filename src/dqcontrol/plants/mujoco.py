@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco_live import LiveMujoco, per_joint
+from dqcontrol.plants.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco_servos import JointServos, mass_matrix
 from dqcontrol.plants.plant import start_within_limits
@@ -124,7 +124,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
             spec.joint(name).actgravcomp = True
         model = compiled(spec)
-        model.dof_damping.reshape(n, -1)[:, 0] = per_joint("viscous_friction", self.viscous_friction, n)
+        model.dof_damping.reshape(n, -1)[:, 0] = as_each("plant.viscous_friction", self.viscous_friction, n)
         return model
 
     def _balance(self, robot: Robot, model: Any, start: Array) -> Any:

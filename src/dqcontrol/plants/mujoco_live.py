@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import DivergedError, ShapeError, as_array
+from dqcontrol.errors import DivergedError, as_each
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
 
@@ -115,10 +115,10 @@ class JointEncoders:
     """The encoders of n joints, with the plant's noise and resolution."""
 
     def __init__(self, plant: JointServos, n: int, seed: int) -> None:
-        noise = per_joint("encoder_noise", plant.encoder_noise, n)
+        noise = as_each("plant.encoder_noise", plant.encoder_noise, n)
         self._noise = noise if noise.any() else None
         self._rng = np.random.default_rng(seed)
-        resolution = per_joint("encoder_resolution", plant.encoder_resolution, n)
+        resolution = as_each("plant.encoder_resolution", plant.encoder_resolution, n)
         self._stepped = np.flatnonzero(resolution)
         self._resolution = resolution[self._stepped]
 
@@ -129,11 +129,3 @@ class JointEncoders:
             measured += self._noise * self._rng.standard_normal(len(measured))
         if len(self._stepped):
             measured[self._stepped] = np.round(measured[self._stepped] / self._resolution) * self._resolution
-
-
-def per_joint(field: str, value: ArrayLike, n: int) -> Array:
-    """Return n numbers from one or n, or say that they do not fit."""
-    array = as_array(f"plant.{field}", value)
-    if array.shape not in ((), (n,)):
-        raise ShapeError(f"plant.{field}: expected a number or shape ({n},), got shape {array.shape}")
-    return np.broadcast_to(array, (n,)).copy()

@@ -9,8 +9,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ValueRangeError, as_array, as_positive, unknown_name
-from dqcontrol.plants.mujoco_live import per_joint
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import Plant
 
@@ -87,8 +86,8 @@ class JointServos(Plant, frozen=True, kw_only=True):
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.gravity = self.gravity
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # it would hide a divergence
-        armature = per_joint("armature", self.armature, n)
-        dry = per_joint("dry_friction", self.dry_friction, n)
+        armature = as_each("plant.armature", self.armature, n)
+        dry = as_each("plant.dry_friction", self.dry_friction, n)
         for i, name in enumerate(robot.joint_names):
             joint, effort = spec.joint(name), robot.limits.effort[i]
             joint.armature, joint.frictionloss = armature[i], dry[i]
@@ -117,11 +116,11 @@ class JointServos(Plant, frozen=True, kw_only=True):
         if self.stiffness is None:
             stiffness = inertia * (2 * math.pi * self.bandwidth) ** 2
         else:
-            stiffness = per_joint("stiffness", self.stiffness, n)
+            stiffness = as_each("plant.stiffness", self.stiffness, n)
         if self.damping is None:
             damping = 2 * self.damping_ratio * np.sqrt(stiffness * inertia)
         else:
-            damping = per_joint("damping", self.damping, n)
+            damping = as_each("plant.damping", self.damping, n)
         model.actuator_gainprm[:n, 0] = stiffness
         model.actuator_biasprm[:n, 1] = -stiffness
         model.actuator_biasprm[:n, 2] = -damping

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants import servo_step as at
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
@@ -94,13 +94,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
         delay_steps = whole_periods("plant.delay", self.delay, dt)
-        stiffness = as_array("plant.stiffness", self.stiffness)
-        if stiffness.shape not in ((), (n,)):
-            raise ShapeError(f"plant.stiffness: expected one number or {n}, got shape {stiffness.shape}")
+        stiffness = as_each("plant.stiffness", self.stiffness, n)
         if (stiffness <= 0).any():
             raise ValueRangeError(f"plant.stiffness: must be > 0, got {stiffness.min():g}")
         sag = as_positive("plant.sag", self.sag, zero_allowed=True)
-        compliance = np.broadcast_to(sag / stiffness, n)
+        compliance = sag / stiffness
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
         rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
