@@ -45,7 +45,7 @@ def energy_drift(name: str, springs: str, hand: bool) -> tuple[float, int]:
     file = load_controllers(arm)
     real = file.actuation(springs)
     free = Actuation(real.rotor_inertia, 0 * real.friction, real.stiffness, 0 * real.damping)
-    model = elastic_model(arm, free, hand=file.hand_body() if hand else None, accurate=True, stops=False)
+    model = elastic_model(arm, free, hand=file.hand(hand), accurate=True, stops=False)
     steps = assemble(CompliantPlant(springs=springs, hand=hand, accurate=True), arm, q0, TICK).steps
     model.opt.timestep = TICK / steps
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)

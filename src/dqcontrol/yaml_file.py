@@ -52,7 +52,8 @@ def read_text(path: str | Path) -> str:
 def parse_yaml(path: str | Path, text: str) -> Any:
     """Return the plain data of one YAML document; ``path`` is for the messages.
 
-    Only finite numbers are allowed, keys may not repeat, and ``1e-3`` is a number (YAML 1.1 calls it text).
+    Only finite numbers are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a number and ``OFF``, ``no``
+    and the like are text; YAML 1.1 has it the other way round.
     """
     try:
         data = yaml.load(text, Loader=_StrictLoader)
@@ -98,6 +99,12 @@ class _StrictLoader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+_BOOL = "tag:yaml.org,2002:bool"
+_StrictLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in found if tag != _BOOL]
+    for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_StrictLoader.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
 _StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
@@ -135,6 +142,11 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
         field = f"{field}.{step}" if field else str(step)
         data = data.get(step) if isinstance(data, dict) else None
     prefix = f"{field}: " if field else ""
+    if place.startswith("`key` in") and text.startswith("Expected 'str', got"):
+        odd = next(key for key in data if not isinstance(key, str))
+        return f"{prefix}names are text; put {odd!r} in quotes"
+    if text == "Expected 'bool', got 'str'":
+        return f"{prefix}expected true or false, got {data!r:.80}"
     if match := re.fullmatch(r"Object contains unknown field '(.*)'", text):
         allowed = _keys(_chosen(list(_structs(kinds)), data))
         return f"{prefix}unknown key '{match[1]}'{_instead(match[1], allowed)}"

@@ -150,6 +150,8 @@ UNFIT = [
     (changed(robot=GONE, start=GONE, robots={"a": {"source": "iiwa7"}}), r"robots.a: missing key 'start'$"),
     (changed(robot=GONE, start=GONE, robots={}), r"robots: expected 'object' of length >= 1, got {}$"),
     (changed(start=GONE), r"missing key 'start'$"),
+    (changed(law=GONE, laws={1: K}), r"laws: names are text; put 1 in quotes$"),
+    (changed(plant={"kind": "compliant", "accurate": "yes"}), r"plant.accurate: expected true or false, got 'yes'$"),
 ]  # fmt: skip
 
 
@@ -161,6 +163,16 @@ def test_what_does_not_fit_is_named_with_file_and_field(tmp_path, data, text):
         read_spec(data)
     with pytest.raises(FileFormatError, match=f"^{path}: {text}"):
         read_spec(path)
+
+
+def test_words_that_old_yaml_takes_for_true_and_false_are_text(tmp_path):
+    path = tmp_path / "my.yaml"
+    plants = "plants: {OFF: {kind: compliant, mode: OFF}, on: {kind: compliant, hand: true}}"
+    path.write_text(yaml.safe_dump(changed(plant=GONE)) + plants)
+    read = read_spec(path)[0].plants
+    assert read is not None
+    assert list(read) == ["OFF", "on"]
+    assert read["OFF"].mode == "OFF"  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(

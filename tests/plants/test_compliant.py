@@ -37,7 +37,7 @@ def mean_angles(live, seconds):
 
 
 @pytest.mark.parametrize("mode", ["THETA", "THETA_MJ", "THETA_GC", "THETA_GC_MJ"])
-@pytest.mark.parametrize("hand", [False, True])
+@pytest.mark.parametrize("hand", [False, "H2R3", "ma17"])
 def test_arm_starts_in_balance(mode, hand):
     live = CompliantPlant(mode=mode, hand=hand, gravity_factor=0.9).start(MEKA, Q0, T, 100, 0)
     assert isinstance(live, LivePlant)
@@ -54,11 +54,12 @@ def test_spring_carries_gravity():
     np.testing.assert_allclose(live.data.qpos[7:] - Q0, load / stiffness, atol=1e-12)
 
 
-def test_controllers_know_the_weight_of_the_hand():
+@pytest.mark.parametrize(("hand", "mass"), [(True, 0.838), ("H2R3", 0.838), ("ma17", 0.9)])
+def test_controllers_know_the_weight_of_the_hand(hand, mass):
     file = load_controllers(MEKA)
-    live = CompliantPlant(hand=True).start(MEKA, Q0, T, 100, 0)
-    bodies = gravity_bodies(MEKA, file.hand_body())
-    assert bodies[:, 0].sum() == pytest.approx(6.92 + 0.838)
+    live = CompliantPlant(hand=hand).start(MEKA, Q0, T, 100, 0)
+    bodies = gravity_bodies(MEKA, file.hand(hand))
+    assert bodies[:, 0].sum() == pytest.approx(6.92 + mass)
     held = (live.data.qpos[7:] - Q0) * file.stiffness("default")
     assert MEKA.inertia is not None
     inertia = dqc.robots.Inertia(bodies[:, 0], bodies[:, 1:], MEKA.inertia.tensor)
@@ -257,6 +258,7 @@ def test_bad_parameters_are_named(parameters, error, words):
     ("robot", "parameters", "q0", "dt", "error", "words"),
     [
         (MEKA, {"springs": "stif"}, Q0, T, KeyError, "plant.springs: unknown name 'stif'.*lower-bound"),
+        (MEKA, {"hand": "h2r3"}, Q0, T, KeyError, "plant.hand: unknown name 'h2r3'; did you mean 'H2R3'"),
         (MEKA, {"springs": [100.0]}, Q0, T, ShapeError, "plant.springs: expected 7 numbers, got 1"),
         (MEKA, {"stiffness": [0.5, 0.5]}, Q0, T, ShapeError, "plant.stiffness: expected one number or 7"),
         (

@@ -30,7 +30,7 @@ def parts(name, springs="default", **how):
     robot = load_robot(name)
     file = load_controllers(robot)
     actuation = file.actuation(springs)
-    hand = file.hand_body() if how.pop("hand", False) else None
+    hand = file.hand(how.pop("hand", False))
     model = elastic_model(robot, actuation, hand=hand, **how)
     return robot, actuation, model, mujoco.MjData(model)
 
@@ -62,19 +62,35 @@ def test_forward_kinematics_is_the_robots_own(name, springs):
         assert np.abs(ours - theirs).max() < 1e-12
 
 
-@pytest.mark.parametrize("hand", [False, True])
-def test_mass_and_centre_are_those_of_the_data(hand):
-    robot, _, model, data = parts("meka-a2", hand=hand)
+LINKS = {
+    "meka-a2": [2.031, 0.566, 2.296, 0.223, 1.473, 0.241, 0.09],
+    "iiwa7": [3.394011, 4.031991, 3.394011, 4.031989, 1.529239, 2.403626, 0.259474],  # 23.900 less the base's 4.855658
+}
+HANDS = {"H2R3": (0.838, [-0.00286004, 0.00206754, 0.06242752]), "ma17": (0.9, [-0.00286004, 0.00206754, 0.1])}
+
+
+@pytest.mark.parametrize(
+    ("name", "springs", "hand"),
+    [
+        ("meka-a2", "default", False),
+        ("meka-a2", "default", "H2R3"),
+        ("meka-a2", "default", "ma17"),
+        ("iiwa7", "default", False),
+        ("iiwa7", "elastic", False),
+    ],
+)
+def test_mass_and_centre_are_those_of_the_data(name, springs, hand):
+    robot, _, model, data = parts(name, springs, hand=hand)
     inertia = robot.inertia
     assert inertia is not None
-    masses = [2.031, 0.566, 2.296, 0.223, 1.473, 0.241, 0.09, *([0.838] if hand else [])]
+    masses = [*LINKS[name], *([HANDS[hand][0]] if hand else [])]
     assert model.body_mass.sum() == pytest.approx(sum(masses), abs=1e-12)
     for q in np.random.default_rng(SEED).uniform(-1, 1, (5, 7)):
         data.qpos[:7] = q
         mujoco.mj_forward(model, data)
         centers = list(zip(inertia.center, robot.frames(q)[:-1], strict=True))
         if hand:
-            centers.append((np.array([-0.00286004, 0.00206754, 0.06242752]), robot.fkm(q)))
+            centers.append((np.array(HANDS[hand][1]), robot.fkm(q)))
         moment = np.zeros(3)
         for mass, (center, x) in zip(masses, centers, strict=True):
             w, v, dw, dv = x[0], x[1:4], x[4], x[5:]
@@ -131,7 +147,7 @@ def test_accurate_steps_keep_the_energy_of_free_undamped_motion(name, springs, h
     file = load_controllers(robot)
     actuation = undamped(file.actuation(springs))
     model = elastic_model(
-        robot, actuation, hand=file.hand_body() if hand else None, accurate=True, stops=False
+        robot, actuation, hand=file.hand(hand), accurate=True, stops=False
     )
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)

@@ -49,7 +49,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     gravity_factor
         By how much the controllers' model of gravity is wrong; 1 if exact.
     hand
-        Whether the arm bears the hand of its controller file. The controllers know it.
+        That the arm bears: the first of its controller file, one by name, or none. The controllers know it.
     springs
         Name of a preset in the controller file, or N·m/rad for each joint, null for a rigid one.
     accurate
@@ -102,7 +102,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     command_mode: Literal["integrated", "measured"] = "integrated"
     stiffness: Share | list[Share] = 1.0
     gravity_factor: Annotated[float, Meta(ge=0, le=10, description="1 if exact")] = 1.0
-    hand: bool = False
+    hand: bool | str = False
     springs: str | list[Stiffness | None] = "default"
     accurate: bool = False
     controllers: str | None = None

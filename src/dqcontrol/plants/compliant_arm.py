@@ -73,7 +73,7 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
     start, ticks, n = start_within_limits(robot, q0), _ticks(dt), robot.configuration_size
     actuation = file.actuation(plant.springs)
     elastic = actuation.elastic
-    hand = file.hand_body() if plant.hand else None
+    hand = file.hand(plant.hand)
     model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
     data: Any = mujoco.MjData(model)
     data.qpos[:n] = start

@@ -127,7 +127,7 @@ class ControllerFile(_Part, frozen=True, kw_only=True):
     description: str = ""
     sources: list[str] = []
     springs: Annotated[dict[str, Springs], Meta(min_length=1)]
-    hand: JointInertia | None = None
+    hands: dict[str, JointInertia] = {}
     wrist_sensor: WristSensor
     safety: Safety
     ramp_time: Annotated[float, Meta(gt=0, le=100, description="of a mode change, s")]
@@ -175,19 +175,25 @@ class ControllerFile(_Part, frozen=True, kw_only=True):
             self.column("spring_damping"),
         )
 
-    def hand_body(self) -> Hand:
-        """Return the hand.
+    def hand(self, name: str | bool) -> Hand | None:
+        """Return a hand by its name, the file's first if True, or None if False.
 
         Raises
         ------
-        ValueRangeError
-            If the file has none.
+        ValueRangeError, UnknownNameError
+            If the file has no hand, or none of that name.
         """
-        if self.hand is None:
+        if name is False:
+            return None
+        if not self.hands:
             raise ValueRangeError(f"plant.hand: the controllers of {self.robot} describe no hand; use false")
-        t = self.hand.tensor
+        if name is True:
+            name = next(iter(self.hands))
+        if name not in self.hands:
+            raise unknown_name("plant.hand", name, self.hands)
+        body, t = self.hands[name], self.hands[name].tensor
         tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
-        return Hand(self.hand.mass, as_array("hand.center", self.hand.center, (3,)), tensor)
+        return Hand(body.mass, as_array(f"hands.{name}.center", body.center, (3,)), tensor)
 
 
 def known_controllers() -> tuple[str, ...]:
