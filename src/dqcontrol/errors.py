@@ -86,8 +86,9 @@ def naming(place: str) -> Iterator[None]:
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest allowed name, or an empty string."""
-    near = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    known = {each.casefold(): each for each in allowed}
+    near = difflib.get_close_matches(name.casefold(), list(known), n=1, cutoff=0.5)
+    return f"; did you mean '{known[near[0]]}'?" if near else ""
 
 
 def unknown_name(field: str, name: str, allowed: Iterable[str]) -> UnknownNameError:

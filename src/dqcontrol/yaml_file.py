@@ -141,7 +141,7 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
             kinds = [hint[key] for hint in hints if key in hint]
         field = f"{field}.{step}" if field else str(step)
         data = data.get(step) if isinstance(data, dict) else None
-    prefix = f"{field}: " if field else ""
+    prefix = f"{field}: " if field and not text.startswith(f"{field}.") else ""
     if place.startswith("`key` in") and text.startswith("Expected 'str', got"):
         odd = next(key for key in data if not isinstance(key, str))
         return f"{prefix}names are text; put {odd!r} in quotes"

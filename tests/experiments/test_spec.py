@@ -151,6 +151,9 @@ UNFIT = [
     (changed(robot=GONE, start=GONE, robots={}), r"robots: expected 'object' of length >= 1, got {}$"),
     (changed(start=GONE), r"missing key 'start'$"),
     (changed(law=GONE, laws={1: K}), r"laws: names are text; put 1 in quotes$"),
+    (changed(plant={"kind": "compliant", "duty": 3}), r"plant.duty: must lie in -1 … 1, got 3\.0$"),
+    (changed(plant={"kind": "compliant", "mode": "theta_gc"}),
+     r"plant.mode: unknown name 'theta_gc'; did you mean 'THETA_GC'\? \(allowed: OFF, "),
     (changed(plant={"kind": "compliant", "accurate": "yes"}), r"plant.accurate: expected true or false, got 'yes'$"),
 ]  # fmt: skip
 

@@ -89,6 +89,27 @@ def test_modes_that_do_not_follow_angles_have_none():
         assert CompliantPlant(mode=mode).linear_model(robot, q0, 0.008) is None
 
 
+@pytest.mark.parametrize("stiffness", [0.0, [0.0, 1, 1, 1, 1, 1, 1]])
+def test_joints_that_commands_do_not_move_have_none_and_the_arm_runs(stiffness):
+    """Its own weight is held by the model of gravity, as far as the torque loops make of it."""
+    robot, q0 = dqc.load_robot("meka-a2"), STARTS["meka-a2"]
+    plant = CompliantPlant(stiffness=stiffness)
+    model = plant.linear_model(robot, q0, 0.008)
+    assert model is None or np.isfinite(model.transition).all()
+    if stiffness == 0.0:
+        assert model is None
+    record = dqc.simulate(
+        robot,
+        dqc.references.SetPoint(robot.fkm(q0)),
+        dqc.laws.Proportional(gain=1.0),
+        plant,
+        q0,
+        0.008,
+        duration=0.2,
+    )
+    assert record.stopped == "duration"
+
+
 def test_check_judges_compliant_arms():
     spec = {
         "name": "shaking",

@@ -84,6 +84,17 @@ def test_an_unknown_payload_hangs_on_the_hand_for_a_while():
     assert np.abs(live.q - QI).max() < 1e-4
 
 
+def test_payloads_come_and_go_one_by_one():
+    plant = CompliantPlant(payload=[Payload(mass=0.3, until=0.4), Payload(mass=0.5, begin=0.2, until=0.8)])
+    live = plant.start(IIWA, QI, T, 0, 0)
+    whole, carried = live.model.body_mass.sum(), []
+    for _ in range(5):
+        rest(live, 0.2)
+        carried.append(reading(live, "payload")[0])
+        assert live.model.body_mass.sum() == pytest.approx(whole + carried[-1])
+    assert carried == pytest.approx([0.3, 0.8, 0.5, 0.5, 0.0])
+
+
 def test_the_wrist_feels_the_hand_the_payload_and_the_push():
     plant = CompliantPlant(
         mode="THETA",
@@ -246,6 +257,7 @@ def test_what_the_arm_senses_is_recorded_and_saved(tmp_path):
         ({"pushes": [{"time": 0, "duration": 1, "force": [0, 0, 1], "point": "elbow"}]}, "hand, or link"),
         ({"payload": {"mass": 0}}, "payload.mass: expected .* > 0"),
         ({"payload": {"mass": 1, "begin": 0}}, "payload: unknown key 'begin'"),
+        ({"payload": [{"mass": 1}, {"mass": 0}]}, r"payload\[1\].mass: expected .* > 0"),
         ({"encoder_losses": [{"time": 0, "duration": 1, "joint": 0}]}, "joint: expected .* >= 1"),
     ],
 )

@@ -64,9 +64,20 @@ def test_forward_kinematics_is_the_robots_own(name, springs):
 
 LINKS = {
     "meka-a2": [2.031, 0.566, 2.296, 0.223, 1.473, 0.241, 0.09],
-    "iiwa7": [3.394011, 4.031991, 3.394011, 4.031989, 1.529239, 2.403626, 0.259474],  # 23.900 less the base's 4.855658
+    "iiwa7": [
+        3.394011,
+        4.031991,
+        3.394011,
+        4.031989,
+        1.529239,
+        2.403626,
+        0.259474,
+    ],  # 23.900 less the base's 4.855658
 }
-HANDS = {"H2R3": (0.838, [-0.00286004, 0.00206754, 0.06242752]), "ma17": (0.9, [-0.00286004, 0.00206754, 0.1])}
+HANDS = {
+    "H2R3": (0.838, [-0.00286004, 0.00206754, 0.06242752]),
+    "ma17": (0.9, [-0.00286004, 0.00206754, 0.1]),
+}
 
 
 @pytest.mark.parametrize(
@@ -146,9 +157,7 @@ def test_accurate_steps_keep_the_energy_of_free_undamped_motion(name, springs, h
     robot = load_robot(name)
     file = load_controllers(robot)
     actuation = undamped(file.actuation(springs))
-    model = elastic_model(
-        robot, actuation, hand=file.hand(hand), accurate=True, stops=False
-    )
+    model = elastic_model(robot, actuation, hand=file.hand(hand), accurate=True, stops=False)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
     data.qpos[:7] = Q0[name]

@@ -71,7 +71,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     pushes
         Forces from outside.
     payload
-        A mass at the hand that the controllers do not know.
+        Masses at the hand that the controllers do not know.
     payload_compensation
         That they weigh it with the wrist sensor, and carry it.
     obstacles
@@ -113,7 +113,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     torque: Annotated[float | list[float], Meta(description="N·m")] = 0.0
     duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
-    payload: Payload | None = None
+    payload: Payload | list[Payload] | None = None
     payload_compensation: PayloadCompensation | None = None
     obstacles: Annotated[list[Obstacle], Meta(max_length=100)] = []
     encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
@@ -165,9 +165,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
-        """Return all joints together, without gravity, limits and integrals; None in modes that do not follow angles.
+        """Return all joints together, without gravity, limits and integrals; None where they do not follow angles.
 
-        Those of minimum jerk plan anew at each command, which is not linear.
+        So it is in some modes, and without stiffness. Modes of minimum jerk plan anew at each command: not linear.
         """
         from dqcontrol.plants import compliant_linear
 

@@ -46,8 +46,10 @@ _WITHOUT: dict[str, Any] = {
 _LIMITS = [of.SLEW, of.MAX_TORQUE, of.MAX_CURRENT, of.UPPER]
 
 
-def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel:
+def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
     """Return all joints together: what a period makes of small changes of state and commands about rest at q0.
+
+    None if commands do not move the joints, as without stiffness.
 
     Left out: gravity, steps and noise of sensors, loads, contacts, limits, and the joint controllers' integrals, which
     bear their share of gravity at their limits.

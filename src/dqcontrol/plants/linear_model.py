@@ -45,11 +45,12 @@ class LinearModel:
         closed = self.transition - np.asarray(gains)[..., None, None] * feedback
         return np.linalg.eigvals(closed).astype(np.complex128)
 
-    def reduced(self) -> LinearModel:
+    def reduced(self) -> LinearModel | None:
         """Return a model that answers inputs in the same way with as few states as that takes.
 
-        The states that inputs hardly reach, or measurements hardly see, within a number of periods are left out: those
-        of small singular values of the Hankel matrix (Ho and Kalman 1966, Kung 1978).
+        None if some measurements stay where they are whatever the inputs. The states that inputs hardly reach, or
+        measurements hardly see, within a number of periods are left out: those of small singular values of the Hankel
+        matrix (Ho and Kalman 1966, Kung 1978).
         """
         outputs = self.inputs.shape[1]
         # Discounted, lest an unstable state hide all others.
@@ -64,6 +65,8 @@ class LinearModel:
         root = np.sqrt(sizes[:count])
         into, out_of = left[:, :count].T @ observed / root[:, None], driven @ right[:count].T / root
         measured = out_of[:outputs]
+        if np.linalg.matrix_rank(measured) < outputs:
+            return None
         unseen = np.linalg.svd(measured)[2][outputs:]
         basis = np.vstack([measured, unseen])  # so that the measurements are the first entries
         into, out_of = basis @ into, np.linalg.solve(basis.T, out_of.T).T

@@ -99,12 +99,14 @@ def push_table(pushes: list[Push], bodies: dict[str, int]) -> Array:
     return rows
 
 
-def payload_table(payload: Payload | None) -> Array:
+def payload_table(payload: Payload | list[Payload] | None) -> Array:
     """Return the rows [from, until, mass], shape (N, 3), or name what does not fit."""
-    if payload is None:
-        return np.zeros((0, 3))
-    start, end = span("plant.payload", payload.begin, payload.until)
-    return np.array([[start, end, as_positive("plant.payload.mass", payload.mass)]])
+    payloads = [payload] if isinstance(payload, Payload) else payload or []
+    rows = np.zeros((len(payloads), 3))
+    for row, each in zip(rows, payloads, strict=True):
+        row[:2] = span("plant.payload", each.begin, each.until)
+        row[2] = as_positive("plant.payload.mass", each.mass)
+    return rows
 
 
 def span(field: str, begin: float, until: float | None) -> tuple[float, float]:
