@@ -134,6 +134,14 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         _within("torque", self.torque, -1e4, 1e4)
         _within("duty", self.duty, -1, 1)
         as_array("plant.gravity", self.gravity, (3,))
+        _of_kind("hand", self.hand, bool, str)
+        _of_kind("payload_compensation", self.payload_compensation, PayloadCompensation, type(None))
+        _of_kind("wrist_fault", self.wrist_fault, WristFault, type(None))
+        _list_of("pushes", self.pushes, Push)
+        _list_of("obstacles", self.obstacles, Obstacle)
+        _list_of("encoder_losses", self.encoder_losses, EncoderLoss)
+        if not isinstance(self.payload, Payload | None):
+            _list_of("payload", self.payload, Payload)
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
 
@@ -174,6 +182,19 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return (
             compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
         )
+
+
+def _of_kind(field: str, value: Any, *kinds: type) -> None:
+    if not isinstance(value, kinds):
+        names = " or ".join("None" if kind is type(None) else kind.__name__ for kind in kinds)
+        raise ShapeError(f"plant.{field}: expected {names}, got {value!r:.80}")
+
+
+def _list_of(field: str, value: Any, kind: type) -> None:
+    if not isinstance(value, list | tuple):
+        raise ShapeError(f"plant.{field}: expected a list of {kind.__name__}, got {value!r:.80}")
+    for i, part in enumerate(value):
+        _of_kind(f"{field}[{i}]", part, kind)
 
 
 def _within(field: str, value: Any, lower: float, upper: float) -> None:
