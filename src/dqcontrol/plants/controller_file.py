@@ -21,6 +21,7 @@ _OURS = Path(__file__).parent / "controllers"
 SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad
 
 Stiffness = Annotated[float, Meta(ge=SOFTEST, le=STIFFEST, description="N·m/rad")]
+Bias = tuple[float, float, float]
 Springs = Annotated[list[Stiffness | None], Meta(min_length=1, max_length=1000)]
 
 
@@ -31,13 +32,13 @@ class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 class Motor(_Part, frozen=True, kw_only=True):
     """Motor, gear and amplifier."""
 
-    rotor_inertia: Annotated[float, Meta(gt=0, le=1e3, description="with the gear, kg m²")]
-    friction: Annotated[float, Meta(ge=0, le=1e4, description="viscous, N·m·s/rad")]
-    torque_constant: Annotated[float, Meta(gt=0, le=1e5, description="with the gear, N·m/A")]
+    rotor_inertia: Annotated[float, Meta(gt=0, le=1e3, description="of the motor, with the gear, kg m²")]
+    friction: Annotated[float, Meta(ge=0, le=1e4, description="viscous, on the rotor, N·m·s/rad")]
+    torque_constant: Annotated[float, Meta(gt=0, le=1e5, description="of the motor, with the gear, N·m/A")]
     resistance: Annotated[float, Meta(gt=0, le=1e4, description="of the winding, Ω")]
     voltage: Annotated[float, Meta(gt=0, le=1e3, description="of the supply, V")]
     max_duty: Annotated[float, Meta(gt=0, le=1, description="largest share of the voltage in mode PWM")]
-    max_current: Annotated[float, Meta(gt=0, le=1e4, description="A")]
+    max_current: Annotated[float, Meta(gt=0, le=1e4, description="that the amplifier gives, A")]
     nominal_current: Annotated[float, Meta(gt=0, le=1e4, description="that the motor bears for ever, A")]
     thermal_time: Annotated[float, Meta(gt=0, le=1e5, description="time constant of the winding's heat, s")]
     overload_time: Annotated[float, Meta(gt=0, le=1e3, description="that the motor may stay too hot, s")]
@@ -48,27 +49,27 @@ class Range(_Part, frozen=True, kw_only=True):
 
     lower: Annotated[float, Meta(ge=-100, le=100, description="min_q, rad")]
     upper: Annotated[float, Meta(ge=-100, le=100, description="max_q, rad")]
-    slew_rate: Annotated[float, Meta(gt=0, le=100, description="largest of the reference, rad/s")]
+    slew_rate: Annotated[float, Meta(gt=0, le=100, description="of the reference at most, rad/s")]
     torque: Annotated[float, Meta(gt=0, le=1e4, description="largest desired torque, N·m")]
 
 
 class PositionLoop(_Part, frozen=True, kw_only=True):
     """PID from angle to torque, of the modes THETA_GC and THETA_GC_MJ."""
 
-    k_p: Annotated[float, Meta(ge=0, le=1e6, description="N·m/rad")]
-    k_i: Annotated[float, Meta(ge=0, le=1e7, description="N·m/(rad·s)")] = 0.0
-    k_d: Annotated[float, Meta(ge=0, le=1e5, description="N·m·s/rad")] = 0.0
-    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="N·m")] = 0.0
+    k_p: Annotated[float, Meta(ge=0, le=1e6, description="of the angle's error, N·m/rad")]
+    k_i: Annotated[float, Meta(ge=0, le=1e7, description="of its integral, N·m/(rad·s)")] = 0.0
+    k_d: Annotated[float, Meta(ge=0, le=1e5, description="of the measured velocity, N·m·s/rad")] = 0.0
+    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="of the integral's torque, N·m")] = 0.0
     integral_range: Annotated[float, Meta(ge=0, le=1e3, description="error that is integrated, rad")] = 0.0
 
 
 class TorqueLoop(_Part, frozen=True, kw_only=True):
     """PID from spring torque to current, with a feed-forward share of the desired torque."""
 
-    k_p: Annotated[float, Meta(ge=0, le=1e4, description="A/(N·m)")] = 0.0
-    k_i: Annotated[float, Meta(ge=0, le=1e6, description="A/(N·m·s)")] = 0.0
-    k_d: Annotated[float, Meta(ge=0, le=1e3, description="A·s/(N·m)")] = 0.0
-    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="A")] = 0.0
+    k_p: Annotated[float, Meta(ge=0, le=1e4, description="of the torque's error, A/(N·m)")] = 0.0
+    k_i: Annotated[float, Meta(ge=0, le=1e6, description="of its integral, A/(N·m·s)")] = 0.0
+    k_d: Annotated[float, Meta(ge=0, le=1e3, description="of the measured torque's rate, A·s/(N·m)")] = 0.0
+    integral_limit: Annotated[float, Meta(ge=0, le=1e4, description="of the integral's current, A")] = 0.0
     integral_range: Annotated[float, Meta(ge=0, le=1e5, description="error that is integrated, N·m")] = 0.0
     feedforward: Annotated[float, Meta(ge=0, le=2, description="share of desired torque / torque constant")]
 
@@ -76,26 +77,26 @@ class TorqueLoop(_Part, frozen=True, kw_only=True):
 class AngleServo(_Part, frozen=True, kw_only=True):
     """Position servo on the motor's angle, of the modes THETA and THETA_MJ."""
 
-    bandwidth: Annotated[float, Meta(gt=0, le=50, description="Hz")]
-    damping_ratio: Annotated[float, Meta(ge=0, le=10, description="ζ")]
+    bandwidth: Annotated[float, Meta(gt=0, le=50, description="at the start configuration, Hz")]
+    damping_ratio: Annotated[float, Meta(ge=0, le=10, description="ζ of the same")]
 
 
 class Sensors(_Part, frozen=True, kw_only=True):
     """Encoder and torque sensor, and the third-order Butterworth filters behind them."""
 
-    angle_resolution: Annotated[float, Meta(ge=0, le=1, description="rad; 0 for none")]
-    torque_resolution: Annotated[float, Meta(ge=0, le=1e3, description="N·m; 0 for none")]
-    angle_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
-    velocity_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
-    torque_rate_cutoff: Annotated[float, Meta(gt=0, le=450, description="Hz")]
+    angle_resolution: Annotated[float, Meta(ge=0, le=1, description="step of the encoder, rad; 0 for none")]
+    torque_resolution: Annotated[float, Meta(ge=0, le=1e3, description="step of the sensor, N·m; 0 for none")]
+    angle_cutoff: Annotated[float, Meta(gt=0, le=450, description="of the angle's filter, Hz")]
+    velocity_cutoff: Annotated[float, Meta(gt=0, le=450, description="of the velocity's filter, Hz")]
+    torque_rate_cutoff: Annotated[float, Meta(gt=0, le=450, description="of the torque rate's filter, Hz")]
 
 
 class JointControl(_Part, frozen=True, kw_only=True):
     """One joint."""
 
-    name: Annotated[str, Meta(min_length=1)]
+    name: Annotated[str, Meta(min_length=1, description="as in the robot's file, in the same order")]
     motor: Motor
-    spring_damping: Annotated[float, Meta(ge=0, le=1e4, description="N·m·s/rad")]
+    spring_damping: Annotated[float, Meta(ge=0, le=1e4, description="beside the spring, N·m·s/rad")]
     range: Range
     position_loop: PositionLoop
     torque_loop: TorqueLoop
@@ -109,8 +110,8 @@ class WristSensor(_Part, frozen=True, kw_only=True):
     cutoff: Annotated[float, Meta(gt=0, le=450, description="of its filter, Hz")]
     force_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N")]
     torque_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N·m")]
-    force_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    torque_bias: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    force_bias: Annotated[Bias, Meta(description="three numbers, N")] = (0.0, 0.0, 0.0)
+    torque_bias: Annotated[Bias, Meta(description="three numbers, N·m")] = (0.0, 0.0, 0.0)
 
 
 class Safety(_Part, frozen=True, kw_only=True):
@@ -123,15 +124,20 @@ class Safety(_Part, frozen=True, kw_only=True):
 class ControllerFile(_Part, frozen=True, kw_only=True):
     """A controller file: an arm's joints at 1 kHz."""
 
-    robot: Annotated[str, Meta(min_length=1)]
-    description: str = ""
-    sources: list[str] = []
-    springs: Annotated[dict[str, Springs], Meta(min_length=1)]
-    hands: dict[str, JointInertia] = {}
+    robot: Annotated[str, Meta(min_length=1, description="that the controllers are for")]
+    description: Annotated[str, Meta(description="of the file")] = ""
+    sources: Annotated[list[str], Meta(description="where the numbers are from")] = []
+    springs: Annotated[
+        dict[str, Springs],
+        Meta(min_length=1, description="presets by name: N·m/rad for each joint, null for a rigid one"),
+    ]
+    hands: Annotated[dict[str, JointInertia], Meta(description="by name: a body in the tool's frame")] = {}
     wrist_sensor: WristSensor
     safety: Safety
     ramp_time: Annotated[float, Meta(gt=0, le=100, description="of a mode change, s")]
-    joints: Annotated[list[JointControl], Meta(min_length=1, max_length=1000)]
+    joints: Annotated[
+        list[JointControl], Meta(min_length=1, max_length=1000, description="one by one: below")
+    ]
 
     def column(self, *path: str) -> Array:
         """Return one number of every joint, shape (n,), as ``column("motor", "friction")``."""
