@@ -272,6 +272,7 @@ def test_units_of_parameters_come_from_their_descriptions():
     assert with_unit("laws.*.gain") == "laws.*.gain [1/s]"
     assert with_unit("error_weight") == "error_weight"
     assert parameter_unit("plant.encoder_noise") == "rad or m"
-    assert parameter_unit("plants.servo.stiffness") == "N·m/rad or N/m"
+    assert parameter_unit("plants.servo.delay") == "s"
+    assert parameter_unit("plants.servo.stiffness") == ""  # N·m/rad of servos, but a share of compliant arms
     assert parameter_unit("stiffness") == "1/s²"
     assert parameter_unit("no.such.key") == ""

@@ -32,6 +32,8 @@ def parameter_unit(key: str) -> str:
         kinds = [inner for kind in kinds for inner in _below(kind, part)]
     descriptions = (text for kind in kinds for text in _descriptions(kind))
     units = {text.partition(";")[0].rpartition(", ")[2] for text in descriptions}
+    if any(" … " in unit for unit in units):  # a share: no unit, whatever others of that name have
+        return ""
     widest = max((unit for unit in units if _UNIT.fullmatch(unit)), key=len, default="")
     return widest if all(unit in widest for unit in units if _UNIT.fullmatch(unit)) else ""
 

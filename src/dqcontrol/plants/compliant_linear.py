@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MODES = ("THETA", "THETA_GC")  # those that follow a commanded angle at once
+_HORIZON = 0.2  # s, in which what matters of a state is seen: more than a spring's or a filter's time
 _CHANGE = 1e-5  # rad, rad/s, N·m
 _REMEMBERED = [  # by each joint controller from one period to the next; the measured angle first
     of.ANGLE,
@@ -81,7 +82,7 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     return LinearModel(
         _slopes(lambda change: period(change, idle), size),
         _slopes(lambda command: period(none, command), n),
-    ).reduced()
+    ).reduced(round(_HORIZON / dt))
 
 
 def _slopes(function: Callable[[Array], Array], size: int) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-_HORIZON = 24  # periods in which what matters of a state is seen
+_EACH = 24  # periods of a horizon that are looked at one by one, and again as many spread over the rest
 _LEAST = 1e-10  # of the largest Hankel singular value
 
 
@@ -45,20 +45,28 @@ class LinearModel:
         closed = self.transition - np.asarray(gains)[..., None, None] * feedback
         return np.linalg.eigvals(closed).astype(np.complex128)
 
-    def reduced(self) -> LinearModel | None:
+    def reduced(self, horizon: int) -> LinearModel | None:
         """Return a model that answers inputs in the same way with as few states as that takes.
 
         None if some measurements stay where they are whatever the inputs. The states that inputs hardly reach, or
-        measurements hardly see, within a number of periods are left out: those of small singular values of the Hankel
-        matrix (Ho and Kalman 1966, Kung 1978).
+        measurements hardly see, within a horizon are left out: those of small singular values of the Hankel matrix (Ho
+        and Kalman 1966, Kung 1978).
+
+        Parameters
+        ----------
+        horizon
+            Number of periods in which what matters of a state is seen.
         """
         outputs = self.inputs.shape[1]
         # Discounted, lest an unstable state hide all others.
         transition = self.transition / max(1.0, np.abs(np.linalg.eigvals(self.transition)).max())
         seen, reached = [np.eye(outputs, len(self.transition))], [self.inputs]
-        for _ in range(1, _HORIZON):
-            seen.append(seen[-1] @ transition)
-            reached.append(transition @ reached[-1])
+        later = np.geomspace(_EACH, max(_EACH, horizon), _EACH).round().astype(int)
+        times = np.union1d(np.arange(_EACH), later[later < horizon])
+        for passed in np.diff(times):
+            step = np.linalg.matrix_power(transition, passed)
+            seen.append(seen[-1] @ step)
+            reached.append(step @ reached[-1])
         observed, driven = np.vstack(seen), np.hstack(reached)
         left, sizes, right = np.linalg.svd(observed @ driven)
         count = int(np.count_nonzero(sizes > _LEAST * sizes[0]))
