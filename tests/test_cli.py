@@ -220,7 +220,7 @@ def test_malformed_files(here, capsys, name, text, message):
         (["run"], "SPEC"),
         (["run", "missing.yaml"], "missing.yaml: cannot be read"),
         (["compare"], "give at least one folder"),
-        (["compare", "nowhere"], "nowhere: is no folder of a run"),
+        (["compare", "nowhere"], "nowhere: does not exist"),
         (["robots", "show", "iwa7"], "did you mean 'iiwa7'"),
         (["robots", "show", "bad.urdf"], "bad.urdf"),
         (["rn", "spec.yaml"], "rn"),

@@ -113,7 +113,7 @@ def test_export_writes_every_format_and_overwrites_only_by_force(here, monkeypat
             "export run out.xls",
             "out.xls: suffix: unknown name '.xls'; did you mean '.csv'? (allowed: .csv, .mat, .parquet)",
         ),
-        ("export nothing out.csv", "nothing: is no folder of a run"),
+        ("export nothing out.csv", "nothing: does not exist"),
     ],
 )
 def test_a_mistake_gives_one_line_and_exit_code_2(here, monkeypatch, capsys, arguments, message):

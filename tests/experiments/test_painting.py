@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from dqcontrol import algebra, cli
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError
 from dqcontrol.experiments.painting import START, paint
+from dqcontrol.loop import load_metadata
 from dqcontrol.view.light_painting import light_painting, painting_clip
 
 DRAWINGS = Path(__file__).parents[2] / "examples/drawings"
@@ -68,6 +70,8 @@ def test_command_paints_a_text_drawing(tmp_path, monkeypatch, capsys):
     assert "panda" in capsys.readouterr().out.lower()
     files = {path.name for path in (tmp_path / "results/light-bulb").iterdir() if path.suffix}
     assert {"painting.png", "painting.gif", "record.mcap"} <= files
+    spec = load_metadata(tmp_path / "results/light-bulb/record.mcap")["spec"]
+    assert yaml.safe_load(spec) == {"robot": "panda"}  # what `dqcontrol view` asks for
 
 
 def test_picture_and_clip_show_only_what_is_lit(two_lines, tmp_path):

@@ -1,6 +1,7 @@
 """Reports of runs and studies: what they say of a run, and the line that gives it again, pasted as it stands."""
 
 import shlex
+import shutil
 import sys
 from dataclasses import replace
 from html import unescape
@@ -64,9 +65,10 @@ def plain(monkeypatch):
 def test_the_line_of_a_run_gives_it_again(run, tmp_path, monkeypatch):
     first = run.save(tmp_path / "first run")
     line = paste(first / "report.html", monkeypatch, first)
-    assert line == "dqcontrol run spec.yaml --out again"
-    assert (first / "again/metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
-    np.testing.assert_array_equal(load_run(first / "again").q, run.q)
+    assert line == "dqcontrol run spec.yaml --out ../again"
+    assert (tmp_path / "again/metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
+    np.testing.assert_array_equal(load_run(tmp_path / "again").q, run.q)
+    run.save(first, force=True)  # nothing foreign lies there now
     page = (first / "report.html").read_text(encoding="utf-8")
     assert "<td>seed</td><td>7</td>" in page
     assert "<td>numpy</td>" in page
@@ -79,7 +81,11 @@ def test_the_line_of_a_study_gives_it_again_and_its_page_leads_to_the_runs(tmp_p
     first = tmp_path / "study"
     run_study_to(spec | {"laws": laws}, first)
     paste(first / "report.html", monkeypatch, first)
-    assert (first / "again/table.csv").read_bytes() == (first / "table.csv").read_bytes()
+    assert (tmp_path / "again/table.csv").read_bytes() == (first / "table.csv").read_bytes()
+    shutil.rmtree(tmp_path / "again")
+    paste(first / "fast-servo/report.html", monkeypatch, first / "fast-servo")
+    assert (tmp_path / "again/metrics.json").read_bytes() == (first / "fast-servo/metrics.json").read_bytes()
+    run_study_to(spec | {"laws": laws}, first, force=True)  # nothing foreign lies there now
     page = (first / "report.html").read_text(encoding="utf-8")
     assert '<a href="fast-servo/report.html">fast · servo</a>' in page
     assert (first / "fast-servo/report.html").is_file()
@@ -94,8 +100,8 @@ def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
         SPEC | {"sweep": {"method": "sobol", "points": 4, "over": over}}, tmp_path / "sweep", by="effort"
     )
     line = paste(tmp_path / "sweep/report.html", monkeypatch, tmp_path / "sweep")
-    assert line == "dqcontrol sweep spec.yaml --by effort --out again"
-    assert (tmp_path / "sweep/again/best.csv").read_bytes() == (tmp_path / "sweep/best.csv").read_bytes()
+    assert line == "dqcontrol sweep spec.yaml --by effort --out ../again"
+    assert (tmp_path / "again/best.csv").read_bytes() == (tmp_path / "sweep/best.csv").read_bytes()
 
 
 @pytest.mark.usefixtures("plain")
@@ -256,7 +262,7 @@ def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch
     assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 in of 300 dots
     for words, message in (
         ("figures", "give at least one folder"),
-        ("figures nowhere --out other", "is no folder of a run"),
+        ("figures nowhere --out other", "nowhere: does not exist"),
         ("figures run --format gif --out other", "gif"),
         ("figures run", "figures: exists"),
     ):

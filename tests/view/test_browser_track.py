@@ -12,7 +12,7 @@ from dqcontrol.errors import FileFormatError
 from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 from dqcontrol.view.browser import Track
-from dqcontrol.view.browser.layout import extent, places, viewpoint
+from dqcontrol.view.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.view.browser.numbers import numbers
 from dqcontrol.view.browser.shapes import robot_shapes
 from dqcontrol.view.browser.track import wheel_angles
@@ -230,3 +230,11 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     corners = np.array(np.meshgrid(*zip(box.lower, box.upper, strict=True))).reshape(3, -1).T
     assert (np.diff(apart @ right) > np.ptp(corners @ right)).all()
     assert apart @ ahead == pytest.approx(np.zeros(3), abs=1e-12)
+
+    assert step_back(apart, box, 9 * (position - middle)) == 1
+    row = places(8, box, position - middle)
+    farther = step_back(row, box, position - middle)
+    offset = (corners - middle + row[:, None]).reshape(-1, 3)
+    depth = farther * np.linalg.norm(ahead) + offset @ ahead / np.linalg.norm(ahead)
+    widest = np.abs(offset @ right / depth).max()
+    assert widest == pytest.approx(1.25 * np.tan(FIELD / 2))  # at the edge of a scene 5 : 4

@@ -125,7 +125,7 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
     assert image(tmp_path / "run.gif").n_frames == 3
     with pytest.raises(ExistsError, match="exists already"):
         clip(tmp_path / "run", tmp_path / "run.gif")
-    with pytest.raises(FileFormatError, match="is no folder of a run"):
+    with pytest.raises(FileFormatError, match=r"is no folder of a run, but holds runs: give .*run$"):
         clip(tmp_path, tmp_path / "other.gif")
 
 

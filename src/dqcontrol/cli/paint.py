@@ -40,6 +40,8 @@ def paint(
     plane
         xy, xz or yz: how the paper lies.
     """
+    import yaml
+
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments import evaluate
     from dqcontrol.experiments.output import check_new, new_folder
@@ -53,11 +55,12 @@ def paint(
         q = [float(word) for word in start.split(",")] if start else None
     except ValueError:
         raise ValueRangeError(f"start: expected numbers with commas, got '{start}'") from None
+    source = str(Path(robot).resolve()) if Path(robot).is_file() else robot  # for `dqcontrol view`
     done = painted(drawing, robot, q, width=width, speed=speed, plane=plane)
     with new_folder(folder, force=force) as new:
         light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
         painting_clip(done.record, new / "painting.gif", done.lit)
-        save_record(done.record, new / "record.mcap")
+        save_record(done.record, new / "record.mcap", yaml.safe_dump({"robot": source}))
     across, up = (1e3 * side for side in done.size)
     print(f"{done.robot.name}: {across:.0f} × {up:.0f} mm in {done.record.duration:.0f} s")
     print(f"RMS error of the hand: {evaluate(done.record).position.rms:.2f} mm")

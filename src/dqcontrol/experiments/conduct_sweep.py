@@ -14,7 +14,7 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments.cells import Cell, Verdict
 from dqcontrol.experiments.comparison import write_table
 from dqcontrol.experiments.metric_tables import number_column
-from dqcontrol.experiments.output import MARK, check_new, new_folder
+from dqcontrol.experiments.output import MARK, OUTSIDE, check_new, new_folder
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.provenance import AGAIN, command, origins
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
@@ -188,7 +188,7 @@ def _write_best(ranking: Ranking, spec: str, new: Path) -> None:
         new,
         str(data["name"]),
         facts=f"{count:,} points, ranked by {ranking.by}",
-        command=command("sweep", MARK, by=ranking.by, out=AGAIN),
+        command=command("sweep", MARK, by=ranking.by, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
         tables=[table],
         figures=figures,

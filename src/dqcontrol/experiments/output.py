@@ -13,6 +13,7 @@ from pathlib import Path
 from dqcontrol.errors import Error, ExistsError, ValueRangeError
 
 MARK = "spec.yaml"  # every folder of results holds what it came from
+OUTSIDE = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
 _LONGEST = 200  # bytes of a name; file systems take 255
 _CONTENTS = ".dqcontrol-results"  # and the list of all that was written
 

@@ -19,7 +19,7 @@ from dqcontrol.errors import LimitWarning, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.lyapunov import with_certificate
 from dqcontrol.experiments.metrics import Metrics, evaluate
-from dqcontrol.experiments.output import new_folder
+from dqcontrol.experiments.output import OUTSIDE, new_folder
 from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
 from dqcontrol.experiments.task_range import with_range
@@ -151,12 +151,12 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path) -> None:
-        """Write the files of `save` into an existing folder."""
+    def write(self, folder: Path, outside: str = OUTSIDE) -> None:
+        """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         from dqcontrol.experiments.run_report import write_run_report
 
         self.write_data(folder)
-        write_run_report(self, folder)
+        write_run_report(self, folder, outside)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""

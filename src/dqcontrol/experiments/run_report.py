@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.lyapunov import Certificate
 from dqcontrol.experiments.metric_tables import metrics_tables
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.output import MARK, OUTSIDE
 from dqcontrol.experiments.provenance import AGAIN, command, evaluation_command, origins
 from dqcontrol.experiments.run import Run, units_of
 from dqcontrol.experiments.verdicts import interventions_tables, run_verdicts
@@ -28,8 +28,11 @@ def figures_of(run: Run) -> dict[str, Figure]:
     return _figures(run, Certificate.recorded(run.record))
 
 
-def write_run_report(run: Run, folder: Path) -> None:
-    """Write ``report.html`` and the figures of a run as PNG files into an existing folder."""
+def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
+    """Write ``report.html`` and the figures of a run as PNG files into an existing folder.
+
+    ``outside`` leads from there out of all results.
+    """
     from dqcontrol.view import save_figures, timing_table, write_report
     from dqcontrol.view.figure_files import laid_out
 
@@ -46,7 +49,7 @@ def write_run_report(run: Run, folder: Path) -> None:
             run.label,
             facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
             notice=f"The run {stopped}" if has_failed(stopped) else "",
-            command=_command(run, data),
+            command=_command(run, data, outside),
             verdicts=[run_verdicts(run, certificate)],
             tables=tables,
             figures=figures,
@@ -70,10 +73,10 @@ def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
     return {name: each() for name, each in draw.items()}
 
 
-def _command(run: Run, data: dict[str, Any]) -> str:
+def _command(run: Run, data: dict[str, Any], outside: str) -> str:
     """Return the line that gives the run again; none of one that somebody's hand or another process drove."""
     if "evaluation" in data:
         return evaluation_command(data["evaluation"])
     if run.expected is None:
         return ""
-    return command("run", MARK, real_time=run.timing is not None, out=AGAIN)
+    return command("run", MARK, real_time=run.timing is not None, out=f"{outside}/{AGAIN}")

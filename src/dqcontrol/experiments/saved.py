@@ -27,9 +27,7 @@ def load_run(folder: str | Path) -> Run:
     """
     path = Path(folder)
     if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
-        raise FileFormatError(
-            f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
-        )
+        raise FileFormatError(_why_no_run(path))
     text = read_text(path / MARK)
     if "evaluation:" in text.splitlines():
         return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
@@ -45,6 +43,16 @@ def load_run(folder: str | Path) -> Run:
         f"{law} · {plant}",
         spec.judged,
     )
+
+
+def _why_no_run(path: Path) -> str:
+    if not path.exists():
+        return f"{path}: does not exist"
+    if runs := [run.name for run in _run_folders(path) if run != path]:
+        return f"{path}: is no folder of a run, but holds runs: give {path / runs[0]}" + " or another" * (
+            len(runs) > 1
+        )
+    return f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
 
 
 def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
 from dqcontrol.experiments.noise import noise_model
-from dqcontrol.experiments.output import MARK, folder_names, new_folder
+from dqcontrol.experiments.output import MARK, OUTSIDE, folder_names, new_folder
 from dqcontrol.experiments.repeat_tables import (
     confidence_table,
     differences_table,
@@ -117,7 +117,7 @@ class Study:
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
             for label, name in names.items():
                 (new / name).mkdir()
-                self.runs[label].write(new / name)
+                self.runs[label].write(new / name, f"{OUTSIDE}/{OUTSIDE}")
             if not names:
                 self._write_trials(new)
             records = {label: self.runs[label].record for label in names} or self._first_repeats()

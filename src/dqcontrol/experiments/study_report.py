@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.cells import Cell, Verdict
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.output import MARK, OUTSIDE
 from dqcontrol.experiments.provenance import AGAIN, command, origins
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.study import Study, by_label
@@ -49,7 +49,7 @@ def write_study_report(
         study.name,
         facts=f"{len(study.rows)} runs" if len(study.rows) > 1 else "1 run",
         notice="; ".join(study.failures()),
-        command=command("run", MARK, out=AGAIN),
+        command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
         figures=figures,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -131,7 +133,7 @@ class Robot(InverseKinematics):
         lines = ["| joint | type | lower | upper | velocity |", "|:--|:--|--:|--:|--:|"]
         for joint in about.joints:
             unit = "°" if joint.type == "revolute" else " m"
-            ends = [f"{end:.4g}{unit}" for end in (joint.lower, joint.upper)]
+            ends = [f"{end:.4g}{unit}" if math.isfinite(end) else "–" for end in (joint.lower, joint.upper)]
             speed = "–" if joint.velocity is None else f"{joint.velocity:.4g}{unit}/s"
             lines.append(f"| {joint.name} | {joint.type} | {' | '.join(ends)} | {speed} |")
         return "\n".join([f"**{about.name}**: reach {about.reach:.3g} m{mass}", "", *lines])

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 _MOMENTS = 12  # of a run that are looked at
 _BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path
 _UP = 0.42
+FIELD = 0.7  # rad; of view, from bottom to top
+_ASPECT = 1.25  # of the scene beside the controls, about
 
 
 class Extent(NamedTuple):
@@ -63,8 +65,31 @@ def places(count: int, box: Extent, towards: Array) -> Array:
     towards
         Direction from what is looked at to the viewer, shape (3,), not vertical.
     """
-    right = np.array([-towards[1], towards[0], 0.0])
-    right /= np.linalg.norm(right)
+    right = _right(towards)
     width = float(np.abs(right) @ (box.upper - box.lower))
     out: Array = np.outer(np.arange(count) - (count - 1) / 2, (width + 0.1 * box.size) * right)
     return out
+
+
+def step_back(apart: Array, box: Extent, towards: Array) -> float:
+    """Return how many times as far off the viewer must stand to see all runs side by side; at least 1.
+
+    Parameters
+    ----------
+    apart
+        Displacements of the runs, as `places` gives them.
+    box, towards
+        As for `places`; ``towards`` as long as the viewer is off.
+    """
+    half = (box.upper - box.lower) / 2
+    signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    corners = (apart[:, None] + signs * half).reshape(-1, 3)
+    distance = float(np.linalg.norm(towards))
+    across = np.abs(corners @ _right(towards)) / (_ASPECT * np.tan(FIELD / 2))
+    return max(1.0, float((across + corners @ towards / distance).max()) / distance)
+
+
+def _right(towards: Array) -> Array:
+    """Return the viewer's direction to the right, horizontal, of length 1."""
+    right = np.array([-towards[1], towards[0], 0.0])
+    return right / np.linalg.norm(right)

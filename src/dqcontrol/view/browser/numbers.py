@@ -36,7 +36,7 @@ def _block(label: str, css: str, reading: Reading) -> str:
         rows.append(("Ended by", reading.stopped, False))
     cells = "".join(
         f"<tr><td>{html.escape(name)}</td>"
-        f"<td style='text-align:right;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
+        f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
         for name, value, bad in rows
     )
     return (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.view.browser.layout import extent, places, viewpoint
+from dqcontrol.view.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.view.browser.numbers import numbers
 from dqcontrol.view.browser.shapes import Colour, robot_shapes, tinted
 from dqcontrol.view.browser.track import Track
@@ -129,7 +129,8 @@ class Page:
         position, looked_at = viewpoint(self.tracks, box)
         self._apart = places(len(self.tracks), box, position - looked_at)
         server.initial_camera.position, server.initial_camera.look_at = position, looked_at
-        server.initial_camera.fov = 0.7
+        server.initial_camera.fov = FIELD
+        self._farther = step_back(self._apart, box, position - looked_at)
         side = float(np.ceil(4 * box.size))
         server.scene.add_grid(
             "/floor",
@@ -156,6 +157,9 @@ class Page:
         self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1 ×")
         self._live = gui.add_checkbox("Live", self._news is not None, visible=self._news is not None)
         self._beside = gui.add_checkbox("Side by side", False, visible=many)
+        self._beside.on_update(
+            lambda _: self._step(self._farther if self._beside.value else 1 / self._farther)
+        )
         self._joint_frames = gui.add_checkbox("Frames of all joints", False)
         self._visible = [gui.add_checkbox(track.label, True, visible=many) for track in self.tracks]
         self._numbers = gui.add_html("")
@@ -172,6 +176,14 @@ class Page:
             self._time.value = 0.0
         self._playing = playing
         self._button.label = "Pause" if playing else "Play"
+
+    def _step(self, farther: float) -> None:
+        """Let all viewers, and those to come, stand so many times as far off."""
+        cameras = [client.camera for client in self.server.get_clients().values()]
+        for camera in (self.server.initial_camera, *(c for c in cameras if c.update_timestamp)):
+            looked_at = camera.look_at
+            camera.position = looked_at + farther * (camera.position - looked_at)
+            camera.look_at = looked_at  # which viser moves along
 
     def _look_for_news(self, now: float) -> bool:
         """Take over new samples; say whether there were any."""
