@@ -26,8 +26,8 @@ $(VENV)/created:
 	@touch $@
 
 $(VENV)/demo: $(VENV)/created pyproject.toml
-	@echo "installing dqcontrol with MuJoCo, example robots, readers of data, browser view and clips (about 500 MB to download)"
-	@$(PIP) -e '.[physics,robots,data,view,video]'
+	@echo "installing dqcontrol with MuJoCo, example robots, readers of data and drawings, browser view and clips (about 500 MB to download)"
+	@$(PIP) -e '.[physics,robots,data,view,video,paint]'
 	@touch $@
 
 $(VENV)/test: $(VENV)/created pyproject.toml
@@ -41,8 +41,11 @@ chromium:
 	    && apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; } \
 	  || echo "the tests of the browser view are left out; for them: apt-get install chromium" >&2
 
+LOOK := --width 1280 --height 960 --azimuth -65 --elevation -10
+
 demo: $(VENV)/demo
 	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force
+	@$(BIN)/dqcontrol clip results/demo/K+FF-physics results/demo.png --force $(LOOK) || true  # needs OpenGL
 
 lint: $(VENV)/test
 	@$(BIN)/ruff check .

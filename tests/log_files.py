@@ -10,6 +10,15 @@ from rosbags.typesys import Stores, get_typestore
 from dqcontrol.loop.message_types import definition, full_name
 
 EPOCH = 1_700_000_000_123_456_789  # ns: a stamp that a float64 of seconds cannot hold
+CIRCLE = {  # a run whose log somebody may have
+    "name": "own",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.02,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 2},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "integrator"},
+}
 
 
 def joint_state(stamp, names, position=(), velocity=()):

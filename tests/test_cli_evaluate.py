@@ -8,24 +8,15 @@ import sys
 
 import pytest
 import yaml
+from log_files import CIRCLE
 
 import dqcontrol as dqc
 from dqcontrol import cli
 
-SPEC = {
-    "name": "own",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
-    "period": 0.02,
-    "reference": {"kind": "circle", "radius": 0.05, "duration": 2},
-    "law": {"kind": "proportional", "gain": 5},
-    "plant": {"kind": "integrator"},
-}
-
 
 @pytest.fixture(scope="module")
 def run():
-    return dqc.run(SPEC)
+    return dqc.run(CIRCLE)
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +29,7 @@ def here(run, saved, tmp_path, monkeypatch):
     """Work in a folder with a run, its table and its reference."""
     shutil.copytree(saved, tmp_path / "run")
     run.export(tmp_path / "log.csv")
-    (tmp_path / "circle.yaml").write_text(yaml.safe_dump({"reference": SPEC["reference"]}))
+    (tmp_path / "circle.yaml").write_text(yaml.safe_dump({"reference": CIRCLE["reference"]}))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

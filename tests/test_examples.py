@@ -1,11 +1,15 @@
-"""The numbered examples: short, they run, and each leaves its picture."""
+"""The numbered examples: short, they run, and each leaves its picture, that of the documentation."""
 
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("[0-9][0-9]_*.py"))
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
+GALLERY = ROOT / "docs/pictures/examples"
 LONG = ("10_physics",)
 PHYSICS = ("10_physics",)
 CASES = [
@@ -24,6 +28,16 @@ def test_example_runs_and_leaves_a_picture(path, tmp_path, monkeypatch, capsys):
     (picture,) = tmp_path.iterdir()
     assert picture.name == f"{path.stem}.png"
     assert picture.stat().st_size > 10_000
+    assert differing(picture, GALLERY / picture.name) < 0.01, "an old picture in the gallery: make gallery"
+
+
+def differing(one, other):
+    """Return the share of two pictures that differs plainly, whatever the rendering of edges and letters."""
+    first, second = (Image.open(path).convert("L") for path in (one, other))
+    if first.size != second.size:
+        return 1.0
+    first, second = (np.asarray(picture.reduce(4), dtype=int) for picture in (first, second))
+    return (np.abs(first - second) > 40).mean()
 
 
 def test_they_are_numbered_without_a_gap_and_short():

@@ -4,22 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from log_files import EPOCH, joint_state, numbers, pose_stamped, write_bag, write_mcap
+from log_files import CIRCLE, EPOCH, joint_state, numbers, pose_stamped, write_bag, write_mcap
 from page_blocks import ROOT, blocks
 
 import dqcontrol as dqc
 from dqcontrol.experiments.output import folder_names
 from dqcontrol.yaml_file import parse_yaml
-
-CIRCLE = {
-    "name": "own",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
-    "period": 0.02,
-    "reference": {"kind": "circle", "radius": 0.05, "duration": 2},
-    "law": {"kind": "proportional", "gain": 5},
-    "plant": {"kind": "integrator"},
-}
 
 
 def prepare(page: str, folder: Path) -> None:

@@ -9,7 +9,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.cli.clip import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.plants import Basket, CompliantPlant, Cube, Gripper, MobilePlant, Obstacle, Scene
-from dqcontrol.view.clip import render_clip, render_strip
+from dqcontrol.view.clip import render_clip, render_strip, render_whole
 from dqcontrol.view.offscreen import offscreen
 
 pytest.importorskip("mujoco")
@@ -44,7 +44,13 @@ def image(path):
 @pytest.mark.usefixtures("opengl")
 @pytest.mark.parametrize("ending", ["gif", "webp"])
 def test_a_clip_has_its_frames_and_they_move(driven, tmp_path, ending):
-    render_clip(*driven, tmp_path / f"clip.{ending}", speed=2.0, rate=4.0, **SMALL)
+    told = []
+
+    def say(drawn, total):
+        told.append((drawn, total))
+
+    render_clip(*driven, tmp_path / f"clip.{ending}", speed=2.0, rate=4.0, progress=say, **SMALL)
+    assert told == [(drawn, 5) for drawn in range(6)]
     clip = image(tmp_path / f"clip.{ending}")
     assert clip.n_frames == 5  # 0, 0.5 … 2 s
     assert clip.size == (120, 90)
@@ -125,8 +131,18 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
     assert image(tmp_path / "run.gif").n_frames == 3
     with pytest.raises(ExistsError, match="exists already"):
         clip(tmp_path / "run", tmp_path / "run.gif")
+    clip(tmp_path / "run", tmp_path / "run.png", width=120, height=90)
+    assert image(tmp_path / "run.png").size == (120, 90)
     with pytest.raises(FileFormatError, match=r"is no folder of a run, but holds runs: give .*run$"):
         clip(tmp_path, tmp_path / "other.gif")
+
+
+@pytest.mark.usefixtures("opengl")
+def test_one_picture_shows_the_whole_run_of_a_mobile_robot(driven, tmp_path):
+    render_whole(*driven, tmp_path / "whole.png", **SMALL)
+    sheet = np.asarray(image(tmp_path / "whole.png").convert("RGB"), dtype=int)
+    assert sheet.shape == (180, 360, 3)  # six pictures
+    assert np.abs(sheet[90:, 240:] - sheet[:90, :120]).max() > 60  # it has moved
 
 
 @pytest.mark.usefixtures("opengl")

@@ -1,4 +1,4 @@
-"""Save a clip of a run."""
+"""Save a clip, or one picture, of a run."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def clip(
     azimuth: float | None = None,
     elevation: float | None = None,
 ) -> None:
-    """Save a clip of a run: an arm, or a mobile manipulator that was in physics.
+    """Save a clip or a picture of a run: an arm, or a mobile manipulator that was in physics.
 
     Parameters
     ----------
     run
         Folder of a run.
     path
-        New file: .mp4, .webp or .gif.
+        New file: .mp4, .webp or .gif; or .png, one picture of the whole run.
     speed
-        How much faster than it was.
+        Of a clip: how much faster than it was.
     rate
-        Frames a second.
+        Of a clip: frames a second.
     width
         Pixels.
     height
@@ -44,21 +44,24 @@ def clip(
     elevation
         Direction of view, degrees; negative looks down.
     """
+    from dqcontrol.cli.screen import progress_bar
     from dqcontrol.experiments import load_run
-    from dqcontrol.view.clip import render_clip
+    from dqcontrol.view.clip import render_clip, render_whole
 
     done = load_run(run)
-    render_clip(
-        done.robot,
-        done.plant,
-        done.record,
-        path,
-        speed=speed,
-        rate=rate,
-        width=width,
-        height=height,
-        azimuth=azimuth,
-        elevation=elevation,
-        overwrite=force,
-    )
+    look = {"width": width, "height": height, "azimuth": azimuth, "elevation": elevation, "overwrite": force}
+    if path.suffix.lower() == ".png":
+        render_whole(done.robot, done.plant, done.record, path, **look)
+    else:
+        with progress_bar() as progress:
+            render_clip(
+                done.robot,
+                done.plant,
+                done.record,
+                path,
+                speed=speed,
+                rate=rate,
+                progress=lambda drawn, total: progress(drawn, total, "frames"),
+                **look,
+            )
     print(f"results: {path}")

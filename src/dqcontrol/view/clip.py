@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,7 @@ from dqcontrol.view.clip_file import CLIPS, import_av, write_clip
 from dqcontrol.view.film import Film, frames
 from dqcontrol.view.film_arm import film_arm
 from dqcontrol.view.film_mobile import film_mobile
+from dqcontrol.view.physics_picture import render_run
 from dqcontrol.view.picture_file import check_picture_file
 from dqcontrol.whole_file import whole_file
 
@@ -52,6 +53,7 @@ def render_clip(
     azimuth: float | None = None,
     elevation: float | None = None,
     overwrite: bool = False,
+    progress: Callable[[int, int], None] = lambda drawn, total: None,
 ) -> None:
     """Save a clip of an arm, or of a mobile manipulator that was in physics, with the time in its corner.
 
@@ -73,6 +75,8 @@ def render_clip(
         Direction of view, degrees; negative elevations look down. By default from before and above.
     overwrite
         True to replace an existing file.
+    progress
+        Told how many frames of how many are drawn.
 
     Raises
     ------
@@ -103,7 +107,56 @@ def render_clip(
     moments = np.linspace(0.0, step * (count - 1), count)
     pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
     with _written(target, overwrite) as draft:
-        write_clip((np.asarray(picture) for picture in pictures), draft, rate)
+        write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
+
+
+def render_whole(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    path: str | Path,
+    *,
+    width: int = 640,
+    height: int = 480,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Save one picture of a whole run as a PNG file.
+
+    An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
+    manipulator there is a strip of six pictures at equal times.
+
+    Parameters
+    ----------
+    robot, plant, record, azimuth, elevation, overwrite
+        As for `render_clip`.
+    path
+        Where to save it, ``.png``.
+    width, height
+        Of each picture, pixels.
+
+    Raises
+    ------
+    Error
+        As `render_clip`.
+    """
+    look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
+    if isinstance(plant, MobilePlant):
+        times = np.linspace(0.0, record.time[-1], 6).tolist()
+        render_strip(robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, **look)
+        return
+    film = _film(robot, plant, record)
+    render_run(
+        robot,
+        record.q,
+        record.pose,
+        record.desired[:, :8],
+        path,
+        azimuth=film.azimuth if azimuth is None else azimuth,
+        elevation=film.elevation if elevation is None else elevation,
+        **look,
+    )
 
 
 def render_strip(
@@ -156,6 +209,14 @@ def render_strip(
         sheet.paste(picture, (k % across * width, k // across * height))
     with _written(target, overwrite) as draft:
         sheet.save(draft)
+
+
+def _told(pictures: Iterable[Any], count: int, progress: Callable[[int, int], None]) -> Iterator[Any]:
+    """Give pictures on, and tell how many there were."""
+    progress(0, count)
+    for drawn, picture in enumerate(pictures, 1):
+        yield picture
+        progress(drawn, count)
 
 
 @contextmanager
