@@ -159,6 +159,7 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
         return f"{prefix}unknown name '{match[1]}'{_instead(match[1], list(_literals(kinds)))}"
     if " matching regex " in text:
         text = f"Expected {next(_patterns(kinds), text)}"
+        data = _unfit_label(kinds, data) if place.startswith("`key`") else data
     text = text[:1].lower() + text[1:]
     return prefix + text if ", got " in text else f"{prefix}{text}, got {data!r:.80}"
 
@@ -190,6 +191,12 @@ def _unfit(kinds: list[Any], data: Any) -> Any:
     return "…"
 
 
+def _unfit_label(kinds: list[Any], data: Any) -> Any:
+    """Return the first label that its pattern does not allow."""
+    patterns = [meta.pattern for meta in _metas(kinds) if meta.pattern]
+    return next((label for label in data if not any(re.search(p, str(label)) for p in patterns)), data)
+
+
 def _values(kind: Any) -> Iterator[Any]:
     """Find the types of the values of all dictionaries in a type."""
     if get_origin(kind) is dict:
@@ -218,8 +225,10 @@ def _literals(kinds: Any) -> Iterator[str]:
 
 def _patterns(kinds: Any) -> Iterator[str]:
     """Find what the patterns of texts in types mean."""
+    yield from (meta.description for meta in _metas(kinds) if meta.pattern and meta.description)
+
+
+def _metas(kinds: Any) -> Iterator[Any]:
     for kind in kinds:
-        for meta in getattr(kind, "__metadata__", ()):
-            if meta.pattern and meta.description:
-                yield meta.description
-        yield from _patterns(get_args(kind))
+        yield from getattr(kind, "__metadata__", ())
+        yield from _metas(get_args(kind))

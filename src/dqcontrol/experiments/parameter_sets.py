@@ -21,8 +21,8 @@ L = TypeVar("L", bound=Law)
 Label = Annotated[
     str,
     Meta(
-        pattern=r"^(?!\.)[^/\\\x00-\x1f]{1,60}\Z",
-        description="labels of at most 60 characters without / and \\, not beginning with a dot",
+        pattern=r"^(?![._])[^/\\$\x00-\x1f]{1,60}\Z",  # figures would take $…$ for a formula, and hide _…
+        description="labels of at most 60 characters without /, \\ and $, not beginning with a dot or _",
     ),
 ]
 Changes = dict[str, Any]
