@@ -14,7 +14,7 @@ from dqcontrol.robots.poses import pose7
 from dqcontrol.view.browser import Track
 from dqcontrol.view.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.view.browser.numbers import numbers
-from dqcontrol.view.browser.shapes import robot_shapes
+from dqcontrol.view.browser.shapes import DARK, robot_shapes
 from dqcontrol.view.browser.track import wheel_angles
 from dqcontrol.view.browser.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
 
@@ -93,6 +93,13 @@ def test_a_missing_mesh_leaves_rods_and_a_mesh_of_a_missing_package_names_it(urd
     (urdf.parent.parent / "meshes/wedge.stl").unlink()
     assert urdf_shapes(*arm.urdf, arm) == []
     assert {shape.carrier for shape in robot_shapes(arm)} == {-1, 0, 1}
+    (rail,) = (shape for shape in robot_shapes(arm) if (shape.carrier, shape.colour) == (0, DARK))
+    first, last = (pose7("frame", arm.frames([0.0, q])[1])[4:] for q in (-0.5, 0.5))
+    carrier = pose_matrix(pose7("frame", arm.frames([0.0, 0.0])[0]))
+    points = rail.vertices @ carrier[:3, :3].T + carrier[:3, 3] - first
+    along = points @ (last - first)  # of 1 m
+    across = np.linalg.norm(points - np.outer(along, last - first), axis=1)
+    assert (along.min(), along.max()) == pytest.approx((-across.max(), 1 + across.max()), abs=1e-3)
     with pytest.raises(FileNotFoundError, match="elsewhere"):
         mesh_file(urdf, "package://elsewhere/a.stl")
 

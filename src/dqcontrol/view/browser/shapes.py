@@ -85,7 +85,7 @@ def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[Shape]:
 
 
 def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
-    """Yield a rod from each joint to the next and a drum on each axis, thinner towards the hand."""
+    """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
     n, points = robot.configuration_size, robot.chain[:, 4:7]
     reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
     radii = reach * np.linspace(0.048, 0.026, n + 1)
@@ -99,12 +99,22 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
             radius = 0.85 * radii[i]
             if np.linalg.norm(points[i]) > 0.5 * radius:
                 yield i - 1, rod(np.zeros(3), points[i], radius, round_ends=i < n), SHELL if i else DARK
+        if i < n and not bases[i] and robot.joint_types[i] == "prismatic":
+            yield from _rail(robot, i, 0.4 * radii[i])
         if i < n and not bases[i]:
             below = (
                 0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0
             )  # the first stands on the floor
             yield i, rod(*_along_z(-1.02 * below * radii[i], 1.02 * radii[i]), 1.15 * radii[i]), SHELL
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
+
+
+def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Any, Colour]]:
+    """Yield the way along which joint i slides, if it has ends."""
+    way = np.array([robot.limits.lower[i], robot.limits.upper[i]])
+    if np.isfinite(way).all() and np.ptp(way) > 0:
+        start, end = robot.chain[i, 4:7] + way[:, None] * pose_matrix(robot.chain[i, :7])[:3, 2]
+        yield i - 1, rod(start, end, radius, round_ends=True), DARK
 
 
 def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
