@@ -236,6 +236,18 @@ def test_mistakes_on_the_command_line(here, capsys, arguments, message):
     assert "Traceback" not in err
 
 
+def test_help_says_what_every_argument_and_option_is():
+    lines = [
+        line for line in cli.app.generate_docs(output_format="markdown").splitlines() if line[:3] == "* `"
+    ]
+    assert len(lines) > 60
+    assert (
+        "* `--out, -o PATH`: New folder for the results; default: results/NAME, NAME from the spec." in lines
+    )
+    for line in lines:
+        assert re.match(r"\* `[^`]+`: [\w.]", line), line
+
+
 def test_installed_command_reports_its_version():
     command = Path(sys.executable).parent / "dqcontrol"
     out = subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout

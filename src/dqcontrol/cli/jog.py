@@ -40,6 +40,10 @@ def jog(
         The fastest that the hand moves, m/s.
     angular_speed
         The fastest that it turns, rad/s.
+    out
+        New folder for a recording of the motion, which `dqcontrol view` shows while it goes on.
+    force
+        Replace an earlier folder of results.
     """
     from dqcontrol.cli.keyboard import Keyboard
     from dqcontrol.errors import as_positive

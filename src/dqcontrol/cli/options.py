@@ -7,5 +7,5 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-Out = Annotated[Path | None, Parameter(name=["--out", "-o"], help="New folder for the results.")]
-Force = Annotated[bool, Parameter(negative=(), help="Replace an earlier folder of results.")]
+Out = Annotated[Path | None, Parameter(name=["--out", "-o"])]
+Force = Annotated[bool, Parameter(negative=())]

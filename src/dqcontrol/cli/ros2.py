@@ -52,6 +52,10 @@ def controller(
         What the hand follows: the spec's reference, poses or twists from topics.
     autostart
         Start with the first joint states; end when the reference has ended or the robot was stopped.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+    force
+        Replace an earlier folder of results.
     """
     from dqcontrol.errors import Error
     from dqcontrol.experiments.output import check_new
@@ -130,6 +134,10 @@ def pereira2016(
         As the published experiment calls it.
     plant
         What the Meka is; in physics it has its force sensor.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+    force
+        Replace an earlier folder of results.
     """
     from dqcontrol.ros2 import middleware
     from dqcontrol.ros2.pereira2016 import launch
