@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from dqcontrol.cli.screen import console
+from dqcontrol.cli.screen import print_table
 
 UNSTABLE = 1
 
@@ -23,7 +23,7 @@ def check(spec: Path, /) -> None:
     from dqcontrol.experiments import check as checked
 
     checks = checked(spec)
-    console().print(checks.table().rich())
+    print_table(checks.table())
     for remark in checks.remarks():
         print(remark)
     if checks.unstable:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import console
+from dqcontrol.cli.screen import print_table
 from dqcontrol.errors import Error
 
 
@@ -56,6 +56,6 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
                 figures=figures,
                 origins=origins({}),
             )
-    console().print(table.rich())
+    print_table(table)
     if out is not None:
         print(f"results: {out}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from dqcontrol.cli.screen import console
+from dqcontrol.cli.screen import print_table
 
 UNFIT = 1
 
@@ -21,7 +21,7 @@ def doctor() -> None:
     findings = examine()
     rows = [[one.what, one.found, one.verdict, one.cure or None] for one in findings]
     columns = (Column("what"), Column("found"), Column("verdict"), Column("what to do"))
-    console().print(Table(columns, rows, f"dqcontrol {dqcontrol.__version__}").rich())
+    print_table(Table(columns, rows, f"dqcontrol {dqcontrol.__version__}"))
     problems = sum(one.verdict == PROBLEM for one in findings)
     print(f"{problems} problem{'s' * (problems != 1)}" if problems else "no problems")
     if problems:

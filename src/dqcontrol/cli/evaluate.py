@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import console
+from dqcontrol.cli.screen import print_table
 
 
 def evaluate(
@@ -86,6 +86,6 @@ def evaluate(
     )
     if out is not None:
         result.save(out, force=force)
-    console().print(summary_table(result.metrics, result.label).rich())
+    print_table(summary_table(result.metrics, result.label))
     if out is not None:
         print(f"results: {out}")

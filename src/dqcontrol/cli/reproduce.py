@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import console, progress_bar
+from dqcontrol.cli.screen import print_table, progress_bar
 
 
 def reproduce(
@@ -44,7 +44,7 @@ def reproduce(
 
     warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
     if name is None:
-        console().print(published.catalogue_table().rich())
+        print_table(published.catalogue_table())
         return
     names = published.names(name)
     for each in names:
@@ -65,5 +65,5 @@ def reproduce(
             )
         done.save(folder, force=force)
         for table in done.tables:
-            console().print(table.rich())
+            print_table(table)
         print(f"results: {folder}")

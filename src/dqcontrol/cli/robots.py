@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dqcontrol.cli.screen import console
+from dqcontrol.cli.screen import print_table
 
 robots = App(name="robots", help="List the robots that come with dqcontrol, or show one.")
 
@@ -29,7 +29,7 @@ def list_robots() -> None:
         Column("reach", "m"),
         Column("moving mass", "kg"),
     )
-    console().print(Table(columns, rows).rich())
+    print_table(Table(columns, rows))
 
 
 @robots.command
@@ -65,4 +65,4 @@ def show(
         rows, columns = [row[:-1] for row in rows], columns[:-1]
     base = f"{about.bases} base, " if about.bases else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
-    console().print(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}").rich())
+    print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import console, progress_bar
+from dqcontrol.cli.screen import print_table, progress_bar
 
 RealTime = Annotated[bool, Parameter(negative=())]
 
@@ -51,7 +51,7 @@ def run(
     except KeyboardInterrupt:
         kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
         raise KeyboardInterrupt(kept) from None
-    console().print(study.table().rich())
+    print_table(study.table())
     for line in study.failures():
         print(line)
     print(f"results: {folder}")
@@ -65,8 +65,8 @@ def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
     done = run_in_real_time(spec, folder, force=force, watch=watch)
-    console().print(summary({done.label: done}).rich())
+    print_table(summary({done.label: done}))
     if done.timing:
-        console().print(timing_table(done.timing).rich())
+        print_table(timing_table(done.timing))
     print(f"ended: {done.record.stopped}")
     print(f"results: {folder}")

@@ -1,17 +1,28 @@
-"""What commands print on: a console for tables, and bars of progress."""
+"""What commands print on: tables as wide as the window, and bars of progress."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+if TYPE_CHECKING:
+    from dqcontrol.experiments.tables import Table
 
-def console() -> Console:
-    """Return a console that does not squeeze tables when nobody watches."""
-    return Console() if sys.stdout.isatty() else Console(width=200)
+
+_UNWATCHED = 200  # letters a line, when nobody watches
+
+
+def print_table(table: Table) -> None:
+    """Print a table, folded where the window is too narrow."""
+    from dqcontrol.cli.folded import folded
+
+    console = Console() if sys.stdout.isatty() else Console(width=_UNWATCHED)
+    for part in folded(table, console.width):
+        console.print(part)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import console, progress_bar
+from dqcontrol.cli.screen import print_table, progress_bar
 
 
 def sweep(
@@ -48,5 +48,5 @@ def sweep(
     except KeyboardInterrupt:
         kept = "; finished parts are kept, the same command goes on" * working_folder(folder).exists()
         raise KeyboardInterrupt(kept) from None
-    console().print(ranking.table().rich())
+    print_table(ranking.table())
     print(f"results: {folder}")

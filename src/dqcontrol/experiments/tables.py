@@ -74,14 +74,16 @@ class Table:
         """Tell which columns hold numbers with their spread."""
         return [any(isinstance(row[i], PlusMinus) for row in self.rows) for i in range(len(self.columns))]
 
-    def rich(self) -> RichTable:
-        """Return it for ``rich.print``, safe against markup in cells."""
+    def rich(self, widths: Sequence[int] | None = None) -> RichTable:
+        """Return it for ``rich.print``, safe against markup in cells; columns perhaps of given widths, in letters."""
         from rich.table import Table as RichTable
         from rich.text import Text
 
         table = RichTable(title=Text(self.title) if self.title else None)
-        for column, numeric in zip(self.columns, self.numeric(), strict=True):
-            table.add_column(Text(column.heading), justify="right" if numeric else "left")
+        given = widths or [None] * len(self.columns)
+        for column, numeric, width in zip(self.columns, self.numeric(), given, strict=True):
+            justify = "right" if numeric else "left"
+            table.add_column(Text(column.heading), justify=justify, overflow="fold", width=width)
         for row in self.texts():
             table.add_row(*map(Text, row))
         return table
