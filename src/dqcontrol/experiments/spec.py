@@ -13,6 +13,7 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.reference_spec import AnyReference, Part
+from dqcontrol.experiments.spec_files import locate_controllers, locate_files
 from dqcontrol.laws import (
     Cascade,
     ClassicProportional,
@@ -271,7 +272,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
-    _locate_controllers(data, folder)
+    locate_controllers(data, folder)
     spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
@@ -279,15 +280,6 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
         except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
     return spec
-
-
-def _locate_controllers(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of controller files absolute."""
-    several = data.get("plants")
-    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    for plant in plants:
-        if isinstance(plant, dict) and isinstance(plant.get("controllers"), str):
-            plant["controllers"] = str((folder / plant["controllers"]).resolve())
 
 
 def _plain(value: Any) -> Any:
@@ -304,27 +296,3 @@ def spec_text(spec: Spec, folder: Path) -> str:
     data = msgspec.to_builtins(spec)
     locate_files(data, folder)
     return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
-
-
-def locate_files(data: dict[str, Any], folder: Path) -> None:
-    """Make the file names in a spec's plain data absolute."""
-    _make_absolute(data["reference"], folder)
-    if "robot" in data:
-        data["robot"] = _absolute_robot(data["robot"], folder)
-    for label, robot in data.get("robots", {}).items():
-        data["robots"][label] = _absolute_robot(robot, folder)
-
-
-def _absolute_robot(robot: str | dict[str, Any], folder: Path) -> str | dict[str, Any]:
-    source = robot["source"] if isinstance(robot, dict) else robot
-    if not (folder / source).is_file():
-        return robot
-    return (robot if isinstance(robot, dict) else {}) | {"source": str((folder / source).resolve())}
-
-
-def _make_absolute(reference: dict[str, Any], folder: Path) -> None:
-    """Make the file names of a reference, and of those that it is made of, absolute."""
-    if "file" in reference:
-        reference["file"] = str((folder / reference["file"]).resolve())
-    for part in reference.get("references", ()):
-        _make_absolute(part, folder)

@@ -23,7 +23,8 @@ from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
 from dqcontrol.experiments.setting import Setting, prepare_spec
-from dqcontrol.experiments.spec import as_spec, locate_files, read_data
+from dqcontrol.experiments.spec import as_spec, read_data
+from dqcontrol.experiments.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
 from dqcontrol.yaml_file import convert, parse_yaml
 
