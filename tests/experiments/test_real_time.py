@@ -1,22 +1,24 @@
 """A run in real time: its folder grows while it moves, and stays whatever happens; Ctrl-C stops softly."""
 
+import gc
 import os
 import signal
 import sys
 import threading
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import yaml
 
-from dqcontrol import cli
+from dqcontrol import cli, compile
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.experiments.task_range import RANGE
-from dqcontrol.loop import load_record
+from dqcontrol.loop import Clock, load_record
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.robots import load_robot
 
@@ -99,6 +101,41 @@ def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path, monkeyp
     mobile = SPEC | {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], "reference": circle}
     run_in_real_time(mobile | {"plant": {"kind": "integrator"}}, tmp_path / "out")
     assert RANGE in load_run(tmp_path / "out").record.readings
+
+
+class Watching(Clock):
+    """A clock that knows whether it is running."""
+
+    is_running = False
+
+    @contextmanager
+    def running(self, *of):
+        with super().running(*of):
+            self.is_running = True
+            yield
+        self.is_running = False
+
+
+@pytest.mark.parametrize("plant", ["servo", "compliant", "mobile"])
+def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypatch, plant):
+    """As in a process that has used no kernel yet; compiling one takes a second, even loading one is several ms."""
+    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
+    for kernel in [thing for thing in gc.get_objects() if type(thing) is compile.Kernel]:
+        for made in ("compiled", "pointer"):
+            monkeypatch.delitem(kernel.__dict__, made, raising=False)
+    clock, late, make = Watching(overrun="skip"), [], compile._compile
+
+    def spy(function, *how):
+        if clock.is_running:
+            late.append(function.__qualname__)
+        return make(function, *how)
+
+    monkeypatch.setattr(compile, "_compile", spy)
+    spec = SPEC | {"plant": {"kind": plant}, "reference": SPEC["reference"] | {"duration": 0.5}}
+    if plant == "mobile":
+        spec |= {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]}
+    run_in_real_time(spec, tmp_path / "out", clock=clock)
+    assert late == []
 
 
 def test_killed_a_folder_may_be_replaced_when_asked(tmp_path):

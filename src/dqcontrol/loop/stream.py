@@ -30,7 +30,7 @@ def prepare_to_record(robot: Robot) -> None:
     """Import and compile what a recording needs: now, not while the robot moves."""
     from mcap.writer import Writer
 
-    _ = Writer, pose_errors.compiled, robot.fkm(np.zeros(robot.configuration_size))
+    _ = Writer, pose_errors.compiled, robot.fkm(np.zeros((1, robot.configuration_size)))
 
 
 class RecordStream:

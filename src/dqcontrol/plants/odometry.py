@@ -49,6 +49,7 @@ class Odometry:
         self._radius, self._half_track = drive.wheel_radius, drive.half_track
         self._table = np.array([[0.0, drive.displacement, drive.wheel_radius, drive.half_track]])
         self._counts = np.zeros(2)
+        _ = driving.integrate.compiled  # now, not while the robot moves
 
     def read(self, angles: ArrayLike) -> None:
         """Take the angles of the right and the left wheel since the start, shape (2,), rad."""
