@@ -58,12 +58,15 @@ def controller(
         Replace an earlier folder of results.
     """
     from dqcontrol.errors import Error
+    from dqcontrol.experiments import read_spec
     from dqcontrol.experiments.output import check_new
     from dqcontrol.ros2 import middleware
 
+    middleware.check_installed()
+    read_spec(spec)  # a wrong file is to be known now, not when somebody configures
     if out:
         check_new(out, force=force)
-    with middleware.ros(ros_arguments, network=network):
+    with middleware.ros(ros_arguments, [name], network=network):
         from dqcontrol.ros2.controller import ControllerNode
 
         node = ControllerNode(
@@ -77,7 +80,7 @@ def controller(
     if node.recorder:
         print(f"results: {node.recorder.save()}")
     if node.outcome not in ("", "duration", "interrupted"):
-        raise Error(f"{name}: stopped: {node.outcome}")
+        raise Error(f"stopped: {node.outcome}")
 
 
 @ros2.command
@@ -107,7 +110,7 @@ def robot(
 
     middleware.check_installed()
     loaded = load(spec)
-    with middleware.ros(ros_arguments, network=network):
+    with middleware.ros(ros_arguments, [name, *([wrench_node] if wrench_node else [])], network=network):
         from dqcontrol.ros2.robot import RobotNode
 
         node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)

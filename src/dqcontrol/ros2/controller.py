@@ -59,7 +59,7 @@ class ControllerNode(Node):
         out: Path | None = None,
         force: bool = False,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self._spec, self._source, self._interface, self._autostart = spec, source, interface, autostart
         self._out, self._force = out, force
         self.following: Following | None = None
@@ -77,6 +77,8 @@ class ControllerNode(Node):
             self.create_service(Trigger, f"~/{service}", self._serving(service, act))
         if autostart:
             self.configure()
+        else:
+            self._diagnostics.tell("unconfigured: waits for the service ~/configure")
 
     @property
     def phase(self) -> Phase:
@@ -94,18 +96,12 @@ class ControllerNode(Node):
         if self.following:
             raise Error("configure: was done before")
         loaded = load(self._spec)
-        if self._out:
-            self.recorder = Recorder(self._out, loaded, force=self._force)
-        self.following = Following(
-            self,
-            loaded,
-            self._source,
-            self._interface,
-            self._diagnostics,
-            self._follow_up,
-            self._start,
-            self.recorder,
+        following = Following(
+            self, loaded, self._source, self._interface, self._diagnostics, self._follow_up, self._start
         )
+        if self._out:
+            following.recorder = self.recorder = Recorder(self._out, loaded, force=self._force)
+        self.following = following
         self._diagnostics.tell(f"configured: {loaded.robot.name}, {loaded.period * 1e3:g} ms")
 
     def retire(self) -> None:

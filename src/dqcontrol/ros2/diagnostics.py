@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from dqcontrol.ros2.middleware import steady_timer
+
 _LEVELS = {"ok": DiagnosticStatus.OK, "warning": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 _QUIET = 1.0  # s in which the same line is not logged again
 
@@ -26,7 +28,7 @@ class Diagnostics:
     def __init__(self, node: Node, values: Callable[[], tuple[str, str, Mapping[str, object]]]) -> None:
         self._node, self._values = node, values
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._timer = node.create_timer(1.0, self.publish)
+        self._timer = steady_timer(node, 1.0, self.publish)
         self._refused, self._last_refused = 0, "none"
         self._logged: dict[str, float] = {}
 

@@ -19,8 +19,9 @@ from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
+from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.pace import SILENCE, Pace
-from dqcontrol.ros2.parameters import declare, number, on_change, read_once
+from dqcontrol.ros2.parameters import declare, number, numbers_said, on_change, read_once, refuse_unknown
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
 
@@ -46,13 +47,13 @@ class Following:
         Called with the phase before, when it has changed.
     ready
         Called with each joint states while inactive, once they have come steadily for half a second.
-    recorder
-        What records its motions, if they are to be kept.
 
     Attributes
     ----------
     control
         Law, supervisor and phase.
+    recorder
+        What records its motions, if they are to be kept.
     """
 
     def __init__(
@@ -64,10 +65,10 @@ class Following:
         diagnostics: Diagnostics,
         changed: Callable[[Phase], None],
         ready: Callable[[], None],
-        recorder: Recorder | None = None,
     ) -> None:
         self.loaded, self._source, self._interface = loaded, source, interface
-        self._diagnostics, self._changed, self._ready, self._recorder = diagnostics, changed, ready, recorder
+        self._diagnostics, self._changed, self._ready = diagnostics, changed, ready
+        self.recorder: Recorder | None = None
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
@@ -81,9 +82,11 @@ class Following:
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in (("base", "base_link"), ("tool", "tool0"))
         )
+        names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
+        refuse_unknown(node, [*names, "joint_names", "base_frame", "tool_frame"])
+        self._retune(numbers_said(node, names))
         on_change(node, self._retune, diagnostics.refuse)
-        self._retune({one.name: number(node, one.name) for one in numbers_of(loaded)})
         self._commands = Commands(node, interface, self._joints, loaded.period)
         self._joint_states = node.create_subscription(
             JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST
@@ -92,7 +95,7 @@ class Following:
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
         if isinstance(self.target, ByTwist):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
-        self._alarm = node.create_timer(SILENCE * loaded.period, self._watch)  # each message puts it off
+        self._alarm = steady_timer(node, SILENCE * loaded.period, self._watch)  # each message puts it off
 
     def activate(self) -> None:
         """Start to follow.
@@ -110,8 +113,8 @@ class Following:
         heard, stamp, measured = self._latest
         if self._source == "spec":
             self._check_start(measured)
-        if self._recorder and self.control.phase is Phase.INACTIVE:
-            self._recorder.start()
+        if self.recorder and self.control.phase is Phase.INACTIVE:
+            self.recorder.start()
         self.control.activate(measured)
         self._origin = stamp
         self._pace.start(heard, stamp)
@@ -205,8 +208,8 @@ class Following:
         self._time = at
         control.step(at, measured, self._pace.age(now))
         self._commands.send(control.position, control.rate)
-        if self._recorder:
-            self._recorder.take(control, at)
+        if self.recorder:
+            self.recorder.take(control, at)
         if control.phase is not before:
             self._changed(before)
 

@@ -16,6 +16,7 @@ from dqcontrol.loop.clock import real_time, threads_of_process
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.timer import Timer
 
 _PACKAGES = (
     "rclpy",
@@ -57,22 +58,39 @@ def stay_on_loopback() -> None:
 
 
 @contextmanager
-def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
+def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = False) -> Iterator[None]:
     """Start ROS 2 with its own arguments (``-r``, ``-p``, …), and end it.
 
     Parameters
     ----------
     arguments
         What follows ``--ros-args``.
+    names
+        Of the nodes to be made.
     network
         True: leave it to ROS's own settings what it opens; else it stays on the loopback.
+
+    Raises
+    ------
+    Error
+        If it is not installed, or ROS does not allow an argument or a name.
     """
     check_installed()
     if not network:
         stay_on_loopback()
     import rclpy
     import rclpy.utilities
+    from rclpy.exceptions import InvalidNodeNameException
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.validate_node_name import validate_node_name
+
+    try:
+        for name in names:
+            validate_node_name(name)
+    except InvalidNodeNameException as error:
+        raise Error(
+            f"ros2: {' '.join(str(error).splitlines()[:2])}"
+        ) from None  # the third points at the place
 
     words = ["dqcontrol", "--ros-args", *arguments] if arguments else ["dqcontrol"]
     try:
@@ -84,6 +102,13 @@ def ros(arguments: Sequence[str], *, network: bool = False) -> Iterator[None]:
         yield
     finally:
         rclpy.utilities.try_shutdown()
+
+
+def steady_timer(node: Node, seconds: float, act: Callable[[], None]) -> Timer:
+    """Return a timer that neither a simulation's time (``use_sim_time``) nor a set clock slows down or stops."""
+    from rclpy.clock import Clock, ClockType
+
+    return node.create_timer(seconds, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False, priority: int | None = None) -> None:

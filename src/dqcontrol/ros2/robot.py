@@ -19,7 +19,8 @@ from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
-from dqcontrol.ros2.parameters import Number, declare, number, on_change
+from dqcontrol.ros2.middleware import steady_timer
+from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class RobotNode(Node):
         interface: str = "velocity",
         wrench_node: str | None = None,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, automatically_declare_parameters_from_overrides=True)
         spec, robot, start = loaded.setting.spec, loaded.robot, loaded.case.scene.start
         self._period, self._joints, self._interface = loaded.period, list(robot.joint_names), interface
         self._supervisor, self._from_measured = loaded.limits_alone(interface)
@@ -74,6 +75,7 @@ class RobotNode(Node):
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
         words = "after which the robot brakes if no command comes, s"
         declare(self, [Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)])
+        refuse_unknown(self, ["command_timeout"])
         on_change(self, lambda _: None, self._diagnostics.refuse)
         topic, kind = COMMANDS[interface]
         self.create_subscription(kind, topic, self._hear, NEWEST)
@@ -83,8 +85,8 @@ class RobotNode(Node):
         self._diagnostics.tell(
             f"serves {robot.name}, {self._period * 1e3:g} ms"
         )  # the first line takes a while
-        self._origin = self.get_clock().now().nanoseconds
-        self.create_timer(loaded.period, self._tick)
+        self._begun, self._origin = time.monotonic(), self.get_clock().now().nanoseconds
+        steady_timer(self, loaded.period, self._tick)
 
     def _warm_up(self, loaded: Loaded) -> None:
         """Compile what a tick needs on a second plant, so that the first one is not late."""
@@ -105,8 +107,9 @@ class RobotNode(Node):
 
     def _tick(self) -> None:
         """Move the plant up to now, and say where it is."""
-        late = (self.get_clock().now().nanoseconds - self._origin) / NANOSECONDS - self._ticks * self._period
+        late = time.monotonic() - self._begun - self._ticks * self._period
         if late > _MOST_LATE:
+            self._begun += late - self._period
             self._origin += int((late - self._period) * NANOSECONDS)
             late = self._period
         due = round(late / self._period)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import TypeVar, get_args, get_type_hints
 
 import msgspec
 from msgspec import Struct
@@ -24,7 +24,10 @@ _OWN = (
 
 
 def numbers_of(loaded: Loaded) -> list[Number]:
-    """Return all numbers that may be changed: our own, the law's and the supervisor's."""
+    """Return all numbers that may be changed: our own, the law's and the supervisor's.
+
+    Where one number may stand and the spec has none, or one for each joint, its value is None.
+    """
     return [
         *_OWN,
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
@@ -72,9 +75,10 @@ def retune(loaded: Loaded, numbers: Mapping[str, float], *, active: bool) -> tup
 
 
 def _fields(prefix: str, struct: Struct, description: str) -> list[Number]:
-    found = []
+    hints, found = get_type_hints(type(struct)), []
     for field in struct.__struct_fields__:
-        value = getattr(struct, field)
-        if type(value) in (float, int):
-            found.append(Number(prefix + field, float(value), 0.0, 1e6, f"{field} {description}"))
+        value, hint = getattr(struct, field), hints[field]
+        if hint in (float, int) or float in get_args(hint):
+            default = float(value) if type(value) in (float, int) else None
+            found.append(Number(prefix + field, default, 0.0, 1e6, f"{field} {description}"))
     return found

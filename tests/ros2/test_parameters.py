@@ -1,0 +1,131 @@
+"""Parameters given at the start and later: wrong ones are refused in one line, and none is left out silently."""
+
+import signal
+import subprocess
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
+
+from conftest import NODES, read_until
+from rclpy.parameter import Parameter
+
+from dqcontrol.errors import Error
+from dqcontrol.ros2 import middleware
+from dqcontrol.ros2.loading import load
+
+
+@pytest.fixture
+def made():
+    """Return what makes a node of ours with ROS arguments; ROS ends with the test."""
+    contexts, before = [], signal.getsignal(signal.SIGTERM)
+
+    def make(build, *arguments):
+        contexts.append(middleware.ros(arguments))
+        contexts[-1].__enter__()
+        return build()
+
+    yield make
+    for context in contexts:
+        context.__exit__(None, None, None)
+    signal.signal(signal.SIGTERM, before)
+
+
+def controller(path, **options):
+    from dqcontrol.ros2.controller import ControllerNode
+
+    return ControllerNode(path, autostart=True, **options)
+
+
+def robot(path):
+    from dqcontrol.ros2.robot import RobotNode
+
+    return RobotNode(load(path))
+
+
+@pytest.mark.parametrize(
+    ("build", "given", "message"),
+    [
+        (controller, "linear_speed:=50.0", "parameter linear_speed: expected a number 0.001 … 2, got 50.0"),
+        (controller, "law.gain:=.nan", "parameter law.gain: expected a number 0 … 1e+06, got nan"),
+        (controller, "linear_speed:=fast", "parameter linear_speed: expected a number 0.001 … 2, got fast"),
+        (controller, "linear_sped:=0.1", "unknown name 'linear_sped'; did you mean 'linear_speed'?"),
+        (controller, "supervisor.aceleration:=1.0", "did you mean 'supervisor.acceleration'?"),
+        (controller, "supervisor.velocity:=0.0", "supervisor.velocity: must be > 0, got 0"),
+        (controller, "joint_names:=[a, b]", "joint_names: expected 7 names, got 2"),
+        (controller, "joint_names:=3", "parameter joint_names: expected names, got 3"),
+        (controller, "base_frame:=3", "parameter base_frame: expected a name, got 3"),
+        (robot, "command_timeout:=9.0", "parameter command_timeout: expected a number 0.002 … 1, got 9.0"),
+        (robot, "command_timeot:=0.1", "did you mean 'command_timeout'?"),
+    ],
+)
+def test_wrong_ones_at_the_start_end_it_in_one_line(spec, made, build, given, message):
+    with pytest.raises(Error) as caught:
+        made(lambda: build(spec()), "-p", given)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_number_that_the_spec_does_not_have_counts_at_the_start_and_later(spec, made):
+    """Of a supervisor's velocity the spec says nothing: the robot's own limits count."""
+    node = made(lambda: controller(spec()), "-p", "supervisor.velocity:=0.2", "-p", "linear_speed:=1")
+    loaded = node.following.loaded
+    assert (loaded.supervisor.velocity, loaded.speeds.linear) == (0.2, 1.0)
+    assert loaded.supervisor.jerk is None
+    for name, value, success in (
+        ("supervisor.jerk", 40, True),
+        ("supervisor.jerk", "much", False),
+        ("supervisor.jerk", -1.0, False),
+        ("linear_speed", 2, True),
+        ("linear_speed", None, False),
+    ):
+        (result,) = node.set_parameters([Parameter(name, value=value)])
+        assert result.successful is success, name
+    assert (loaded.supervisor.jerk, loaded.speeds.linear) == (40.0, 2.0)
+    assert node.get_parameter("linear_speed").value == 2.0
+
+
+def test_what_could_not_be_configured_may_be_mended_and_configured_again(spec, made):
+    from dqcontrol.ros2.controller import ControllerNode
+
+    given = ("-p", "law.gain:=-1.0", "-p", "joint_names:=[a, b, c, d, e, f, g]")
+    node = made(lambda: ControllerNode(spec()), *given)
+    for _ in range(2):
+        with pytest.raises(Error, match=r"law\.gain: expected a number"):
+            node.configure()
+    node.set_parameters([Parameter("law.gain", value=7.0)])
+    node.configure()
+    assert node.following.loaded.law.gain == 7.0
+
+
+@pytest.mark.parametrize("name", ["two words", "1st"])
+def test_names_that_ros_does_not_allow(spec, name):
+    done = subprocess.run(
+        [*NODES, "controller", spec(), "--name", name], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("dqcontrol: ros2: Invalid node name: node name must not ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_spec_that_is_not_there_is_said_at_once(tmp_path):
+    done = subprocess.run(
+        [*NODES, "controller", tmp_path / "none.yaml"], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "none.yaml: cannot be read" in done.stderr
+
+
+def test_time_of_a_simulation_that_stands_still_stops_no_watch(spec, start):
+    """Nobody publishes /clock: a robot that falls silent is noticed nevertheless, and Ctrl-C is heard."""
+    path = spec(reference={"kind": "circle", "radius": 0.05, "duration": 60.0, "turns": 20})
+    words = ("--autostart", "--", "-p", "use_sim_time:=true", "-p", "supervisor.stale_after:=0.5")
+    waiting = start("controller", path, "--name", "waiting", *words, until="configured")
+    robot = start("robot", path, "--", "-p", "use_sim_time:=true")
+    read_until(waiting, "active")
+    robot.kill()
+    assert "measurement stale" in read_until(waiting, "stopped:")
+    assert waiting.wait(20) == 2
+    idle = start("controller", path, "--", "-p", "use_sim_time:=true", until="unconfigured")
+    idle.send_signal(signal.SIGINT)
+    assert idle.wait(20) in (0, 130), "130 before it spins"
