@@ -53,7 +53,9 @@ def test_the_folder_of_a_run_with_its_timing(tmp_path):
     assert loaded.record.stopped == "duration"
     with pytest.raises(ExistsError):
         run_in_real_time(SPEC, tmp_path / "out")
-    with pytest.raises(ShapeError, match="in real time there is one"):
+    with pytest.raises(
+        ShapeError, match=r"^spec: describes several runs \(2 repeats\); in real time there is one$"
+    ):
         run_in_real_time(SPEC | {"repeats": 2}, tmp_path / "other")
     assert not (tmp_path / "other").exists()
 

@@ -185,5 +185,5 @@ def test_from_a_robot_from_a_spec_and_from_neither(tmp_path):
     assert jog.period == 0.005
     assert jog.pose == pytest.approx(dqc.load_robot("iiwa7").fkm(Q0))
     spec.write_text(spec.read_text().replace("}}", "}, repeats: 2}"))
-    with pytest.raises(ShapeError, match="describes several runs"):
+    with pytest.raises(ShapeError, match=r"spec.yaml: describes several runs \(2 repeats\); keys drive one"):
         prepare_jog(str(spec))

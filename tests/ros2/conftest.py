@@ -13,6 +13,7 @@ import yaml
 from dqcontrol.ros2 import middleware
 
 # A machine full of other tests stalls processes for longer than a robot's would be.
+PATIENCE = 240.0  # s: of what waits for something that is to come; no test says how soon it has to
 PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")
 NODES = [sys.executable, "-u", "-m", "dqcontrol", "ros2"]
 SPEC = {
@@ -96,7 +97,7 @@ def node():
     executor = SingleThreadedExecutor()
     executor.add_node(probe)
 
-    def serve(until=lambda: False, seconds=20.0):
+    def serve(until=lambda: False, seconds=PATIENCE):
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             if until():
@@ -118,7 +119,7 @@ def call(node):
 
     def ask(service, name="dqcontrol"):
         client = node.create_client(Trigger, f"/{name}/{service}")
-        assert client.wait_for_service(20.0)
+        assert client.wait_for_service(PATIENCE)
         future = client.call_async(Trigger.Request())
         assert node.serve(future.done)
         return future.result()

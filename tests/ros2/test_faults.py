@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENT
+from conftest import PATIENCE, PATIENT
 
 import dqcontrol as dqc
 from dqcontrol.ros2.interfaces import COMMANDS
@@ -34,9 +34,9 @@ def spoiled(spec, start, tmp_path, interface, faults, turns, options=()):
     program = [sys.executable, "-u", str(RELAY)]
     relay = start(interface, seed, *faults, file, until="relays", program=program)
     controller = start("controller", path, "--interface", interface, "--autostart", *options)
-    log, _ = controller.communicate(timeout=3 * turns + 60)
+    log, _ = controller.communicate(timeout=PATIENCE)
     relay.send_signal(signal.SIGINT)
-    relay.wait(20)
+    relay.wait(PATIENCE)
     print(log, "seed", seed)
     return np.load(file)
 

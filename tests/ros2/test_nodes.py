@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENT, read_until
+from conftest import PATIENCE, PATIENT, read_until
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
@@ -52,10 +52,10 @@ def in_process(path, interface, folder):
     return measure(record, loaded.robot, loaded.setting.spec.settle, "measured").position.mean
 
 
-def compare_with_in_process(start, path, folder, interface, patience=60):
+def compare_with_in_process(start, path, folder, interface):
     start("robot", path, "--interface", interface)
     controller = start("controller", path, "--interface", interface, "--autostart", "--out", folder, *PATIENT)
-    log, _ = controller.communicate(timeout=patience)
+    log, _ = controller.communicate(timeout=PATIENCE)
     assert controller.returncode == 0, log
     run = json.loads((folder / "metrics.json").read_text())
     return run["position"]["mean"] / in_process(path, interface, folder.with_name("alone")), log
@@ -113,7 +113,7 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
     robot.kill()
     log = read_until(controller, "measurement stale")
     assert "stopped" in log
-    assert controller.wait(20) == 2
+    assert controller.wait(PATIENCE) == 2
     heard_before = -1
     while heard_before != len(commands):  # until all that waits has been heard
         heard_before = len(commands)
@@ -173,7 +173,7 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     np.testing.assert_allclose(heard[-1], before, atol=1e-6)  # all that moved nothing
 
     describe = node.create_client(DescribeParameters, "/dqcontrol/describe_parameters")
-    assert describe.wait_for_service(10)
+    assert describe.wait_for_service(PATIENCE)
     asked = describe.call_async(DescribeParameters.Request(names=["linear_speed", "law.gain"]))
     assert node.serve(asked.done)
     for told in asked.result().descriptors:
@@ -201,9 +201,7 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     o = right.pose.orientation
     o.w, o.x, o.y, o.z = r
     poses.publish(right)
-    assert node.serve(
-        lambda: np.abs(dqc.algebra.translation(IIWA.fkm(heard[-1])) - p).max() < 1e-3, seconds=30
-    )
+    assert node.serve(lambda: np.abs(dqc.algebra.translation(IIWA.fkm(heard[-1])) - p).max() < 1e-3)
     assert call("emergency_stop").success
     assert node.serve(lambda: diagnostics["/dqcontrol"][0] == "stopped")
     assert not call("activate").success
@@ -212,7 +210,7 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
     assert call("deactivate").success
     assert node.serve(lambda: diagnostics["/dqcontrol"][0] == "inactive")
     controller.terminate()
-    log, _ = controller.communicate(timeout=20)
+    log, _ = controller.communicate(timeout=PATIENCE)
     for text in reasons:
         assert any("refused: " in line and text in line for line in log.splitlines()), text
 
@@ -266,7 +264,7 @@ def test_pereira_s_graph_has_his_nodes_and_topics_and_stays_on_the_loopback(star
         local = {"0100007F", "0100FFEF"}  # 127.0.0.1, and discovery's listener in the group 239.255.0.1
         assert {address for _, address in opened} <= local, opened
     launch.send_signal(signal.SIGINT)
-    assert launch.wait(20) == 0
+    assert launch.wait(PATIENCE) == 0
 
 
 def test_without_ros_one_line_says_what_to_install(spec):

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import NODES, read_until
+from conftest import NODES, PATIENCE, read_until
 from rclpy.parameter import Parameter
 
 from dqcontrol.errors import Error
@@ -125,7 +125,7 @@ def test_time_of_a_simulation_that_stands_still_stops_no_watch(spec, start):
     read_until(waiting, "active")
     robot.kill()
     assert "measurement stale" in read_until(waiting, "stopped:")
-    assert waiting.wait(20) == 2
+    assert waiting.wait(PATIENCE) == 2
     idle = start("controller", path, "--", "-p", "use_sim_time:=true", until="unconfigured")
     idle.send_signal(signal.SIGINT)
-    assert idle.wait(20) in (0, 130), "130 before it spins"
+    assert idle.wait(PATIENCE) in (0, 130), "130 before it spins"

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENT
+from conftest import PATIENCE, PATIENT
 
 from dqcontrol.cli.view import _follow, _take_news
 from dqcontrol.errors import Error
@@ -32,7 +32,7 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
     following = _follow(growing_recording(out), "loop", tracks)
     growing, track = following
     for _ in range(4):
-        before, end = len(track.record), time.monotonic() + 10.0
+        before, end = len(track.record), time.monotonic() + PATIENCE
         while len(track.record) == before:
             assert time.monotonic() < end
             assert _take_news([following], None)
@@ -58,7 +58,7 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
         "-p",
         "start_tolerance:=1.0",
     )
-    log, _ = start(*words, file_limit=40_000).communicate(timeout=60)
+    log, _ = start(*words, file_limit=40_000).communicate(timeout=PATIENCE)
     assert "stopped: emergency stop: the recording cannot be written: File too large" in log
     assert log.splitlines()[-1] == (
         f"dqcontrol: {out}/record.mcap: the recording cannot be written: File too large"

@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
+from conftest import PATIENCE
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -63,7 +64,7 @@ def test_the_wrench_on_the_topic_is_what_the_plant_senses_and_wrong_commands_mov
         commands.publish(Float64MultiArray(data=data))
         assert node.serve(lambda why=why: last_refused(diagnostics) == why), why
     change = node.create_client(SetParameters, "/robot/set_parameters")
-    assert change.wait_for_service(10)
+    assert change.wait_for_service(PATIENCE)
     wrong = Parameter("command_timeout", value=5.0).to_parameter_msg()
     answer = change.call_async(SetParameters.Request(parameters=[wrong]))
     assert node.serve(answer.done)
@@ -74,7 +75,7 @@ def test_the_wrench_on_the_topic_is_what_the_plant_senses_and_wrong_commands_mov
     assert node.serve(lambda: wrenches)
     assert wrenches[0].wrench.force.x in expected[:, 0]  # as if nothing had come
     robot.terminate()
-    log, _ = robot.communicate(timeout=20)
+    log, _ = robot.communicate(timeout=PATIENCE)
     for why in ("expected 7 numbers, got 6", "number 7 is not finite", "command_timeout: expected a number"):
         assert f"refused: {'' if 'timeout' in why else 'velocity: '}" in log
         assert why in log

@@ -86,7 +86,7 @@ def recorded_jog(
 def _setting(source: str) -> Setting:
     setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
     if not setting.spec.is_single:
-        raise ShapeError(f"{source}: describes several runs; name one law and one plant")
+        raise ShapeError(f"{source}: describes several runs ({setting.spec.several}); keys drive one")
     return setting
 
 

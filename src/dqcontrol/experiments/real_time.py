@@ -47,8 +47,9 @@ def run_in_real_time(
     """
     setting = prepare(source)
     if not setting.spec.is_single:
+        what = "spec" if isinstance(source, dict) else source
         raise ShapeError(
-            "spec: describes several runs; in real time there is one: name one law and one plant"
+            f"{what}: describes several runs ({setting.spec.several}); in real time there is one"
         )
     (expected,) = warn_unstable(setting, stacklevel=2)
     (case,), clock = setting.cases, clock or Clock(overrun="skip")

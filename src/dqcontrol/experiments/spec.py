@@ -221,8 +221,18 @@ class Spec(Part, frozen=True, kw_only=True):
     @property
     def is_single(self) -> bool:
         """Whether it describes one run."""
-        several = len(self.robot_by_label), len(self.variants), len(self.plant_by_label), self.repeats
-        return several == (1, 1, 1, 1)
+        return not self.several
+
+    @property
+    def several(self) -> str:
+        """What it has several of, as in ``2 laws, 3 repeats``; empty if it describes one run."""
+        counts = {
+            "robots": len(self.robot_by_label),
+            "laws": len(self.variants),
+            "plants": len(self.plant_by_label),
+            "repeats": self.repeats,
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count > 1)
 
 
 def _by_label(field: str, one: Any, several: Any) -> dict[str, Any]:

@@ -102,7 +102,7 @@ def load(source: str | Path) -> Loaded:
     setting = prepare(source)
     if not setting.spec.is_single:
         raise ShapeError(
-            f"{source}: describes several runs; a robot does one at a time: name one law and one plant"
+            f"{source}: describes several runs ({setting.spec.several}); a robot does one at a time"
         )
     (case,) = setting.cases
     robot = case.scene.robot
