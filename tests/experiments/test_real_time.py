@@ -111,8 +111,8 @@ class Watching(Clock):
     is_running = False
 
     @contextmanager
-    def running(self, *of):
-        with super().running(*of):
+    def running(self, period, steps):
+        with super().running(period, steps):
             self.is_running = True
             yield
         self.is_running = False

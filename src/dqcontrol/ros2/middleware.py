@@ -91,7 +91,6 @@ def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = 
         raise Error(
             f"ros2: {' '.join(str(error).splitlines()[:2])}"
         ) from None  # the third points at the place
-
     words = ["dqcontrol", "--ros-args", *arguments] if arguments else ["dqcontrol"]
     try:
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
@@ -106,7 +105,8 @@ def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = 
 
 def steady_timer(node: Node, seconds: float, act: Callable[[], None]) -> Timer:
     """Return a timer that neither a simulation's time (``use_sim_time``) nor a set clock slows down or stops."""
-    from rclpy.clock import Clock, ClockType
+    from rclpy.clock import Clock
+    from rclpy.clock_type import ClockType
 
     return node.create_timer(seconds, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
