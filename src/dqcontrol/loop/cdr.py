@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 Bytes = NDArray[np.uint8]
 Field = int | str | Sequence[str] | NDArray[Any]
 
-_ENCAPSULATION = np.frombuffer(
-    b"\x00\x01\x00\x00", dtype=np.uint8
-)  # little-endian, no options; not aligned to
+# little-endian, no options; alignment counts from its end
+_ENCAPSULATION = np.frombuffer(b"\x00\x01\x00\x00", dtype=np.uint8)
 
 
 def cdr(*fields: Field) -> Bytes:
