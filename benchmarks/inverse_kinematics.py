@@ -38,10 +38,10 @@ def timed(solve: Callable[[int], np.ndarray], count: int) -> tuple[np.ndarray, n
 
 def pink(data: dict[str, np.ndarray], restarts: int) -> tuple[np.ndarray, np.ndarray]:
     """Iterate Pink's solve_ik to convergence; again from random configurations if it stalls."""
-    import pinocchio as pin  # type: ignore[import-not-found]
-    from pink import Configuration, solve_ik  # type: ignore[import-not-found]
-    from pink.limits import ConfigurationLimit  # type: ignore[import-not-found]
-    from pink.tasks import FrameTask  # type: ignore[import-not-found]
+    import pinocchio as pin
+    from pink import Configuration, solve_ik
+    from pink.limits import ConfigurationLimit
+    from pink.tasks import FrameTask
 
     def se3(row: np.ndarray) -> object:
         return pin.SE3(pin.Quaternion(*row[:4]).normalized().toRotationMatrix(), row[4:7])
@@ -81,7 +81,7 @@ def pink(data: dict[str, np.ndarray], restarts: int) -> tuple[np.ndarray, np.nda
 
 def toolbox(data: dict[str, np.ndarray], _: int) -> tuple[np.ndarray, np.ndarray]:
     """Call ik_LM of Robotics Toolbox, its compiled solver with restarts of its own."""
-    import roboticstoolbox as rtb  # type: ignore[import-not-found]
+    import roboticstoolbox as rtb
 
     lower, upper, chain = data["lower"], data["upper"], data["chain"]
     parts = []

@@ -7,7 +7,7 @@ from typing import Any
 import dqrobotics as dqr
 import mujoco
 import numpy as np
-import pinocchio  # type: ignore[import-untyped]
+import pinocchio
 from dqrobotics.robot_modeling import DQ_SerialManipulatorDH
 from measure import Ratio, medians
 

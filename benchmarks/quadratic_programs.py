@@ -7,7 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import pinocchio  # type: ignore[import-untyped]
+import pinocchio
 from kinematics import PANDA, Q, as_mjcf
 from measure import Ratio, medians
 
@@ -19,7 +19,7 @@ GAIN, PERIOD = 10.0, 0.01
 
 def by_pink(goal: np.ndarray) -> Any:
     """Return a function that makes a step towards a pose matrix (4 × 4)."""
-    import pink  # type: ignore[import-not-found]
+    import pink
 
     full = pinocchio.buildModelFromUrdf(str(example_urdfs()[PANDA]))
     model = pinocchio.buildReducedModel(full, [8, 9], pinocchio.neutral(full))
@@ -36,7 +36,7 @@ def by_pink(goal: np.ndarray) -> Any:
 
 def by_mink(goal: np.ndarray, arm: dqc.Robot) -> Any:
     """Return a function that makes a step towards a pose matrix (4 × 4)."""
-    import mink  # type: ignore[import-not-found]
+    import mink
 
     model = mujoco.MjModel.from_xml_string(as_mjcf(arm, limited=True))
     configuration = mink.Configuration(model, Q)

@@ -22,15 +22,15 @@ def _caller(signature: Any, emit: Callable[..., Any]) -> Callable[..., Any]:
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
-    def at(typing_context, address, *arguments):  # type: ignore[no-untyped-def]
-        def generate(context, builder, call, arguments):  # type: ignore[no-untyped-def]
+    def at(typing_context, address, *arguments):
+        def generate(context, builder, call, arguments):
             return emit(context, builder, signature.return_type, signature.args, arguments[0], arguments[1:])
 
         return signature.return_type(ADDRESS, *signature.args), generate
 
     names = ["typing_context", "address", *(f"argument{i}" for i in range(len(signature.args)))]
     parameters = [Parameter(name, Parameter.POSITIONAL_ONLY) for name in names]
-    at.__signature__ = Signature(parameters)  # type: ignore[attr-defined] — each argument by itself, in no tuple
+    at.__signature__ = Signature(parameters)
     _known_as(call, at)
     return call
 
@@ -43,7 +43,7 @@ def caller(signature: Any) -> Callable[..., Any]:
     to the machine code, not to a wrapper that stores all arguments anew.
     """
 
-    def emit(context, builder, result, taken, address, arguments):  # type: ignore[no-untyped-def]
+    def emit(context, builder, result, taken, address, arguments):
         function = context.call_conv.get_function_type(result, taken).as_pointer()
         pointer = builder.inttoptr(address, function)
         _, value = context.call_conv.call_function(
@@ -58,7 +58,7 @@ def caller(signature: Any) -> Callable[..., Any]:
 def c_caller(signature: Any) -> Callable[..., Any]:
     """Return what calls, in a kernel, the C function at an `ADDRESS` that takes these numbers and returns nothing."""
 
-    def emit(context, builder, result, taken, address, arguments):  # type: ignore[no-untyped-def]
+    def emit(context, builder, result, taken, address, arguments):
         from llvmlite.ir import FunctionType, VoidType
 
         function = FunctionType(VoidType(), [context.get_value_type(each) for each in taken]).as_pointer()
@@ -73,13 +73,13 @@ def as_matrix(array: Any, rows: int, columns: int) -> Any:
     return array.reshape(rows, columns)
 
 
-def _unchecked(typing_context, array, rows, columns):  # type: ignore[no-untyped-def]
+def _unchecked(typing_context, array, rows, columns):
     from numba.core.imputils import impl_ret_borrowed  # neither before the first compilation
     from numba.np.arrayobj import make_array, populate_array
 
     result = array.copy(ndim=2)
 
-    def generate(context, builder, call, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, call, arguments):
         source = make_array(call.args[0])(context, builder, arguments[0])
         found = make_array(call.return_type)(context, builder)
         rows, columns = arguments[1:]

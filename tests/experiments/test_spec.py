@@ -177,7 +177,7 @@ def test_words_that_old_yaml_takes_for_true_and_false_are_text(tmp_path):
     read = read_spec(path)[0].plants
     assert read is not None
     assert list(read) == ["OFF", "on"]
-    assert read["OFF"].mode == "OFF"  # type: ignore[union-attr]
+    assert read["OFF"].mode == "OFF"
 
 
 @pytest.mark.parametrize(

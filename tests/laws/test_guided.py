@@ -79,7 +79,7 @@ def test_bad_input(robot):
     with pytest.raises(Error, match="planned for iiwa7"):
         LAW.prepare(dqc.load_robot("iiwa7"), way, 0.05)
     with pytest.raises(Error, match="null_space: leave it out"):
-        GuidedProportional(gain=1.0, null_space=BestHeading()).prepare(robot, way, 0.05)  # type: ignore[arg-type]
+        GuidedProportional(gain=1.0, null_space=BestHeading()).prepare(robot, way, 0.05)
     with pytest.raises(Error, match="pull: must be > 0, got 0"):
         GuidedProportional(gain=1.0, pull=0).prepare(robot, way, 0.05)
 

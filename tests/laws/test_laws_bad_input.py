@@ -40,7 +40,7 @@ LAWS = [Proportional, ProportionalFeedforward]
         (Schedule([1, 0], [1, 2]), ValueRangeError, r"^schedule.times: must increase, got \[1, 0\]$"),
         (Schedule([0, np.nan], [1, 2]), ValueRangeError, r"^schedule.times: must be finite"),
         (Schedule([0, 1], [1, np.nan]), ValueRangeError, r"^schedule.values: must be finite"),
-        (Schedule(["a"], [1]), ShapeError, r"^schedule.times: expected real numbers, got \['a'\]$"),  # type: ignore[arg-type]
+        (Schedule(["a"], [1]), ShapeError, r"^schedule.times: expected real numbers, got \['a'\]$"),
         (Schedule([0, 1], [1, 0]), ValueRangeError, r"^gain: must be > 0, got 0$"),
         (
             Schedule([0, 1e9], [1, 2]),
@@ -108,7 +108,7 @@ def test_lists_integers_and_foreign_layouts_are_configurations(make_arm):
     frozen = q.copy()
     frozen.flags.writeable = False
     for same in (q.tolist(), q.astype(int), q.astype(np.float32), np.repeat(q, 2)[::2], frozen):
-        assert np.array_equal(law.command(same, sample, law.initial_state(q)), wanted)  # type: ignore[arg-type]
+        assert np.array_equal(law.command(same, sample, law.initial_state(q)), wanted)
         assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, dt=0.01), wanted)
     out = np.empty(6)
     assert law.command(q, sample, law.initial_state(q), out) is out
@@ -143,4 +143,4 @@ def test_a_command_that_overflows_is_an_error(make_arm, n, inverse):
 
 def test_laws_are_frozen():
     with pytest.raises(AttributeError):
-        Proportional(gain=1.0).gain = 2.0  # type: ignore[misc]
+        Proportional(gain=1.0).gain = 2.0

@@ -262,7 +262,7 @@ def test_interpreted_and_compiled_runs_are_equal_to_the_last_bit(name):
         (
             PartialProportional(part="roll", gain=1.0),
             r"part: unknown name 'roll'.*allowed: axis, position, rotation",
-        ),  # type: ignore[arg-type]
+        ),
         (PartialProportional(part="axis", gain=1.0, axis=(0, 0, 0)), "axis: must not be zero"),
         (PartialProportional(part="position", gain=-1.0), "gain: must be > 0, got -1"),
         (Proportional(gain=1.0, null_space=Posture(gain=0.0)), "null_space.gain: must be > 0, got 0"),

@@ -87,7 +87,7 @@ def test_a_law_that_fails_ends_the_run_and_says_when(arm):
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        (OwnLaw(function=3), "function: expected a function of nine arguments, got 3"),  # type: ignore[arg-type]
+        (OwnLaw(function=3), "function: expected a function of nine arguments, got 3"),
         (OwnLaw(function=transpose, parameters=[np.nan]), "parameters: must be finite"),
     ],
 )
@@ -98,7 +98,7 @@ def test_bad_laws(arm, law, message):
 
 def test_bad_plant(arm):
     with pytest.raises(Error, match="function: expected a function of six arguments"):
-        OwnPlant(function="x").start(arm, np.array(START), 0.01, 1, 0)  # type: ignore[arg-type]
+        OwnPlant(function="x").start(arm, np.array(START), 0.01, 1, 0)
 
 
 def stopping(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
@@ -119,11 +119,11 @@ def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
     ("law", "message"),
     [
         (OwnLaw(function=transpose, memory=-1), "memory: expected an integer ≥ 0, got -1"),
-        (OwnLaw(function=transpose, scratch="a"), "scratch: expected an integer ≥ 0, got 'a'"),  # type: ignore[arg-type]
+        (OwnLaw(function=transpose, scratch="a"), "scratch: expected an integer ≥ 0, got 'a'"),
         (
             OwnLaw(function=transpose, parameters=[[1.0]]),
             r"parameters: expected a row of numbers, got shape \(1, 1\)",
-        ),  # type: ignore[list-item]
+        ),
     ],
 )
 def test_unfit_memory_and_parameters(arm, law, message):
@@ -132,5 +132,5 @@ def test_unfit_memory_and_parameters(arm, law, message):
 
 
 def test_parameters_may_be_arrays(arm):
-    law = OwnLaw(function=transpose, parameters=np.array([20.0, 1.0]))  # type: ignore[arg-type]
+    law = OwnLaw(function=transpose, parameters=np.array([20.0, 1.0]))
     assert run(arm, law, Integrator()).stopped == "duration"

@@ -407,7 +407,7 @@ def test_bad_arguments():
     with pytest.raises(ValueRangeError, match=r"inertia: .* has none"):
         body.gravity_torque(np.zeros(8))
     with pytest.raises(ShapeError, match=r"^limits: expected Limits or None, got \(\[0\], \[1\]\)$"):
-        SerialArm.from_dh([0], [0], [1], [0], limits=([0], [1]))  # type: ignore[arg-type]
+        SerialArm.from_dh([0], [0], [1], [0], limits=([0], [1]))
     with pytest.raises(ValueRangeError, match="joint 1 has lower 1 ≥ upper -1; lower must be below upper"):
         Limits([1.0], [-1.0], [1.0], [1.0])
     with pytest.raises(ShapeError, match=r"limits.effort: expected shape \(2,\), got \(3,\)"):

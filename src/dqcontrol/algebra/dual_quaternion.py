@@ -263,7 +263,7 @@ class DualQuaternion:
         return close(self._data, y, tolerance) | close(self._data, -y, tolerance)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        return np.array(self._data, dtype=dtype, copy=copy)  # type: ignore[call-overload]
+        return np.array(self._data, dtype=dtype, copy=copy)
 
     def __len__(self) -> int:
         if not self.batch_shape:

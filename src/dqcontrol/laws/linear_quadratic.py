@@ -180,7 +180,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _size(self) -> int:
         return 8
 
-    def _solve(self, weights, controls, final, times, end, reference):  # type: ignore[no-untyped-def]
+    def _solve(self, weights, controls, final, times, end, reference):
         dt = times[1] - times[0]
         starts = np.union1d(weights[0], controls[0])
         starts = starts[starts <= times[-1]]
@@ -298,6 +298,6 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         rows = super()._packed(gains, offsets)
         return np.hstack([rows, np.full((len(rows), 1), float(self.form == "log"))])
 
-    def _solve(self, weights, controls, final, times, end, reference):  # type: ignore[no-untyped-def]
+    def _solve(self, weights, controls, final, times, end, reference):
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)
         return solution, np.zeros((len(times), 6))

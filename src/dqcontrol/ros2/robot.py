@@ -65,8 +65,8 @@ class RobotNode(Node):
         self._period, self._joints, self._interface = loaded.period, list(robot.joint_names), interface
         self._supervisor, self._from_measured = loaded.limits_alone(interface)
         self._state = self._supervisor.start(start)
-        self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._warm_up(loaded)
+        self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._guarded = self._plant if isinstance(self._plant, GuardedPlant) else None
         self._asked: Array | None = None
         self._heard, self._silent, self._fault, self._ticks = 0.0, True, "", 0
@@ -89,7 +89,7 @@ class RobotNode(Node):
         steady_timer(self, loaded.period, self._tick)
 
     def _warm_up(self, loaded: Loaded) -> None:
-        """Compile what a tick needs on a second plant, so that the first one is not late."""
+        """Compile what a tick needs on another plant, gone before there is ours: one simulator may serve both."""
         start, still = loaded.case.scene.start, np.zeros(loaded.robot.input_size)
         loaded.case.plant.start(loaded.robot, start, loaded.period, 1, 0).step(still)
         self._supervisor.step(start, still, self._supervisor.start(start), 0.0, GO, still)
