@@ -24,7 +24,9 @@ OPTIONS = [
     "--enable-unsafe-swiftshader",
     "--disable-background-networking",
 ]
-WIDTH, HEIGHT, SCENE = 900, 500, 480  # the controls lie to the right of the scene
+WIDTH, HEIGHT = 900, 500
+SCENE, TOP = 480, 140  # the controls lie to the right of the scene, a notice at its top
+SCALE = 0.5  # pixels of a picture to one of the window
 
 
 def moved(robot, shift):
@@ -71,13 +73,13 @@ class Visit:
     """A look at a page, with all that it complains of and asks for."""
 
     def __init__(self, browser, url):
-        self.tab = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, device_scale_factor=0.5)
+        self.tab = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, device_scale_factor=SCALE)
         self.tab.set_default_timeout(120_000)  # ms; machines may be busy
         self.complaints, self.outside = [], []
         self.tab.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.tab.on("console", lambda line: line.type == "error" and self.complaints.append(line.text))
         self.tab.on("request", lambda request: self._look(request.url, url))
-        self.tab.goto(f"{url}/?fixedDpr=0.5")  # else the page draws coarser while the machine is busy
+        self.tab.goto(f"{url}/?fixedDpr={SCALE}")  # else the page draws coarser while the machine is busy
         self.until_drawn()
 
     def _look(self, asked, url):
@@ -88,10 +90,10 @@ class Visit:
         """Return the pixels of the scene."""
         from PIL import Image
 
-        data = self.tab.screenshot(
-            animations="disabled", clip={"x": 0, "y": 140, "width": SCENE, "height": HEIGHT - 140}
-        )
-        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=int)
+        # Of the whole window: to take a part of it, the browser draws anew in another size, for a while.
+        data = self.tab.screenshot(animations="disabled")
+        window = np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=int)
+        return window[int(SCALE * TOP) :, : int(SCALE * SCENE)]
 
     def until_drawn(self):
         """Wait until the scene holds a robot and stands still."""
