@@ -74,6 +74,17 @@ class InterpretedWarning(UserWarning):
 
 
 @contextmanager
+def writing(target: object) -> Iterator[None]:
+    """Say that a target cannot be written if the system does not let something inside be written."""
+    try:
+        yield
+    except Error:  # some are OSError as well
+        raise
+    except OSError as error:
+        raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
+
+
+@contextmanager
 def naming(place: str) -> Iterator[None]:
     """Put a place before the message of any of our errors raised inside, unless the message names a file already."""
     try:

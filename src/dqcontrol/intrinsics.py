@@ -46,9 +46,8 @@ def caller(signature: Any) -> Callable[..., Any]:
     def emit(context, builder, result, taken, address, arguments):
         function = context.call_conv.get_function_type(result, taken).as_pointer()
         pointer = builder.inttoptr(address, function)
-        _, value = context.call_conv.call_function(
-            builder, pointer, result, taken, arguments
-        )  # no kernel raises
+        # The status is not looked at: no kernel raises.
+        _, value = context.call_conv.call_function(builder, pointer, result, taken, arguments)
         return value
 
     return _caller(signature, emit)

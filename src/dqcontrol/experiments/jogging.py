@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.experiments.streamed_run import StreamedRun
@@ -85,8 +84,7 @@ def recorded_jog(
 
 def _setting(source: str) -> Setting:
     setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
-    if not setting.spec.is_single:
-        raise ShapeError(f"{source}: describes several runs ({setting.spec.several}); keys drive one")
+    setting.only_case(source, "keys drive one")
     return setting
 
 

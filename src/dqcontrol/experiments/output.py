@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dqcontrol.errors import Error, ExistsError, ValueRangeError
+from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
 
 MARK = "spec.yaml"  # every folder of results holds what it came from
 OUTSIDE = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
@@ -56,11 +56,9 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
     """
     target = Path(folder)
     check_new(target, force=force)
-    try:
+    with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
     try:
         yield draft
         note_contents(draft)

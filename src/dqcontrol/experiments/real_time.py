@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.setting import prepare
@@ -46,13 +45,9 @@ def run_in_real_time(
         If something is missing, malformed or does not fit, before anything moves; or the robot fails.
     """
     setting = prepare(source)
-    if not setting.spec.is_single:
-        what = "spec" if isinstance(source, dict) else source
-        raise ShapeError(
-            f"{what}: describes several runs ({setting.spec.several}); in real time there is one"
-        )
+    case = setting.only_case("spec" if isinstance(source, dict) else source, "in real time there is one")
     (expected,) = warn_unstable(setting, stacklevel=2)
-    (case,), clock = setting.cases, clock or Clock(overrun="skip")
+    clock = clock or Clock(overrun="skip")
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
     with streamed.record() as recording:

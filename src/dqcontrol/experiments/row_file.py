@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dqcontrol.errors import Error, FileFormatError, MissingExtraError
+from dqcontrol.errors import FileFormatError, MissingExtraError, writing
 from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
 
 Row = dict[str, float | int | str | None]
@@ -98,14 +98,12 @@ def write_whole(path: Path, content: bytes) -> None:
         If it cannot be written.
     """
     draft = path.with_name(f".{path.name}.tmp")
-    try:
+    with writing(path):
         with open(draft, "wb") as stream:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
         draft.replace(path)
-    except OSError as error:
-        raise Error(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def join_files(parts: Sequence[Path], target: Path, notes: Mapping[str, str]) -> None:

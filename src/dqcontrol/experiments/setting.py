@@ -104,6 +104,12 @@ class Setting:
         """The first robot's."""
         return next(iter(self.scenes.values()))
 
+    def only_case(self, source: object, otherwise: str) -> Case:
+        """Return the case of a spec of one run; ``otherwise`` says why there may not be several."""
+        if not self.spec.is_single:
+            raise ShapeError(f"{source}: describes several runs ({self.spec.several}); {otherwise}")
+        return self.cases[0]
+
     @property
     def text(self) -> str:
         """The spec as YAML with all defaults."""

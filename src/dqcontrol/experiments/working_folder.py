@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from dqcontrol.errors import Error, ExistsError
+from dqcontrol.errors import Error, ExistsError, writing
 from dqcontrol.experiments.output import MARK
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.yaml_file import read_text
@@ -48,15 +48,11 @@ class WorkingFolder:
         self.folder = folder
         self.recordings = folder / "runs"
         self._text, self._fingerprint = text, fingerprint
-        try:
+        with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             if not (folder / _FINGERPRINT).exists() and (foreign := _names(folder) - _FIRST):
                 raise ExistsError(f"{folder}: holds '{foreign.pop()}' and no unfinished study; move it away")
             self._lock: int | None = _locked(folder / _LOCK)
-        except Error:
-            raise
-        except OSError as error:
-            raise Error(f"{folder}: cannot be written: {error.strerror or error}") from None
         try:
             self._begin(force)
         except BaseException:

@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import Error, ExistsError, MissingExtraError, ShapeError, unknown_name
+from dqcontrol.errors import ExistsError, MissingExtraError, ShapeError, unknown_name, writing
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST, TWIST_RATE
@@ -147,14 +147,10 @@ def export_record(
         raise ExistsError(f"{path}: exists; choose another name, or replace it with --force (force=True)")
     texts = {"stopped": record.stopped} | dict(notes or {})
     content = WRITERS[path.suffix.lower()](record, signals(record, joint_units, input_units), texts)
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path, overwrite=force) as draft:
             draft.write_bytes(content)
-    except ExistsError:
-        raise
-    except OSError as error:
-        raise Error(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 

@@ -11,8 +11,11 @@ from msgspec import Meta, Struct
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.plants.channels import Channel
 
 Array = NDArray[np.float64]
+
+CAMERA_CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))  # of plants with one
 
 _SNAP = 1e-9  # periods or seconds; times that differ by less are equal
 _NOT_NEGATIVE = (

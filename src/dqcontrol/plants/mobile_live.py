@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, ValueRangeError
+from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.gripper import FINGERS
 from dqcontrol.plants.mujoco_live import LOST, JointEncoders, check_rate
@@ -255,9 +256,5 @@ def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
                 Channel(f"cube_{i + 1}_quaternion", ("w", "x", "y", "z"), ""),
             )
         ),
-        *(
-            (Channel("camera_age", (), "s"), Channel("command_share", (), ""))
-            if plant.location == "camera"
-            else ()
-        ),
+        *(CAMERA_CHANNELS if plant.location == "camera" else ()),
     )

@@ -13,7 +13,7 @@ from dqcontrol.compile import OK, WRONG_SIZE, inlined, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.command_limits import scale_down
-from dqcontrol.plants.camera import Camera
+from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, whole_periods
 from dqcontrol.plants.servo_step import follow
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT = range(6, 11)
 _HEAD = 11
-CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))
 
 
 @inlined
@@ -166,4 +165,4 @@ def _sight(
     found = camera.schedule(dt, late, steps, places // 3, seed)
     noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
     values = found.age[:, None], found.share[:, None]
-    return noise, late, found.weight, list(zip(CHANNELS, values, strict=True))
+    return noise, late, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))

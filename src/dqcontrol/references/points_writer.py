@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dqcontrol.algebra import rotation, translation
-from dqcontrol.errors import Error, ExistsError, ValueRangeError
+from dqcontrol.errors import ExistsError, ValueRangeError, writing
 from dqcontrol.references.points_file import POSITION, QUATERNION
 from dqcontrol.references.reference import Array
 
@@ -67,11 +67,8 @@ class PointsWriter:
         values = [self._time + way, *translation(new), *rotation(new)]
         line = ", ".join(f"{value:.9g}" for value in values) + (f"  # {note}" if note else "")
         heading = "" if self._count else ", ".join(("time", *POSITION, *QUATERNION)) + "\n"
-        try:
-            with open(self.path, "a" if self._count else "x", encoding="utf-8") as file:
-                file.write(heading + line + "\n")
-        except OSError as error:
-            raise Error(f"{self.path}: cannot be written: {error.strerror or error}") from None
+        with writing(self.path), open(self.path, "a" if self._count else "x", encoding="utf-8") as file:
+            file.write(heading + line + "\n")
         self._time, self._last, self._count = self._time + way, new, self._count + 1
         return self._count
 

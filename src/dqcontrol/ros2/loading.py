@@ -100,11 +100,7 @@ def load(source: str | Path) -> Loaded:
         If something is missing, malformed or does not fit, or it describes several runs or a mobile base.
     """
     setting = prepare(source)
-    if not setting.spec.is_single:
-        raise ShapeError(
-            f"{source}: describes several runs ({setting.spec.several}); a robot does one at a time"
-        )
-    (case,) = setting.cases
+    case = setting.only_case(source, "a robot does one at a time")
     robot = case.scene.robot
     if base_coordinates(robot).any():
         raise ShapeError(

@@ -88,9 +88,8 @@ def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = 
         for name in names:
             validate_node_name(name)
     except InvalidNodeNameException as error:
-        raise Error(
-            f"ros2: {' '.join(str(error).splitlines()[:2])}"
-        ) from None  # the third points at the place
+        lines = str(error).splitlines()[:2]  # the third points at the place
+        raise Error(f"ros2: {' '.join(lines)}") from None
     words = ["dqcontrol", "--ros-args", *arguments] if arguments else ["dqcontrol"]
     try:
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)

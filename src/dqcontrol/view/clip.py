@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import (
-    Error,
-    ExistsError,
     FileFormatError,
     ValueRangeError,
     as_array,
     as_count,
     as_positive,
+    writing,
 )
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
@@ -106,7 +104,7 @@ def render_clip(
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)
     pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
-    with _written(target, overwrite) as draft:
+    with writing(target), whole_file(target, overwrite=overwrite) as draft:
         write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
 
 
@@ -207,7 +205,7 @@ def render_strip(
     sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
     for k, picture in enumerate(pictures):
         sheet.paste(picture, (k % across * width, k // across * height))
-    with _written(target, overwrite) as draft:
+    with writing(target), whole_file(target, overwrite=overwrite) as draft:
         sheet.save(draft)
 
 
@@ -217,18 +215,6 @@ def _told(pictures: Iterable[Any], count: int, progress: Callable[[int, int], No
     for drawn, picture in enumerate(pictures, 1):
         yield picture
         progress(drawn, count)
-
-
-@contextmanager
-def _written(target: Path, overwrite: bool) -> Iterator[Path]:
-    """Give the name that a picture is written to first, as `whole_file` does."""
-    try:
-        with whole_file(target, overwrite=overwrite) as draft:
-            yield draft
-    except ExistsError:
-        raise
-    except OSError as error:
-        raise Error(f"{target}: cannot be written: {error.strerror or error}") from None
 
 
 def _pictures(
