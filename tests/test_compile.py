@@ -157,24 +157,37 @@ def test_a_damaged_cache_is_made_anew_in_silence(filled, tmp_path, suffix, damag
     assert call(cache) == (0.0, 1, "[]", "")
 
 
-def test_old_caches_are_removed_and_nothing_else(tmp_path):
-    """Four are kept; folders and files of other names in the chosen folder are not touched."""
-    for age in range(6):
-        folder = tmp_path / f"{age:016x}"
-        folder.mkdir()
+def test_old_versions_of_a_modules_kernels_are_removed_and_nothing_else(tmp_path):
+    """Eight are kept; folders and files of other names are not touched."""
+    module = tmp_path / "dqcontrol.loop.rollout"
+    for age in range(10):
+        folder = module / f"{age:016x}"
+        folder.mkdir(parents=True)
         (folder / "code").write_text("old")
         os.utime(folder, (1e9 - age, 1e9 - age))
     mine = tmp_path / "my thesis"
     mine.mkdir()
     os.utime(mine, (0, 0))
-    (tmp_path / ("f" * 16)).write_text("a file")
-    script = "import dqcontrol.compile"
-    environment = {**os.environ, "DQCONTROL_CACHE": str(tmp_path), "PYTHONPATH": str(PACKAGE.parent)}
-    subprocess.run([sys.executable, "-B", "-c", script], env=environment, check=True)
-    left = {p.name for p in tmp_path.iterdir()}
-    assert {"my thesis", "f" * 16} <= left
-    assert {p for p in left if p.startswith("000")} == {f"{age:016x}" for age in range(3)}
-    assert len(left) == 2 + 4
+    (module / ("f" * 16)).write_text("a file")
+    assert call(tmp_path)[:2] == (0.0, 0)
+    assert {path.name for path in tmp_path.iterdir()} == {"my thesis", module.name}
+    left = {path.name for path in module.iterdir()}
+    assert {name for name in left if name.startswith("000")} == {f"{age:016x}" for age in range(7)}
+    assert len(left) == 1 + 8
+
+
+def test_an_edit_recompiles_only_what_it_can_change(tmp_path):
+    """A figure's source is none of the kernel's business; one that it imports by three detours is."""
+    copy = tmp_path / "source" / "dqcontrol"
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    cache = tmp_path / "cache"
+    assert call(cache, copy.parent)[:2] == (0.0, 0)
+    for path in (copy / "view" / "style.py", copy / "cli" / "run.py", copy / "__init__.py"):
+        path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
+    assert call(cache, copy.parent)[:2] == (0.0, 1)
+    path = copy / "intrinsics.py"
+    path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
+    assert call(cache, copy.parent)[:2] == (0.0, 0)
 
 
 def test_import_compiles_nothing_and_loads_nothing_heavy(tmp_path):
@@ -193,7 +206,7 @@ print(sorted(heavy & names), dqcontrol.__version__, missing)
         [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
     )
     assert (done.stdout, done.stderr) == (f"[] {dqcontrol.__version__} []\n", "")
-    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert not list(tmp_path.iterdir())
 
 
 def test_unknown_attribute_of_the_package():

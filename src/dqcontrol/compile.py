@@ -39,19 +39,16 @@ OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 
 
 def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) -> Any:
-    previous = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(kernel_cache.FOLDER or previous)  # type: ignore[attr-defined]
-    try:
-        return numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
-            cache=cached and kernel_cache.FOLDER is not None,
-            fastmath=fastmath,
-            nogil=True,
-            error_model="numpy",
-            _nrt=not cached,
-            no_cfunc_wrapper=True,
-        )(function)
-    finally:
-        numba.config.CACHE_DIR = previous  # type: ignore[attr-defined]
+    dispatcher = numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
+        fastmath=fastmath,
+        nogil=True,
+        error_model="numpy",
+        _nrt=not cached,
+        no_cfunc_wrapper=True,
+    )(function)
+    if cached and kernel_cache.root() is not None:
+        dispatcher._cache = kernel_cache.KernelCache(function)
+    return dispatcher
 
 
 class _Part(JITCodeLibrary):
@@ -152,11 +149,11 @@ def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., A
 
 
 def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
-    kernel_cache.announce(function.__name__)
+    kernel_cache.announce(function)
     try:
         return _compiled(function, signature, fastmath)
     except Exception:
-        if not kernel_cache.clear():
+        if not kernel_cache.clear(function.__module__):
             raise
         # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is
         # not the cache's, the second attempt raises it again.

@@ -63,10 +63,10 @@ def test_the_message_is_what_the_example_says(name, tmp_path, monkeypatch):
 
 
 def test_the_cache_that_cannot_be_written(monkeypatch):
-    monkeypatch.setattr(kernel_cache, "FOLDER", None)
+    monkeypatch.setattr(kernel_cache, "root", lambda: None)
     monkeypatch.setattr(kernel_cache, "_warned", False)
     monkeypatch.setenv("DQCONTROL_CACHE", "/read-only")
     (promised,) = fenced("text", SECTIONS["CacheWarning"])
     with pytest.warns(errors.CacheWarning) as caught:
-        kernel_cache.announce("len")
+        kernel_cache.announce(kernel_cache.state)
     assert str(caught[0].message) == promised.strip()

@@ -98,7 +98,7 @@ def test_trials_of_another_spec_or_version_are_not_mixed(tmp_path, monkeypatch):
     ):
         run_study_to(other, target)
     with monkeypatch.context() as patch:
-        patch.setattr("dqcontrol.experiments.setting.source_hash", lambda: "of other sources")
+        patch.setattr("dqcontrol.experiments.setting.sources", lambda: "of other sources")
         with pytest.raises(
             ExistsError, match=r"holds finished trials of another version of dqcontrol, or of a file"
         ):

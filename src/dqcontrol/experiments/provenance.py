@@ -9,8 +9,8 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from dqcontrol.experiments.setting import sources
 from dqcontrol.experiments.tables import Column, Table
-from dqcontrol.kernel_cache import source_hash
 
 AGAIN = "again"  # folder that the commands write to
 _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
@@ -49,7 +49,7 @@ def origins(data: dict[str, Any]) -> Table:
     data
         The spec's keys; empty for results without one.
     """
-    rows = [*_seeds(data), ["dqcontrol", f"{version('dqcontrol')}, sources {source_hash()}"]]
+    rows = [*_seeds(data), ["dqcontrol", f"{version('dqcontrol')}, sources {sources()}"]]
     rows += [["Python", platform.python_version()], *_versions()]
     rows.append(["machine", f"{platform.system()} {platform.machine()}"])
     return Table([Column("what"), Column("value")], rows)

@@ -148,9 +148,14 @@ class Setting:
         return digest.hexdigest()
 
 
+def sources() -> str:
+    """Return a hash of the sources that results of trials depend on; pictures and pages are not among them."""
+    return source_hash("dqcontrol.experiments.trials", lazily=True)
+
+
 def program() -> str:
     """Return a hash of this program, and the versions of the libraries that draw the noise and move the joints."""
-    found = [source_hash()]
+    found = [sources()]
     for name in ("numpy", "mujoco"):
         with suppress(PackageNotFoundError):
             found.append(f"{name} {version(name)}")
