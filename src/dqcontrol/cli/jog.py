@@ -48,6 +48,7 @@ def jog(
     from dqcontrol.cli.keyboard import Keyboard
     from dqcontrol.errors import as_positive
     from dqcontrol.experiments.jogging import prepare_jog, recorded_jog
+    from dqcontrol.loop.black_box import FOLDER
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.jog import HELP
     from dqcontrol.loop.targets import Speeds
@@ -63,21 +64,34 @@ def jog(
     with session as driven:
         print("\n".join(HELP))
         with keyboard, first_interrupt(driven.end):
-            _drive(driven, keyboard)
+            _drive(driven, keyboard, (out or Path()) / FOLDER)
         print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
     if out:
         print(f"results: {out}")
 
 
-def _drive(driven: Jog, keyboard: Keyboard) -> None:
-    """Step in real time, hear keys while waiting, and show what is going on."""
-    deadline = shown = time.monotonic()
+def _drive(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Drive until the end; whatever ends it, the robot is at rest then."""
+    try:
+        _listen(driven, keyboard, black_box)
+    except BaseException:
+        driven.brake()
+        raise
+
+
+def _listen(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop."""
+    deadline = shown = before = time.monotonic()
+    was_stopped = False
     while not driven.ended:
         for key in keyboard.until(deadline):
             if told := driven.press(key):
                 keyboard.tell(told)
-        driven.step()
-        now = time.monotonic()
+        begin = time.monotonic()
+        driven.step(begin - before if before < begin else None)
+        if driven.is_stopped and not was_stopped:
+            keyboard.tell(f"{driven.condition}; the last seconds: {driven.save_black_box(black_box)}")
+        was_stopped, before, now = driven.is_stopped, begin, time.monotonic()
         deadline = max(deadline + driven.period, now)  # missed periods are left out
         if now - shown > _SHOWN_EVERY:
             shown = now

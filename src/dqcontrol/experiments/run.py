@@ -24,6 +24,7 @@ from dqcontrol.experiments.setting import Case, Setting, prepare
 from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
 from dqcontrol.experiments.task_range import with_range
 from dqcontrol.loop import Clock, Record, RecordStream, Timing, save_record
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.robots import Robot
@@ -202,6 +203,7 @@ def execute(
     clock: Clock | None = None,
     recording: RecordStream | None = None,
     watch: Watch | None = None,
+    black_box: BlackBox | None = None,
 ) -> Record:
     """Return the record of one trial of a prepared spec; with a clock in real time.
 
@@ -225,6 +227,7 @@ def execute(
         clock=clock,
         recording=recording,
         watch=watch,
+        black_box=black_box,
     )
     record = with_range(scene.robot, record)
     if not spec.keeps_records:

@@ -13,9 +13,9 @@ from dqcontrol.experiments.lyapunov import Certificate
 from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.experiments.task_range import RANGE, TaskRange
 from dqcontrol.limits import list_interventions
+from dqcontrol.limits.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.record import has_failed
-from dqcontrol.loop.supervision import INTERVENTIONS
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run

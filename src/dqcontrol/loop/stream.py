@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
+from dqcontrol.limits.interventions import INTERVENTIONS
 from dqcontrol.loop.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.loop.record import Record, pose_errors
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
