@@ -83,7 +83,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     ramp
         Time in which speed comes up after a start and goes down at a soft stop, s.
     hand_speed
-        Of the commanded hand, m/s; not bounded if omitted.
+        Of the commanded hand, m/s; not bounded if omitted. While joints brake, up to a tenth more.
     hand_acceleration
         Of the commanded hand while it follows the law, m/s²; not bounded if omitted. Stops brake as hard as joints may.
     measured_tolerance

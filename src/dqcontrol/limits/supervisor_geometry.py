@@ -20,7 +20,6 @@ from dqcontrol.limits.supervisor_layout import (
     HOLDING,
     INDEX,
     SLOW,
-    STARTED,
     WINDOW,
 )
 from dqcontrol.robots.dexterity_step import smallest_singular_value
@@ -28,6 +27,7 @@ from dqcontrol.robots.kernels import call_chain, hand_jacobian, joint_frames
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 _ROUNDING = 1e-9  # share of a limit
+_BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
 
 
 @inlined
@@ -141,8 +141,6 @@ def limit_hand_acceleration(chain, bounds, memory, scratch):
     """
     m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
     rates, rate, trial = scratch.rates, memory.rate, scratch.trial
-    if memory.own[STARTED] == 0.0:
-        return 0
     cc, cd, dd = 0.0, 0.0, 0.0
     commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
     for i in range(3):  # the column holds x with all of the change, as it is overwritten below
@@ -212,7 +210,8 @@ def stays_safe(chain, bounds, memory, scratch, share):
                 moving = moving or trial[i] != 0.0
         if not is_inside(chain, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
-        limit = head[HAND_SPEED_LIMIT] * dt * (1.0 + _ROUNDING)
+        share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
+        limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
         if not _distance(scratch.ahead, scratch.column) <= limit:
             return False
         for k in range(3):

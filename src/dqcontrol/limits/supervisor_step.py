@@ -284,6 +284,9 @@ def supervise(
     )
     if looks_at_hand:
         commanded_hand(chain, bounds, memory, scratch, 0.0, scratch.hand)
+        if own[STARTED] == 0.0:
+            for i in range(3):
+                own[HAND_BEFORE + i] = scratch.hand[i]
         bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
         if bounded and scale_hand_speed(chain, bounds, memory, scratch):
             now |= HAND_SPEED

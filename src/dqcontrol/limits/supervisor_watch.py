@@ -88,7 +88,8 @@ def _is_plausible(measured, passed, bounds, memory):
         if bounds.is_joint[i] != 0.0:
             j = int(bounds.coordinate[i])
             way = abs(measured[j] - memory.good[j])
-            farthest = max(head[OVERSPEED_SHARE], 1.0) * bounds.velocity[i] * own[SILENT] + head[JUMP_LIMIT]
+            fastest = max(head[OVERSPEED_SHARE], 1.0) * max(bounds.velocity[i], abs(memory.sent_rate[i]))
+            farthest = fastest * own[SILENT] + head[JUMP_LIMIT]
             plausible = plausible and way <= farthest
     return plausible
 
@@ -106,13 +107,18 @@ def _watch_joints(chain, measured, passed, bounds, memory, scratch):
         way = measured[j] - good[j]
         if own[SILENT] > 0.0:
             memory.speed[i] += share * (way / own[SILENT] - memory.speed[i])
-        if abs(memory.speed[i]) > head[OVERSPEED_SHARE] * bounds.velocity[i] + _SPEED_SLACK:
+        allowed = max(
+            bounds.velocity[i], abs(memory.sent_rate[i])
+        )  # more where the limit was lowered meanwhile
+        if abs(memory.speed[i]) > head[OVERSPEED_SHARE] * allowed + _SPEED_SLACK:
             fault |= OVERSPEED
         if way != 0.0 or not running:
             memory.unchanged[i], memory.sent_then[i] = 0.0, memory.sent[i]
         else:
             memory.unchanged[i] += passed
-            told = abs(memory.sent[i] - memory.sent_then[i])
+            told = abs(memory.sent[i] - good[j]) - abs(
+                memory.sent_then[i] - good[j]
+            )  # away from where it stays
             if memory.unchanged[i] > head[FROZEN_AFTER] and told > _FROZEN_WAY:
                 fault |= FROZEN
         beyond = max(bounds.lower[i] - measured[j], measured[j] - bounds.upper[i])
