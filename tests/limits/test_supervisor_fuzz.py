@@ -231,7 +231,7 @@ class Episode:
         count = int((rate / (self.acceleration * self.dt)).max() + self.window + 2 * self.ramp / self.dt + 20)
         wanted, ages, elapsed, _, measured, noise = self.events(count)
         ages[:], elapsed[:], measured[:] = 0.0, self.dt, HONEST
-        assert self.run(wanted, ages, elapsed, np.full(count, request), measured, noise * 0), "ends in motion"
+        assert self.run(wanted, ages, elapsed, np.full(count, request), measured, np.zeros_like(noise)), "ends in motion"
 
     @property
     def window(self):
