@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from dqcontrol import user_code
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
 from dqcontrol.experiments.output import folder_names
 from dqcontrol.experiments.parameter_sets import Variant
@@ -145,6 +146,8 @@ class Setting:
             masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
             for array in (robot.chain, *limits, *masses, scene.samples):
                 digest.update(np.ascontiguousarray(array).tobytes())
+        for content in user_code.sources(msgspec.to_builtins(self.spec)):
+            digest.update(content)
         return digest.hexdigest()
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -14,54 +14,22 @@ from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.reference_spec import AnyReference, Part
 from dqcontrol.experiments.spec_files import locate_controllers, locate_files
-from dqcontrol.laws import (
-    Cascade,
-    ClassicProportional,
-    ClassicWholeBody,
-    DecoupledProportional,
-    FeedbackLinearization,
-    GuidedProportional,
-    HInfinity,
-    HInfinityTracking,
-    LinearQuadraticDQ,
-    LinearQuadraticR8,
-    OpenLoop,
-    PartialProportional,
-    Proportional,
-    ProportionalFeedforward,
-)
+from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
-from dqcontrol.plants import (
-    CompliantPlant,
-    CoppeliaPlant,
-    Disturbance,
-    Integrator,
-    MobilePlant,
-    MujocoPlant,
-    Servo,
-)
+from dqcontrol.plants import Disturbance, Plant
+from dqcontrol.registry import union_of
+from dqcontrol.user_code import admit, place_of
 from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
-AnyLaw = (
-    OpenLoop
-    | ClassicProportional
-    | Proportional
-    | DecoupledProportional
-    | PartialProportional
-    | ProportionalFeedforward
-    | HInfinity
-    | HInfinityTracking
-    | LinearQuadraticR8
-    | LinearQuadraticDQ
-    | ClassicWholeBody
-    | FeedbackLinearization
-    | Cascade
-    | GuidedProportional
-)
+if TYPE_CHECKING:
+    AnyLaw: TypeAlias = Law
+    AnyPlant: TypeAlias = Plant
+else:
+    AnyLaw = union_of(Law, "dqcontrol.laws")
+    AnyPlant = union_of(Plant, "dqcontrol.plants")
 Judged = Literal["true", "measured"]
-AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant | CoppeliaPlant
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
@@ -283,6 +251,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     locate_controllers(data, folder)
+    admit(where, data, folder)
     spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
@@ -293,11 +262,13 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
 
 
 def _plain(value: Any) -> Any:
-    """Return NumPy's arrays and numbers, and paths, as what a YAML file would give."""
+    """Return NumPy's arrays and numbers, paths and functions as what a YAML file would give."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Path):
         return str(value)
+    if callable(value):
+        return place_of(value)
     raise TypeError(f"cannot hold {value!r:.80}")
 
 
