@@ -18,8 +18,8 @@ import numpy as np
 from measure import Ratio
 
 from dqcontrol.experiments.conduct import run_study
-from dqcontrol.experiments.published.pereira2016.catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
-from dqcontrol.experiments.published.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 
 NAMES = {SERVO: ["lqr", "h-infinity", "circle", "spiral"], PHYSICS: ["spiral"]}
 

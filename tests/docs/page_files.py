@@ -9,7 +9,7 @@ from page_blocks import ROOT, blocks
 
 import dqcontrol as dqc
 from dqcontrol.experiments.output import folder_names
-from dqcontrol.yaml_file import parse_yaml
+from dqcontrol.files.yaml_file import parse_yaml
 
 
 def prepare(page: str, folder: Path) -> None:

@@ -46,7 +46,7 @@ def clip(
     """
     from dqcontrol.cli.screen import progress_bar
     from dqcontrol.experiments import load_run
-    from dqcontrol.view.clip import render_clip, render_whole
+    from dqcontrol.films.clip import render_clip, render_whole
 
     done = load_run(run)
     look = {"width": width, "height": height, "azimuth": azimuth, "elevation": elevation, "overwrite": force}

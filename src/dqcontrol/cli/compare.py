@@ -25,13 +25,14 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     by
         Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
     """
-    from dqcontrol.experiments import load_rows, load_runs, means_table, rank, summary
+    from dqcontrol.experiments import load_rows, load_runs, rank, summary
     from dqcontrol.experiments.comparison import MEANS, write_comparison
     from dqcontrol.experiments.output import MARK, new_folder
-    from dqcontrol.experiments.provenance import AGAIN, command, origins
     from dqcontrol.experiments.ranking import BEST_BY
     from dqcontrol.experiments.saved import is_study, is_sweep
-    from dqcontrol.view import write_report
+    from dqcontrol.measures import means_table
+    from dqcontrol.reports import write_report
+    from dqcontrol.reports.provenance import AGAIN, command, origins
 
     if not folders:
         raise Error("compare: give at least one folder of a run")

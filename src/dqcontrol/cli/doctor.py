@@ -16,7 +16,7 @@ def doctor() -> None:
     """
     import dqcontrol
     from dqcontrol.cli.environment import PROBLEM, examine
-    from dqcontrol.experiments.tables import Column, Table
+    from dqcontrol.measures.tables import Column, Table
 
     findings = examine()
     rows = [[one.what, one.found, one.verdict, one.cure or None] for one in findings]

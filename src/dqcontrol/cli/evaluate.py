@@ -63,9 +63,9 @@ def evaluate(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.experiments import summary_table
-    from dqcontrol.experiments.evaluation import evaluate_log
     from dqcontrol.experiments.output import check_new
+    from dqcontrol.logs.evaluation import evaluate_log
+    from dqcontrol.measures import summary_table
 
     if out is not None:
         check_new(out, force=force)

@@ -35,10 +35,10 @@ def figures(
     force
         Replace an earlier folder of figures.
     """
-    from dqcontrol.experiments.figures import figures_of_results
     from dqcontrol.experiments.output import check_new, new_folder
-    from dqcontrol.view import column_width, save_figures
-    from dqcontrol.view.figure_files import PAPER_DPI
+    from dqcontrol.figures import column_width, save_figures
+    from dqcontrol.figures.figure_files import PAPER_DPI
+    from dqcontrol.reports.saved_figures import figures_of_results
 
     if not folders:
         raise Error("figures: give at least one folder of a run or a study")

@@ -43,11 +43,11 @@ def paint(
     import yaml
 
     from dqcontrol.errors import ValueRangeError
-    from dqcontrol.experiments import evaluate
     from dqcontrol.experiments.output import check_new, new_folder
     from dqcontrol.experiments.painting import paint as painted
-    from dqcontrol.loop import save_record
-    from dqcontrol.view.light_painting import light_painting, painting_clip
+    from dqcontrol.films.light_painting import light_painting, painting_clip
+    from dqcontrol.measures import evaluate
+    from dqcontrol.recording import save_record
 
     folder = out or Path("results") / drawing.stem
     check_new(folder, force=force)

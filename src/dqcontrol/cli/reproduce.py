@@ -39,7 +39,7 @@ def reproduce(
     repeats
         At most so many of each run; default: as many as were printed.
     """
-    from dqcontrol.experiments import published
+    from dqcontrol import reproductions as published
     from dqcontrol.experiments.output import check_new
 
     warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec

@@ -14,7 +14,7 @@ robots = App(name="robots", help="List the robots that come with dqcontrol, or s
 @robots.default
 def list_robots() -> None:
     """List the robots that come with dqcontrol."""
-    from dqcontrol.experiments.tables import Column, Table
+    from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot, robot_names
 
     rows = []
@@ -47,7 +47,7 @@ def show(
     source
         Name, .yaml or .urdf file, or example-robot-data:PATH.
     """
-    from dqcontrol.experiments.tables import Column, Table
+    from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot
 
     about = describe(load_robot(source, base_link, tip_link))

@@ -142,8 +142,8 @@ def pereira2016(
     force
         Replace an earlier folder of results.
     """
+    from dqcontrol.reproductions.pereira2016.nodes import launch
     from dqcontrol.ros2 import middleware
-    from dqcontrol.ros2.pereira2016 import launch
 
     middleware.check_installed()
     options = [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]

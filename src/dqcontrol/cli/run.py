@@ -59,7 +59,7 @@ def run(
 
 def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
     from dqcontrol.experiments import run_in_real_time, summary
-    from dqcontrol.view import timing_table
+    from dqcontrol.figures import timing_table
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)

@@ -10,7 +10,7 @@ from cyclopts import Parameter, validators
 from dqcontrol.errors import Error, ValueRangeError
 
 if TYPE_CHECKING:
-    from dqcontrol.view.browser import GrowingRecording, LiveRun, Track
+    from dqcontrol.browser import GrowingRecording, LiveRun, Track
 
 Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
 
@@ -27,9 +27,9 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
+    from dqcontrol.browser import LiveRun, Page, Track, growing_recording
+    from dqcontrol.browser.page import import_viser
     from dqcontrol.experiments import load_runs
-    from dqcontrol.view.browser import LiveRun, Page, Track, growing_recording
-    from dqcontrol.view.browser.page import import_viser
 
     if not runs and live is None:
         raise Error("view: give at least one folder of a run, a recording, or --live SPEC")
@@ -52,12 +52,12 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
 
 def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a recording that may grow."""
-    from dqcontrol.experiments.evaluation import about_log
+    from dqcontrol.browser import GrowingRecording, Track
     from dqcontrol.experiments.spec import RobotSpec
-    from dqcontrol.loop import load_metadata
+    from dqcontrol.files.yaml_file import convert
+    from dqcontrol.logs.evaluation import about_log
+    from dqcontrol.recording import load_metadata
     from dqcontrol.robots import load_robot
-    from dqcontrol.view.browser import GrowingRecording, Track
-    from dqcontrol.yaml_file import convert
 
     load_metadata(path)  # or say that it is none
     about = about_log(path)
@@ -74,7 +74,7 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
 
 def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a run that goes on here."""
-    from dqcontrol.view.browser import GrowingRecording, Track
+    from dqcontrol.browser import GrowingRecording, Track
 
     growing = GrowingRecording(running.path, running.robot)
     try:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.loop import Record
+from dqcontrol.measures.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -
 
 def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
     """Write a table, and plots of a dozen records at most, into an existing folder; return the plots."""
-    from dqcontrol.view import comparison_figures, save_figures
+    from dqcontrol.figures import comparison_figures, save_figures
 
     write_table(table, folder, "table")
     few = dict(list(records.items())[:MOST_CURVES])

@@ -11,21 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.cells import Cell, Verdict
 from dqcontrol.experiments.comparison import write_table
-from dqcontrol.experiments.metric_tables import number_column
 from dqcontrol.experiments.output import MARK, OUTSIDE, check_new, new_folder
 from dqcontrol.experiments.processes import checked_jobs, in_processes
-from dqcontrol.experiments.provenance import AGAIN, command, origins
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.setting import program
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
-from dqcontrol.experiments.tables import Column, Table
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, rehearse
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
-from dqcontrol.yaml_file import parse_yaml
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.cells import Cell, Verdict
+from dqcontrol.measures.metric_tables import number_column
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.provenance import AGAIN, command, origins
 
 SweepProgress = Callable[[int, int], None]  # trials done; trials in all
 _ONE_AT_A_TIME = (
@@ -175,7 +175,8 @@ def _run(sweep: Sweep, parts: WorkingFolder, carry_out: CarryOut, report: SweepP
 
 
 def _write_best(ranking: Ranking, spec: str, new: Path) -> None:
-    from dqcontrol.view import save_figures, sweep_figure, write_report
+    from dqcontrol.figures import save_figures, sweep_figure
+    from dqcontrol.reports import write_report
 
     table, count = ranking.table(), len(ranking.groups)
     write_table(table, new, "best")

@@ -15,16 +15,16 @@ import numpy as np
 from msgspec import UNSET
 from numpy.typing import NDArray
 
+from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
 from dqcontrol.experiments.output import folder_names
-from dqcontrol.experiments.parameter_sets import Variant
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
-from dqcontrol.experiments.stability import LoopGain, loop_gains
-from dqcontrol.kernel_cache import source_hash
+from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
+from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.references import Reference
 from dqcontrol.robots import Robot, load_robot

@@ -7,7 +7,7 @@ from pathlib import Path
 from dqcontrol.errors import Error
 from dqcontrol.experiments.output import MARK, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
-from dqcontrol.loop.stream import RecordStream, prepare_to_record
+from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
 
 RECORD = "record.mcap"

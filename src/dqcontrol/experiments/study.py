@@ -15,21 +15,21 @@ from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
 from dqcontrol.experiments.noise import noise_model
 from dqcontrol.experiments.output import MARK, OUTSIDE, folder_names, new_folder
-from dqcontrol.experiments.repeat_tables import (
+from dqcontrol.experiments.row_file import Row, write_rows
+from dqcontrol.experiments.run import Run, execute
+from dqcontrol.experiments.setting import Setting, prepare
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.trials import Trial, trial_folder
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop import Record
+from dqcontrol.loop.record import has_failed
+from dqcontrol.measures.repeat_tables import (
     confidence_table,
     differences_table,
     means_table,
     repeatability_table,
 )
-from dqcontrol.experiments.row_file import Row, write_rows
-from dqcontrol.experiments.run import Run, execute
-from dqcontrol.experiments.setting import Setting, prepare
-from dqcontrol.experiments.spec import read_spec
-from dqcontrol.experiments.tables import Table
-from dqcontrol.experiments.trials import Trial, trial_folder
-from dqcontrol.loop import Record
-from dqcontrol.loop.record import has_failed
-from dqcontrol.yaml_file import parse_yaml
+from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,7 +110,7 @@ class Study:
         ExistsError
             If the folder exists (and holds no results, with ``force``).
         """
-        from dqcontrol.experiments.study_report import write_study_report
+        from dqcontrol.reports.study_report import write_study_report
 
         with new_folder(folder, force=force) as new:
             (new / MARK).write_text(self.spec, encoding="utf-8")
@@ -158,7 +158,7 @@ class Study:
         """Write the figure of repeats, and return it; none where there are none, or too many for it."""
         if not self.is_repeated or len(by_label(self.rows)) > MOST_CURVES:
             return {}
-        from dqcontrol.view import repeats_figure, save_figures
+        from dqcontrol.figures import repeats_figure, save_figures
 
         figures = {"repeats": repeats_figure(self.rows)}
         save_figures(figures, new)

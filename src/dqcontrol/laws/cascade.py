@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.linearization import DRIVES, PERIOD, linearize

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.algebra.kernels import multiply
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_pose_rate
 from dqcontrol.laws.law import LAW, SCRATCH, Law

@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import (

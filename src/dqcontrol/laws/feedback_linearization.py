@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, work_size
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.linearization import (

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import Error, as_positive
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw

@@ -16,7 +16,7 @@ from dqcontrol.algebra.kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.inverses import (

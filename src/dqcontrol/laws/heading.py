@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compile import inlined
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
 

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates

@@ -14,8 +14,8 @@ from dqcontrol.algebra.kernels import (
     rotate,
     translation,
 )
-from dqcontrol.compile import inlined
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.pose_error import short_sign

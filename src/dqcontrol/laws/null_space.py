@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.heading import turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits

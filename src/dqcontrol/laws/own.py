@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.robots.kernels import fill_pose_jacobian

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 from dqcontrol.robots import Robot
 
 

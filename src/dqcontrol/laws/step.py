@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
-from dqcontrol.intrinsics import as_matrix, caller
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
+from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
 from dqcontrol.limits.position_limit import POSITION_LIMIT, call_law

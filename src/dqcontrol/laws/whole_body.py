@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol.compile import kernel
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.law import LAW, SCRATCH
 from dqcontrol.laws.pose_error import left_error, solve_left_error

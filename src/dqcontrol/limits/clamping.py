@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import OK, inlined, kernel
+from dqcontrol.compiled.compile import OK, inlined, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,

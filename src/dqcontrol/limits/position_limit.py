@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.intrinsics import ADDRESS, caller
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,

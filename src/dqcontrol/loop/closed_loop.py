@@ -9,21 +9,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import Kernel
+from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.prepared_supervisor import STOP
-from dqcontrol.limits.supervisor_step import supervise
+from dqcontrol.limits.supervisor.prepared_supervisor import STOP
+from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.recording.stream import RecordStream
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
 

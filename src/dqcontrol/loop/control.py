@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.prepared_supervisor import END, GO, STOP
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
 from dqcontrol.loop.targets import Target
+from dqcontrol.recording.stream import RecordStream
 from dqcontrol.references.sample import TIME
 
 Array = NDArray[np.float64]

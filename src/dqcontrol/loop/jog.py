@@ -10,9 +10,9 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.targets import ByTwist, Speeds
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.recording.stream import RecordStream
 from dqcontrol.references.points_writer import PointsWriter
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import actuator_command
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode
+from dqcontrol.recording.stream import RecordStream
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.kernels import rotated
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
-from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count, as_positive
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.robot import Robot

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.kernels import half_angle, quaternion_product, translation
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _half, _screw
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import (
+from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
     OK,
@@ -26,7 +26,7 @@ from dqcontrol.compile import (
     inlined,
     kernel,
 )
-from dqcontrol.intrinsics import ADDRESS, as_matrix, caller
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
 from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0

@@ -19,6 +19,7 @@ from dqcontrol.errors import (
     suggest,
     unknown_name,
 )
+from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
@@ -26,7 +27,6 @@ from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf import load_urdf
 from dqcontrol.robots.whole_body import WholeBody, placed
 from dqcontrol.robots.whole_body_file import whole_body_from
-from dqcontrol.yaml_file import parse_yaml, read_text
 
 EXAMPLES = "example-robot-data"
 

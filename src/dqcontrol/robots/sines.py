@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import inlined, strictly_inlined
+from dqcontrol.compiled.compile import inlined, strictly_inlined
 
 FARTHEST = 1e5  # rad; beyond, the product of quarter turns and the first part of π/2 is no longer exact
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from dqcontrol.limits.prepared_supervisor import GO
+from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.channels import SensingPlant
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant
 from dqcontrol.ros2.diagnostics import Diagnostics
