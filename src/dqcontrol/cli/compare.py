@@ -26,12 +26,13 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
         Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
     """
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
-    from dqcontrol.experiments.comparison import MEANS, write_comparison
+    from dqcontrol.experiments.comparison import MEANS, write_table
     from dqcontrol.experiments.output import MARK, new_folder
     from dqcontrol.experiments.ranking import BEST_BY
     from dqcontrol.experiments.saved import is_study, is_sweep
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
+    from dqcontrol.reports.compared_runs import write_comparison_figures
     from dqcontrol.reports.provenance import AGAIN, command, origins
 
     if not folders:
@@ -46,7 +47,9 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     if out is not None:
         with new_folder(out, force=force) as new:
             (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
-            figures = write_comparison(table, {label: run.record for label, run in runs.items()}, new)
+            write_table(table, new, "table")
+            records = {label: run.record for label, run in runs.items()}
+            figures = write_comparison_figures(records, new)
             places = [str(folder.resolve()) for folder in folders]
             write_report(
                 new,

@@ -1,4 +1,4 @@
-"""Runs side by side: their table and plots."""
+"""Runs side by side: their table."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.run import Run
-from dqcontrol.loop import Record
 from dqcontrol.measures.tables import Column, Table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from dqcontrol.experiments.run import Run
 
 COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
     "position.settled_mean": Column("mean", "mm", ".3g"),
@@ -61,17 +59,6 @@ def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -
             columns |= some
     lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
-
-
-def write_comparison(table: Table, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
-    """Write a table, and plots of a dozen records at most, into an existing folder; return the plots."""
-    from dqcontrol.figures import comparison_figures, save_figures
-
-    write_table(table, folder, "table")
-    few = dict(list(records.items())[:MOST_CURVES])
-    figures = {name: draw() for name, draw in comparison_figures(few).items()} if few else {}
-    save_figures(figures, folder)
-    return figures
 
 
 def write_table(table: Table, folder: Path, name: str) -> None:

@@ -12,20 +12,17 @@ from typing import Any
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments.comparison import write_table
-from dqcontrol.experiments.output import MARK, OUTSIDE, check_new, new_folder
+from dqcontrol.experiments.output import MARK, check_new, new_folder
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
+from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.setting import program
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, rehearse
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
-from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.cells import Cell, Verdict
 from dqcontrol.measures.metric_tables import number_column
-from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reports.provenance import AGAIN, command, origins
 
 SweepProgress = Callable[[int, int], None]  # trials done; trials in all
 _ONE_AT_A_TIME = (
@@ -132,7 +129,8 @@ def run_sweep_to(
             (new / MARK).write_text(sweep.text, encoding="utf-8")
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
-            _write_best(ranking, sweep.text, new)
+            write_table(ranking.table(), new, "best")
+            result_pages().write_sweep(ranking, sweep.text, new)
         parts.discard()
     return ranking
 
@@ -172,27 +170,3 @@ def _run(sweep: Sweep, parts: WorkingFolder, carry_out: CarryOut, report: SweepP
         write_whole(parts.part(part), content)
         done += count
         report(done, sweep.trials)
-
-
-def _write_best(ranking: Ranking, spec: str, new: Path) -> None:
-    from dqcontrol.figures import save_figures, sweep_figure
-    from dqcontrol.reports import write_report
-
-    table, count = ranking.table(), len(ranking.groups)
-    write_table(table, new, "best")
-    figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
-    save_figures(figures, new)
-    data = parse_yaml(MARK, spec)
-    whole = ranking.placed == count
-    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("as wished" if whole else "failed", whole)]
-    write_report(
-        new,
-        str(data["name"]),
-        facts=f"{count:,} points, ranked by {ranking.by}",
-        command=command("sweep", MARK, by=ranking.by, out=f"{OUTSIDE}/{AGAIN}"),
-        verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
-        tables=[table],
-        figures=figures,
-        spec=spec,
-        origins=origins(data),
-    )

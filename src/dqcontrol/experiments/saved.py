@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.evaluation_spec import saved_evaluation
 from dqcontrol.experiments.output import MARK
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import read_data, read_spec
 from dqcontrol.experiments.study import ROWS, Study
 from dqcontrol.files.yaml_file import read_text
-from dqcontrol.logs.evaluation import saved_evaluation
 from dqcontrol.recording import load_record
 from dqcontrol.robots import load_robot
 

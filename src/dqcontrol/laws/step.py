@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
 from dqcontrol.compiled.intrinsics import as_matrix, caller
+from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
-from dqcontrol.limits.position_limit import POSITION_LIMIT, call_law
+from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.kernels import call_chain, split
 

@@ -8,11 +8,11 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import OK, inlined, kernel
+from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
-    call_law,
     position_limits,
 )
 

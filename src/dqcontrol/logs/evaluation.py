@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -14,6 +14,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, read_spec
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
@@ -32,22 +33,6 @@ Array = NDArray[np.float64]
 
 STOPPED = "end of the log"
 _SNAP = 1e-9  # s; a sample this little before the start belongs to it
-
-
-class EvaluationSpec(Part, frozen=True, kw_only=True):
-    """What was evaluated, as ``spec.yaml`` of its results holds it; see `evaluate_log`."""
-
-    log: str
-    robot: RobotSpec
-    reference: str | None = None
-    reference_topic: str | None = None
-    joints: list[str] | None = None
-    joint_topic: str | None = None
-    command_topic: str | None = None
-    angles: Literal["rad", "deg"] | None = None
-    start: Annotated[float, Meta(ge=0, description="s")] = 0.0
-    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
-    settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
 
 
 class ReferenceFile(Part, frozen=True, kw_only=True):
@@ -182,24 +167,6 @@ def evaluate_log(
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)
     return Run(text, arm, record, spec.settle, path.stem)
-
-
-def saved_evaluation(spec: Path, record: Record) -> Run:
-    """Return what `Run.save` has written of an evaluation: the content of ``spec.yaml`` and its record.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is none of an evaluation.
-    """
-    text = read_text(spec)
-    what = convert(spec, parse_yaml(spec, text), _SavedEvaluation).evaluation
-    robot = load_robot(what.robot.source, what.robot.base_link, what.robot.tip_link)
-    return Run(text, robot, record, what.settle, Path(what.log).stem)
-
-
-class _SavedEvaluation(Part, frozen=True, kw_only=True):
-    evaluation: EvaluationSpec
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,12 @@ from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
-from dqcontrol.recording.stream import RecordStream
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 from dqcontrol.robots import kernels
 
@@ -43,7 +43,7 @@ def close_loop(
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
     supervision: Supervision | None = None,
-    recording: RecordStream | None = None,
+    recording: SampleSink | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -190,7 +190,7 @@ def _interpret(
     progress: Callable[[int, int], None] | None,
     clock: Clock | None,
     supervision: Supervision | None,
-    recording: RecordStream | None,
+    recording: SampleSink | None,
 ) -> Trace:
     records = empty_records(law, samples)
     q, measured, command = records

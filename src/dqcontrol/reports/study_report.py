@@ -6,14 +6,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.experiments.comparison import MOST_CURVES
 from dqcontrol.experiments.output import MARK, OUTSIDE
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.compared_runs import write_comparison_figures
 from dqcontrol.reports.provenance import AGAIN, command, origins
+
+if TYPE_CHECKING:
+    pass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,10 +28,10 @@ def write_study_report(
     study: Study,
     folder: Path,
     tables: Sequence[Table],
-    figures: Mapping[str, Figure],
+    records: Mapping[str, Record],
     pages: Mapping[str, str],
 ) -> None:
-    """Write ``report.html`` of a study into an existing folder.
+    """Write ``report.html`` and the figures of a study into an existing folder.
 
     Parameters
     ----------
@@ -36,8 +41,8 @@ def write_study_report(
         Where its other files are.
     tables
         Beside that of its runs.
-    figures
-        By name.
+    records
+        That are compared, by label.
     pages
         Of single runs, relative to the folder, by label.
     """
@@ -52,11 +57,22 @@ def write_study_report(
         command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
-        figures=figures,
+        figures=write_comparison_figures(records, folder) | _write_repeats(study, folder),
         files=pages,
         spec=study.spec,
         origins=origins(data),
     )
+
+
+def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
+    """Write the figure of repeats, and return it; none where there are none, or too many for it."""
+    if not study.is_repeated or len(by_label(study.rows)) > MOST_CURVES:
+        return {}
+    from dqcontrol.figures import repeats_figure, save_figures
+
+    figures = {"repeats": repeats_figure(study.rows)}
+    save_figures(figures, folder)
+    return figures
 
 
 def study_verdicts(rows: Sequence[Row]) -> Table:

@@ -102,6 +102,13 @@ class WholeBody(Robot):
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
 
+    @property
+    def bases(self) -> tuple[tuple[int, str], ...]:
+        """Index of the first coordinate of each mobile base, and its kind."""
+        return tuple(
+            (first, part.kind) for first, part in placed(self.parts) if not isinstance(part, SerialArm)
+        )
+
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""
         return WholeBody(self.parts, self.name, form)
