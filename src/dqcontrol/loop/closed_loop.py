@@ -214,7 +214,8 @@ def _interpret(
             if supervision and supervision.step(
                 k, row[-1], measured[k], command[k], aged.age if aged else 0.0
             ):
-                halted, failure = (recording and recording.failure) or supervision.why(done), None
+                lost = recording.failure if recording else ""
+                halted, failure = lost or supervision.why(done), None
             if recording:
                 code = supervision.codes[k] if supervision else 0.0
                 recording.take(row, q[k], measured[k], command[k], code)

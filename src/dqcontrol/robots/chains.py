@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], nam
             fixed[-1] = compose(fixed[-1], part.chain[0, :7])
             fixed.extend(part.chain[1:, :7])
         else:
-            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", part))
+            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", cast(ArrayLike, part)))
     if not arms:
         raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
     return arm_class(
