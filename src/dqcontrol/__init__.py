@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.moved import moved, register
+from dqcontrol.moved import find_moved, register
 
 if TYPE_CHECKING:
     from dqcontrol import (
@@ -122,7 +122,7 @@ def __getattr__(name: str) -> Any:
         found = getattr(importlib.import_module(f"dqcontrol.{_HOMES.get(name, 'robots')}"), name)
         globals()[name] = found
         return found
-    return moved(__name__, name)
+    return find_moved(__name__, name)
 
 
 def __dir__() -> list[str]:

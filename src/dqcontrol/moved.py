@@ -76,7 +76,7 @@ class _MovedModule(ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
-        return moved(self.__name__, name)
+        return find_moved(self.__name__, name)
 
 
 def register() -> None:
@@ -85,7 +85,7 @@ def register() -> None:
         sys.modules.setdefault(old, _MovedModule(old))
 
 
-def moved(module: str, name: str, stacklevel: int = 3) -> Any:
+def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
     """Return what a module had under a name, with a warning that says where it is now.
 
     Raises
@@ -106,4 +106,4 @@ def moved(module: str, name: str, stacklevel: int = 3) -> Any:
 
 def names_moved_from(module: str) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a module that names have left."""
-    return lambda name: moved(module, name)
+    return lambda name: find_moved(module, name)
