@@ -40,12 +40,12 @@ def test_statements_of_old_programs():
     """In a fresh process: nothing of the new rooms is loaded when the old names are asked for."""
     code = """
 import dqcontrol as dqc
-import dqcontrol.view.clip
-from dqcontrol import view
-from dqcontrol.experiments.pick_and_drop import pick_and_drop
-from dqcontrol.loop import load_record
-from dqcontrol.view.light_painting import light_painting
-print(dqc.view.path_3d is view.path_3d, dqcontrol.view.clip.render_clip.__module__)
+import dqcontrol.films.clip
+from dqcontrol import figures as view
+from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
+from dqcontrol.recording import load_record
+from dqcontrol.films.light_painting import light_painting
+print(dqc.figures.path_3d is view.path_3d, dqcontrol.films.clip.render_clip.__module__)
 """
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True
@@ -58,4 +58,4 @@ def test_names_that_never_were():
         with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
             _ = module.nothing
     with pytest.raises(AttributeError, match="nothing"):
-        _ = importlib.import_module("dqcontrol.view").nothing
+        _ = importlib.import_module("dqcontrol.figures").nothing

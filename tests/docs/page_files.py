@@ -8,7 +8,7 @@ from log_files import CIRCLE, EPOCH, joint_state, numbers, pose_stamped, write_b
 from page_blocks import ROOT, blocks
 
 import dqcontrol as dqc
-from dqcontrol.experiments.output import folder_names
+from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.files.yaml_file import parse_yaml
 
 

@@ -12,7 +12,7 @@ import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import Error, ReachError
 from dqcontrol.experiments import load_run, run_study
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 START = [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]

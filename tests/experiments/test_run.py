@@ -9,8 +9,8 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, ShapeError
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import as_run, execute, run
-from dqcontrol.experiments.setting import prepare
 
 FEEDFORWARD = {"kind": "proportional-feedforward", "gain": 10}
 BASE = {

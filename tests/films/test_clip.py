@@ -6,7 +6,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import translation
-from dqcontrol.cli.clip import clip
+from dqcontrol.cli.clip_command import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.films.clip import render_clip, render_strip, render_whole
 from dqcontrol.films.offscreen import offscreen

@@ -8,7 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.experiments import load_run
-from dqcontrol.experiments.comparison import summary
+from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.figures import range_condition
 from dqcontrol.laws import FeedbackLinearization, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import butterworth
 from dqcontrol.plants.compliant.joint_controller import control, drive, integrated, sense

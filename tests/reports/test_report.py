@@ -7,7 +7,7 @@ from gallery import run
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures import errors, figure_files, path_3d
-from dqcontrol.measures.cells import Ratio, Verdict
+from dqcontrol.measures.table_cells import Ratio, Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
 

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from gallery import figures
 
-from dqcontrol.measures.cells import Verdict
+from dqcontrol.measures.table_cells import Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
 

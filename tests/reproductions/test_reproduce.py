@@ -9,15 +9,15 @@ import pytest
 
 from dqcontrol import reproductions as published
 from dqcontrol.errors import LimitWarning, UnknownNameError
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.reproductions import pereira2016
-from dqcontrol.reproductions.comparison import comparison_tables
 from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
-from dqcontrol.reproductions.pereira2016.catalogue import EXPERIMENTS, spec_path
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
+from dqcontrol.reproductions.printed_comparison import comparison_tables
 from dqcontrol.reproductions.results import Results
 
 SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})

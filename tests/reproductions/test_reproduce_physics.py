@@ -7,16 +7,16 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import reproductions as published
 from dqcontrol.errors import SafetyWarning, UnknownNameError
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.plants import CompliantPlant
 from dqcontrol.reproductions import pereira2016
-from dqcontrol.reproductions.comparison import command_table
 from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
-from dqcontrol.reproductions.pereira2016.catalogue import EXPERIMENTS, PHYSICS, SERVO
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
+from dqcontrol.reproductions.printed_comparison import command_table
 from dqcontrol.reproductions.results import Results
 
 pytest.importorskip("mujoco")

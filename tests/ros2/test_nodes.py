@@ -216,7 +216,7 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
 
 
 def test_a_twist_in_an_unknown_frame_is_refused(spec, node, diagnostics, capfd):
-    from dqcontrol.ros2.controller import ControllerNode
+    from dqcontrol.ros2.controller_node import ControllerNode
 
     controller = ControllerNode(spec(), source="twist")
     controller.configure()

@@ -2,6 +2,6 @@
 
 from dqcontrol.browser.live import GrowingRecording, LiveRun, growing_recording
 from dqcontrol.browser.page import Page
-from dqcontrol.browser.track import Track
+from dqcontrol.browser.run_view_model import Track
 
 __all__ = ["GrowingRecording", "LiveRun", "Page", "Track", "growing_recording"]

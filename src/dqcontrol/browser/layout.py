@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.browser.track import Track
+from dqcontrol.browser.run_view_model import Track
 
 Array = NDArray[np.float64]
 

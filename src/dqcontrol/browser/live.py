@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.errors import Error, FileFormatError, ShapeError
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.loop import Clock, Record
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES

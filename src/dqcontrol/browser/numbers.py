@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dqcontrol.browser.track import Reading
+from dqcontrol.browser.run_view_model import Reading
 from dqcontrol.figures.style import LIMIT
 
 _BAD = f"color:{LIMIT};font-weight:bold"

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
+from dqcontrol.browser.run_view_model import Track
 from dqcontrol.browser.shapes import Colour, robot_shapes, tinted
-from dqcontrol.browser.track import Track
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.figures.style import COLOURS, DESIRED
 

@@ -1,13 +1,13 @@
 """Experiments: specs, runs and studies."""
 
 from dqcontrol.experiments.check import Checks, LoopCheck, check
-from dqcontrol.experiments.comparison import summary
-from dqcontrol.experiments.conduct import run_study, run_study_to
-from dqcontrol.experiments.conduct_sweep import run_sweep_to
+from dqcontrol.experiments.load_results import load_rows, load_run, load_runs, load_study
 from dqcontrol.experiments.ranking import Ranking, rank
 from dqcontrol.experiments.real_time import run_in_real_time
 from dqcontrol.experiments.run import Run, run
-from dqcontrol.experiments.saved import load_rows, load_run, load_runs, load_study
+from dqcontrol.experiments.run_comparison import summary
+from dqcontrol.experiments.run_study import run_study, run_study_to
+from dqcontrol.experiments.run_sweep import run_sweep_to
 from dqcontrol.experiments.spec import Spec, read_spec
 from dqcontrol.experiments.study import Study
 from dqcontrol.moved import names_moved_from

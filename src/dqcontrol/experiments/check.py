@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import StabilityWarning
-from dqcontrol.experiments.setting import Names, Setting, prepare
-from dqcontrol.measures.cells import Verdict as Words
+from dqcontrol.experiments.prepared_experiment import Names, Setting, prepare
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
@@ -22,6 +21,7 @@ from dqcontrol.measures.stability import (
     with_integral,
     with_lag,
 )
+from dqcontrol.measures.table_cells import Verdict as Words
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.run import as_run
-from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.limits import Supervisor

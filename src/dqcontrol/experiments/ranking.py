@@ -16,9 +16,9 @@ from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.loop.record import FAILURES
-from dqcontrol.measures.cells import Cell, Column, PlusMinus
 from dqcontrol.measures.metric_tables import number_column
 from dqcontrol.measures.repeats import LABELS
+from dqcontrol.measures.table_cells import Cell, Column, PlusMinus
 from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
-from dqcontrol.experiments.comparison import summary
-from dqcontrol.experiments.output import OUTSIDE, new_folder
+from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
+from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record, Timing

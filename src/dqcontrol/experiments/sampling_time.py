@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.errors import ValueRangeError, as_count, as_positive
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
 from dqcontrol.measures.tables import Column, Table
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dqcontrol.errors import DivergedError, LimitWarning
-from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_table
 from dqcontrol.experiments.noise import noise_model
-from dqcontrol.experiments.output import MARK, OUTSIDE, folder_names, new_folder
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE, folder_names, new_folder
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
-from dqcontrol.experiments.setting import Setting, prepare
+from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.files.yaml_file import parse_yaml

@@ -19,9 +19,9 @@ import msgspec
 import yaml
 
 from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.prepared_experiment import Setting, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.setting import Setting, prepare_spec
 from dqcontrol.experiments.spec import as_spec, read_data
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from dqcontrol.errors import Error, ExistsError, writing
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.results_folder import MARK
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.files.yaml_file import read_text
 

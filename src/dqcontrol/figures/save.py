@@ -12,12 +12,12 @@ from dqcontrol.figures.base_paths import base_path, has_base, superimposed
 from dqcontrol.figures.criteria import compare_criteria
 from dqcontrol.figures.disturbances import disturbance
 from dqcontrol.figures.figure_files import check_figure_files, save_figures
-from dqcontrol.figures.lyapunov import lyapunov
+from dqcontrol.figures.lyapunov_plot import lyapunov
 from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
 from dqcontrol.figures.readings import has_margins, has_readings, limit_margins, readings
-from dqcontrol.figures.task_range import range_condition
-from dqcontrol.figures.timing import timing_histogram
+from dqcontrol.figures.task_range_plot import range_condition
+from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.task_range import RANGE, TaskRange

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.films.framing import Room
 from dqcontrol.films.offscreen import offscreen, renderer
-from dqcontrol.films.room import Room
-from dqcontrol.films.stage import add_stage
+from dqcontrol.films.scene_background import add_stage
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco
 
 Pixels = NDArray[np.uint8]

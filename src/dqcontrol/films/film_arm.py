@@ -10,7 +10,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.film import Film
-from dqcontrol.films.room import room_of_arm
+from dqcontrol.films.framing import room_of_arm
 from dqcontrol.plants.compliant import CompliantPlant
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton

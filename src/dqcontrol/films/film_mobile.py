@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.films.film import Film
-from dqcontrol.films.room import Room
+from dqcontrol.films.framing import Room
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
 from dqcontrol.plants.mobile.wheeled_base import WHEELS

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.framing import room_of_arm
 from dqcontrol.films.offscreen import offscreen, render
 from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.films.room import room_of_arm
-from dqcontrol.films.stage import add_stage
+from dqcontrol.films.scene_background import add_stage
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.linearization import DRIVES, PERIOD, linearize
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.sideways import drive_table, turn_rates
+from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:

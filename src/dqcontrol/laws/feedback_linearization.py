@@ -25,7 +25,7 @@ from dqcontrol.laws.linearization import (
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
 from dqcontrol.laws.pose_law import parameter_head
-from dqcontrol.laws.sideways import drive_table, feasible_inputs, turn_rates
+from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, attached, inlin
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kernels import hand_jacobian, position
+from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 ELSEWHERE = -1  # not a failure: the law must solve with its own matrix

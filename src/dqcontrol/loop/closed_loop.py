@@ -25,7 +25,7 @@ from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.algebra.kernels import conjugate_multiply
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.loop.signals import Signal

@@ -12,8 +12,8 @@ from typing import Any
 
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.loop.record import has_failed
-from dqcontrol.measures.cells import known
 from dqcontrol.measures.statistics import Mean, mean_of
+from dqcontrol.measures.table_cells import known
 from dqcontrol.measures.tables import Column
 
 Row = Mapping[str, Any]

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError, ShapeError, unknown_name
-from dqcontrol.measures.cells import Cell, Column, PlusMinus, known
 from dqcontrol.measures.latex import latex, latex_number
+from dqcontrol.measures.table_cells import Cell, Column, PlusMinus, known
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable

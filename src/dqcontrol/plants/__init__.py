@@ -2,7 +2,7 @@
 
 from dqcontrol.plants.camera import Camera, FiducialLoss
 from dqcontrol.plants.compliant import CompliantPlant
-from dqcontrol.plants.compliant.loads import EncoderLoss, Payload, Push, WristFault
+from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.coppeliasim import CoppeliaPlant
@@ -20,7 +20,7 @@ from dqcontrol.plants.mobile.odometry import Odometry
 from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
-from dqcontrol.plants.own import OwnPlant
+from dqcontrol.plants.own_plant import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
 from dqcontrol.plants.servo import Servo
 

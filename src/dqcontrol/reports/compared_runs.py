@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.comparison import MOST_CURVES
+from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.loop import Record
 
 if TYPE_CHECKING:

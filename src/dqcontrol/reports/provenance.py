@@ -9,7 +9,7 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from dqcontrol.experiments.setting import sources
+from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.measures.tables import Column, Table
 
 AGAIN = "again"  # folder that the commands write to

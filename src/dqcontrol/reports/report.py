@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.page import code, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.reports.html_page import code, heading, html_figure, html_table, links, page, paragraph
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,7 +65,7 @@ def write_report(
     command
         The line that gives the results again.
     verdicts
-        Tables whose cells of ``dqcontrol.measures.cells.Verdict`` have colours and marks.
+        Tables whose cells of ``dqcontrol.measures.table_cells.Verdict`` have colours and marks.
     tables
         In this order.
     figures

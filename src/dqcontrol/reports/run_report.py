@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.output import MARK, OUTSIDE
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
 from dqcontrol.experiments.run import Run, units_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import has_failed

@@ -12,8 +12,8 @@ from dqcontrol.limits import list_interventions
 from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.supervision import INTERVENTIONS
-from dqcontrol.measures.cells import Cell, Verdict
 from dqcontrol.measures.lyapunov import Certificate
+from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.comparison import MOST_CURVES
+from dqcontrol.experiments.load_results import is_study, is_sweep, load_rows, load_runs
 from dqcontrol.experiments.ranking import rank
-from dqcontrol.experiments.saved import is_study, is_sweep, load_rows, load_runs
+from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.reports.run_report import figures_of
 
 if TYPE_CHECKING:

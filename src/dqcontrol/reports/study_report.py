@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.comparison import MOST_CURVES
-from dqcontrol.experiments.output import MARK, OUTSIDE
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
 from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
-from dqcontrol.measures.cells import Cell, Verdict
+from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.compared_runs import write_comparison_figures
 from dqcontrol.reports.provenance import AGAIN, command, origins

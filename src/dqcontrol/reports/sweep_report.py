@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.experiments.output import MARK, OUTSIDE
 from dqcontrol.experiments.ranking import Ranking
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.cells import Cell, Verdict
+from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.provenance import AGAIN, command, origins
 from dqcontrol.reports.report import write_report

@@ -10,7 +10,7 @@ from dqcontrol.reproductions.catalogue import (
     names,
 )
 from dqcontrol.reproductions.printed import Claim, PublishedCell
-from dqcontrol.reproductions.reproduce import reproduce
+from dqcontrol.reproductions.reproduce_one import reproduce
 from dqcontrol.reproductions.reproduced import Reproduced
 
 __all__ = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dqcontrol.measures.cells import Verdict
+from dqcontrol.measures.table_cells import Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reproductions.printed import Claim
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.comparison import write_table
-from dqcontrol.experiments.output import MARK, new_folder
+from dqcontrol.experiments.results_folder import MARK, new_folder
+from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.study import Study
-from dqcontrol.measures.cells import Verdict
+from dqcontrol.measures.table_cells import Verdict
 from dqcontrol.measures.tables import Table
 from dqcontrol.reports.provenance import AGAIN, command, origins
 

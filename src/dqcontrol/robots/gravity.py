@@ -22,7 +22,7 @@ from dqcontrol.compiled.compile import (
     kernel,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw, halves
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _screw, halves
 from dqcontrol.robots.limits import Inertia
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)

@@ -15,7 +15,7 @@ from dqcontrol.compiled.compile import (
     kernel,
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
-from dqcontrol.robots.kernels import HEADING, SIDEWAYS, all_kinematics, split
+from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS, all_kinematics, split
 
 RATES = STATUS(READ2, INPUT, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)

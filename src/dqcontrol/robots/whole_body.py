@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
-from dqcontrol.robots.kernels import HEADING, SIDEWAYS
+from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows

@@ -10,7 +10,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.limits.supervisor import supervisor_layout as at
 from dqcontrol.limits.supervisor.interventions import reasons
 from dqcontrol.limits.supervisor.supervisor_step import supervise
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 

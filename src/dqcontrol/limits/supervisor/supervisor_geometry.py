@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dqcontrol.algebra.kernels import translation
+from dqcontrol.algebra.dual_quaternion_kernels import translation
 from dqcontrol.compiled.compile import OK, inlined
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.limits.supervisor.braking import braked
 from dqcontrol.limits.supervisor.interventions import HELD, SLOWED
 from dqcontrol.limits.supervisor.supervisor_layout import BOX, DT, HOLD, HOLDING, SLOW
 from dqcontrol.robots.dexterity_step import smallest_singular_value
-from dqcontrol.robots.kernels import call_chain, hand_jacobian
+from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.plants.compliant.controller_file import ControllerFile, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
+from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.compliant.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.compliant.joint_table import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.compliant.obstacle import steps_per_touch
 from dqcontrol.plants.compliant.payload_compensation import PayloadScale
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 from dqcontrol.plants.compliant.filters import MEMORY

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.loads import loss_table, payload_table, push_table
+from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
 from dqcontrol.plants.plant import as_command

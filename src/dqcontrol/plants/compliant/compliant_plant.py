@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
-from dqcontrol.plants.compliant.joint_table import MODES
-from dqcontrol.plants.compliant.loads import EncoderLoss, Payload, Push, WristFault
+from dqcontrol.plants.compliant.joint_columns import MODES
+from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel

@@ -20,7 +20,7 @@ from dqcontrol.compiled.compile import (
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, c_caller
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense

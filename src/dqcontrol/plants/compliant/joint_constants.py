@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError, as_each
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.controller_file import ControllerFile
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, Hand
 from dqcontrol.plants.compliant.filters import butterworth

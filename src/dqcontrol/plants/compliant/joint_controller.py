@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import inlined
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered
 from dqcontrol.plants.compliant.joint_reference import step_reference

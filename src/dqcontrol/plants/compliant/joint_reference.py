@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dqcontrol.compiled.compile import inlined
-from dqcontrol.plants.compliant import joint_table as of
+from dqcontrol.plants.compliant import joint_columns as of
 from dqcontrol.plants.compliant.elastic_model import TICK
 
 LEAST_SPEED = 1e-3  # rad/s

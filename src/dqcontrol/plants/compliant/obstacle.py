@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import inlined
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
-from dqcontrol.plants.compliant.loads import Seconds, span
+from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.kernels import _axis, _fixed, _half, _screw
+from dqcontrol.robots.kinematics_kernels import _axis, _fixed, _half, _screw
 
 Array = NDArray[np.float64]
 

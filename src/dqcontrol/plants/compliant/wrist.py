@@ -9,7 +9,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.plants.compliant.controller_file import WristSensor
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
-from dqcontrol.plants.compliant.loads import WristFault
+from dqcontrol.plants.compliant.loads_and_faults import WristFault
 
 
 class LiveWrist:

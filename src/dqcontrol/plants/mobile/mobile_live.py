@@ -13,8 +13,8 @@ from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mobile.gripper import FINGERS
+from dqcontrol.plants.mobile.live_camera import Sight
 from dqcontrol.plants.mobile.odometry import Odometry
-from dqcontrol.plants.mobile.sight import Sight
 from dqcontrol.plants.mobile.wheeled_base import WHEELS, yaw_of
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco

@@ -1,6 +1,6 @@
 """[P16]: M. S. Pereira, six laws on the right arm of a Meka A2."""
 
-from dqcontrol.reproductions.pereira2016.catalogue import EXPERIMENTS, PLANTS
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PLANTS
 from dqcontrol.reproductions.pereira2016.published_numbers import (
     REPRODUCTIONS,
     Disagreement,
@@ -11,7 +11,7 @@ from dqcontrol.reproductions.pereira2016.published_numbers import (
     published_runs,
 )
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
-from dqcontrol.reproductions.pereira2016.reproduce import reproduce
+from dqcontrol.reproductions.pereira2016.reproduce_pereira2016 import reproduce
 
 __all__ = [
     "EXPERIMENTS",

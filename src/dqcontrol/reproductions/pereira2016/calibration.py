@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reproductions.pereira2016 import second_fit
-from dqcontrol.reproductions.pereira2016.catalogue import PLANTS, SERVO
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS, SERVO
 from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.published_specs import FITTED, published_spec
 

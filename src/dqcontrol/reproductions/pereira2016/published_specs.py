@@ -7,7 +7,7 @@ from typing import Any
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
-from dqcontrol.reproductions.pereira2016.catalogue import PHYSICS, PLANTS, SERVO, spec_path
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, SERVO, spec_path
 
 FITTED = {SERVO: "sag", PHYSICS: "gravity_factor"}
 """Which number of each plant is fitted."""

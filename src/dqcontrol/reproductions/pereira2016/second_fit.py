@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dqcontrol.reproductions.pereira2016.catalogue import PLANTS
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 
 FACTOR = 93.7  # `dqcontrol reproduce pereira2016/calibration` fits it

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.experiments.setting import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.judgement import Judgement, verdict_table

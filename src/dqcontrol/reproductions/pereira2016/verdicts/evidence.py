@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.run import execute
-from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.loop import Record
 from dqcontrol.reproductions.judgement import Judgement
-from dqcontrol.reproductions.pereira2016.catalogue import PLANTS
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.results import Results
 

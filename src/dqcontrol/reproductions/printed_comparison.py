@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dqcontrol.experiments.setting import Setting
-from dqcontrol.measures.cells import Ratio
+from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.measures.table_cells import Ratio
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.printed import PublishedCell
 from dqcontrol.reproductions.results import Results

@@ -27,7 +27,7 @@ from dqcontrol.compiled.compile import (
     kernel,
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
-from dqcontrol.robots.sines import FARTHEST, sine_cosine, sines_cosines
+from dqcontrol.robots.sin_cos import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 

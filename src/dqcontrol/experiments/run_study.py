@@ -11,11 +11,11 @@ from typing import Any
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
-from dqcontrol.experiments.output import check_new
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.processes import checked_jobs
+from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, beyond_limits
-from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
 from dqcontrol.experiments.working_folder import working_folder

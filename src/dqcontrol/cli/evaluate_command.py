@@ -63,7 +63,7 @@ def evaluate(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.experiments.output import check_new
+    from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
     from dqcontrol.measures import summary_table
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
-from dqcontrol.reproductions.comparison import NAMES
 from dqcontrol.reproductions.pereira2016.second_fit import SUFFIX
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
+from dqcontrol.reproductions.printed_comparison import NAMES
 from dqcontrol.reproductions.reproduced import Draw
 from dqcontrol.reproductions.results import Results
 

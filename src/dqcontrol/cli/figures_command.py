@@ -35,7 +35,7 @@ def figures(
     force
         Replace an earlier folder of figures.
     """
-    from dqcontrol.experiments.output import check_new, new_folder
+    from dqcontrol.experiments.results_folder import check_new, new_folder
     from dqcontrol.figures import column_width, save_figures
     from dqcontrol.figures.figure_files import PAPER_DPI
     from dqcontrol.reports.saved_figures import figures_of_results

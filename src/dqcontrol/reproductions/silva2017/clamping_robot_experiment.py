@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol.experiments.conduct import run_study
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import follow

@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
 from dqcontrol.laws.law import LAW, Law
-from dqcontrol.robots.kernels import fill_pose_jacobian
+from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
 
 

@@ -43,8 +43,8 @@ def paint(
     import yaml
 
     from dqcontrol.errors import ValueRangeError
-    from dqcontrol.experiments.output import check_new, new_folder
     from dqcontrol.experiments.painting import paint as painted
+    from dqcontrol.experiments.results_folder import check_new, new_folder
     from dqcontrol.films.light_painting import light_painting, painting_clip
     from dqcontrol.measures import evaluate
     from dqcontrol.recording import save_record

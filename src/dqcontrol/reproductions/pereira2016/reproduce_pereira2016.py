@@ -4,24 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dqcontrol.experiments.conduct import run_study
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.catalogue import Conditions
-from dqcontrol.reproductions.comparison import command_table, comparison_tables
 from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
-from dqcontrol.reproductions.pereira2016.catalogue import EXPERIMENTS, PHYSICS, SERVO, SOURCE, Reproduction
-from dqcontrol.reproductions.pereira2016.figures import parity_figures, period_figures, study_figures
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
+    EXPERIMENTS,
+    PHYSICS,
+    SERVO,
+    SOURCE,
+    Reproduction,
+)
+from dqcontrol.reproductions.pereira2016.pereira2016_figures import (
+    parity_figures,
+    period_figures,
+    study_figures,
+)
 from dqcontrol.reproductions.pereira2016.published_numbers import claims, published_cells
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
-from dqcontrol.reproductions.pereira2016.verdicts.h_infinity import attenuations
-from dqcontrol.reproductions.pereira2016.verdicts.sampling_time import PERIODS
+from dqcontrol.reproductions.pereira2016.verdicts.h_infinity_verdicts import attenuations
+from dqcontrol.reproductions.pereira2016.verdicts.sampling_time_verdicts import PERIODS
 from dqcontrol.reproductions.pereira2016.when_to_use import when_to_use
+from dqcontrol.reproductions.printed_comparison import command_table, comparison_tables
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.results import Results
 

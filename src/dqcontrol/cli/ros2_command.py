@@ -59,7 +59,7 @@ def controller(
     """
     from dqcontrol.errors import Error
     from dqcontrol.experiments import read_spec
-    from dqcontrol.experiments.output import check_new
+    from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.ros2 import middleware
 
     middleware.check_installed()
@@ -67,7 +67,7 @@ def controller(
     if out:
         check_new(out, force=force)
     with middleware.ros(ros_arguments, [name], network=network):
-        from dqcontrol.ros2.controller import ControllerNode
+        from dqcontrol.ros2.controller_node import ControllerNode
 
         node = ControllerNode(
             spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
@@ -111,7 +111,7 @@ def robot(
     middleware.check_installed()
     loaded = load(spec)
     with middleware.ros(ros_arguments, [name, *([wrench_node] if wrench_node else [])], network=network):
-        from dqcontrol.ros2.robot import RobotNode
+        from dqcontrol.ros2.robot_node import RobotNode
 
         node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
         with suppress(KeyboardInterrupt):

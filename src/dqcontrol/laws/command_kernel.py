@@ -18,7 +18,7 @@ from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.command_limits import LIMIT
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kernels import call_chain, split
+from dqcontrol.robots.kinematics_kernels import call_chain, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.conduct import run_study
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.laws import ClassicWholeBody
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.measures.tables import Cell, Column, Table

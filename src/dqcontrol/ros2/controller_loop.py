@@ -20,8 +20,8 @@ from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
-from dqcontrol.ros2.pace import SILENCE, Pace
 from dqcontrol.ros2.parameters import declare, number, numbers_said, on_change, read_once, refuse_unknown
+from dqcontrol.ros2.period_monitor import SILENCE, Pace
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
 

@@ -14,7 +14,7 @@ from dqcontrol.errors import Error, as_positive
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
-from dqcontrol.laws.sideways import drive_table
+from dqcontrol.laws.unconstrained_drive import drive_table
 from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.robots import Robot
 

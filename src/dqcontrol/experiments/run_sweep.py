@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.comparison import write_table
-from dqcontrol.experiments.output import MARK, check_new, new_folder
+from dqcontrol.experiments.prepared_experiment import program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import MARK, check_new, new_folder
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
-from dqcontrol.experiments.setting import program
+from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, rehearse

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
-from dqcontrol.experiments.setting import Setting
+from dqcontrol.experiments.prepared_experiment import Setting
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.references import Sample
 from dqcontrol.reproductions.judgement import Judgement, listed
-from dqcontrol.reproductions.pereira2016.catalogue import PHYSICS
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import LAWS, LQR, Evidence, decides, record_of
 
 _CALLS, _ROUNDS = 400, 15

@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 from msgspec.structs import replace
 
-from dqcontrol.experiments.conduct import run_study
-from dqcontrol.experiments.setting import Setting
+from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import follow

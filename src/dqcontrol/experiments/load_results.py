@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.evaluation_spec import saved_evaluation
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.results_folder import MARK
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import read_data, read_spec

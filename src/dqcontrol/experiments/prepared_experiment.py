@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
-from dqcontrol.experiments.output import folder_names
 from dqcontrol.experiments.reach import check_reach
+from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.laws import PreparedLaw

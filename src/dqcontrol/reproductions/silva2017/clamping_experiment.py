@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.experiments.conduct import run_study
-from dqcontrol.experiments.setting import Setting
+from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import follow

@@ -26,10 +26,10 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
         Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
     """
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
-    from dqcontrol.experiments.comparison import MEANS, write_table
-    from dqcontrol.experiments.output import MARK, new_folder
+    from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
-    from dqcontrol.experiments.saved import is_study, is_sweep
+    from dqcontrol.experiments.results_folder import MARK, new_folder
+    from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
     from dqcontrol.reports.compared_runs import write_comparison_figures

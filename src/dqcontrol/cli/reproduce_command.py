@@ -40,7 +40,7 @@ def reproduce(
         At most so many of each run; default: as many as were printed.
     """
     from dqcontrol import reproductions as published
-    from dqcontrol.experiments.output import check_new
+    from dqcontrol.experiments.results_folder import check_new
 
     warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
     if name is None:

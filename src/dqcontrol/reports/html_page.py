@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from dqcontrol.figures.figure_files import for_page
-from dqcontrol.measures.cells import Cell, Ratio, Verdict
+from dqcontrol.measures.table_cells import Cell, Ratio, Verdict
 from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dqcontrol.experiments.conduct import run_study
 from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.run_study import run_study
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement, listed

@@ -10,11 +10,7 @@ from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.law import LAW, SCRATCH
 from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
-from dqcontrol.laws.sideways import (
-    drive_table,
-    feasible_inputs,
-    twist_jacobian_with_sideways,
-)
+from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
 
 _DRIVES = GAIN + 8

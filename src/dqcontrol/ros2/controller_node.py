@@ -10,8 +10,8 @@ from std_srvs.srv import Trigger
 
 from dqcontrol.errors import Error
 from dqcontrol.loop.control import Phase
+from dqcontrol.ros2.controller_loop import Following
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.following import Following
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
 
