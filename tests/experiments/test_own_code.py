@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol import user_code
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.sweep import read_sweep
+from dqcontrol.extensions import user_code
 
 CODE = """
 import dqcontrol as dqc
@@ -243,7 +243,7 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
 
 
 def test_two_kinds_of_one_name_are_refused():
-    from dqcontrol.registry import union_of
+    from dqcontrol.extensions.registry import union_of
 
     class Base(dqc.laws.Law, frozen=True, kw_only=True, tag="Base"):
         pass

@@ -9,7 +9,7 @@ import warnings
 from cyclopts import App, CycloptsError
 
 import dqcontrol
-from dqcontrol.user_code import POLICY, REFUSED
+from dqcontrol.extensions.user_code import POLICY, REFUSED
 
 USER_ERROR = 2
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
@@ -39,7 +39,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_name}:{_name}", name=_name, help=_help)
+    app.command(f"dqcontrol.cli.{_name}_command:{_name}", name=_name, help=_help)
 
 
 def main() -> None:
