@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from msgspec import Struct
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 # Jacobian fills its room by `fill_pose_jacobian`: most do not, and it is a tenth of a step.
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
-call_law = caller(LAW)
+call_law: Callable[..., Any] = caller(LAW)
 
 # law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
 # the limit's memory; twist Jacobian and preferred motion may be overwritten
