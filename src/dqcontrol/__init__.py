@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dqcontrol import algebra, experiments, laws, limits, loop, plants, references
+    from dqcontrol import algebra, errors, experiments, laws, limits, loop, plants, references, robots, view
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
-    from dqcontrol.experiments import Run, Study, run, run_study
-    from dqcontrol.loop import simulate
+    from dqcontrol.experiments import Run, Study, run_study
+    from dqcontrol.experiments.run import run  # from the module: type checkers take a package's `run` for that module
+    from dqcontrol.loop import Record
+    from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
         DifferentialDrive,
@@ -35,6 +37,7 @@ __all__ = [
     "Inertia",
     "Kinematics",
     "Limits",
+    "Record",
     "Robot",
     "Run",
     "Sample",
@@ -43,6 +46,7 @@ __all__ = [
     "Study",
     "WholeBody",
     "algebra",
+    "errors",
     "experiments",
     "laws",
     "limits",
@@ -51,15 +55,29 @@ __all__ = [
     "plants",
     "references",
     "robot_names",
+    "robots",
     "run",
     "run_study",
     "simulate",
+    "view",
 ]
 
-_ROOMS = ("algebra", "experiments", "laws", "limits", "loop", "plants", "references", "robots", "view")
+_ROOMS = (
+    "algebra",
+    "errors",
+    "experiments",
+    "laws",
+    "limits",
+    "loop",
+    "plants",
+    "references",
+    "robots",
+    "view",
+)
 _HOMES = {
     "DualQuaternion": "algebra",
     "Error": "errors",
+    "Record": "loop",
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
@@ -83,4 +101,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])
