@@ -32,7 +32,9 @@ def main() -> None:
     folder = Path(sys.argv[1]).resolve()
     archives = sorted(folder.glob("*.whl")) + sorted(folder.glob("*.tar.gz"))
     if [path.suffix for path in archives] != [".whl", ".gz"]:
-        sys.exit(f"{folder}: expected one wheel and one source archive, got {[path.name for path in archives]}")
+        sys.exit(
+            f"{folder}: expected one wheel and one source archive, got {[path.name for path in archives]}"
+        )
     for archive in archives:
         with tempfile.TemporaryDirectory() as elsewhere:
             _install_and_run(archive, Path(elsewhere))
@@ -68,7 +70,9 @@ def _typed_share() -> float:
     completeness = json.loads(text)["typeCompleteness"]
     share = completeness["completenessScore"]
     if share < LEAST_TYPED:
-        without = [each["name"] for each in completeness["symbols"] if each["isExported"] and not each["isTypeKnown"]]
+        without = [
+            each["name"] for each in completeness["symbols"] if each["isExported"] and not each["isTypeKnown"]
+        ]
         sys.exit(f"types: {100 * share:.1f} % of public names; without are {', '.join(without[:20])} …")
     return share
 

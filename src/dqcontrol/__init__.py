@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
     from dqcontrol.experiments import Run, Study, run_study
-    from dqcontrol.experiments.run import run  # from the module: type checkers take a package's `run` for that module
+    from dqcontrol.experiments.run import (
+        run,  # from the module: type checkers take a package's `run` for that module
+    )
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
