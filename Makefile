@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
 WITH_GROUPS := pip>=25.1
 TESTED := .[physics,robots,ros2,coppeliasim]
+# Each worker begins with a run of files of its own: of kernels that several files use, few are compiled twice.
+WORKERS := -n auto --maxprocesses 4 --dist worksteal
 LOCKED := $(if $(CI),-c ci.lock)
 
 .PHONY: demo test test-all test-oldest test-newest lint docs gallery chromium format bench lock release-check clean
@@ -61,10 +63,10 @@ lint: $(VENV)/test
 	@$(BIN)/mypy
 
 test: lint chromium
-	@$(BIN)/pytest -n auto --maxprocesses 4
+	@$(BIN)/pytest $(WORKERS)
 
 test-all: lint chromium
-	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
+	@$(BIN)/pytest $(WORKERS) -m ''
 
 docs: $(VENV)/test
 	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs
@@ -94,14 +96,14 @@ lock: $(RELEASE)/tools
 test-oldest: $(RELEASE)/tools
 	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-oldest
 	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-oldest $(UV) pip install -q --resolution lowest-direct -e '.[physics,robots]' --group test
-	@$(VENV)-oldest/bin/python -m pytest -n auto --maxprocesses 4
+	@$(VENV)-oldest/bin/python -m pytest $(WORKERS)
 
 test-newest: $(RELEASE)/tools
 	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-newest
 	@echo numba >$(VENV)-newest/overrides.txt
 	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-newest $(UV) pip install -q --upgrade --override $(VENV)-newest/overrides.txt \
 	  -e '.[physics,robots]' --group test
-	@$(VENV)-newest/bin/python -m pytest -n auto --maxprocesses 4
+	@$(VENV)-newest/bin/python -m pytest $(WORKERS)
 
 release-check: $(VENV)/test $(RELEASE)/tools
 	@rm -rf dist

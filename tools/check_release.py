@@ -55,7 +55,7 @@ def _install_and_run(archive: Path, folder: Path) -> None:
             sys.exit(f"{archive.name}: {name} is missing")
     (folder / "spec.yaml").write_text(SPEC, encoding="utf-8")
     table = _output([python, "-I", "-m", "dqcontrol", "run", "spec.yaml", "--out", "results"], folder)
-    if "K+FF" not in table:
+    if "proportional-feedforward · servo" not in table:
         sys.exit(f"{archive.name}: the demo printed no table:\n{table}")
 
 
