@@ -59,6 +59,7 @@ demo: $(VENV)/demo
 lint: $(VENV)/test
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
 	@$(BIN)/pyright --project pyproject.toml
 	@$(BIN)/mypy
 

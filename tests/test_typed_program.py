@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dqcontrol as dqc
-from dqcontrol.experiments import evaluate
 from dqcontrol.experiments import run as run_spec
 from dqcontrol.loop import simulate
+from dqcontrol.measures import evaluate
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ def errors_of_laws(folder: Path) -> dict[str, float]:
     for label, law in laws.items():
         records[label] = dqc.simulate(arm, circle, law, dqc.plants.Servo(), start=q, period=0.01)
     records["again"] = simulate(arm, circle, laws["K"], dqc.plants.Servo(), start=q, period=0.01)
-    dqc.view.compare_paths(records).savefig(folder / "paths.png")
+    dqc.figures.compare_paths(records).savefig(folder / "paths.png")
     return {label: evaluate(record).position.rms for label, record in records.items()}
 
 

@@ -4,14 +4,34 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.moved import find_moved, register
+
 if TYPE_CHECKING:
-    from dqcontrol import algebra, errors, experiments, laws, limits, loop, plants, references, robots, view
+    from dqcontrol import (
+        algebra,
+        browser,
+        errors,
+        experiments,
+        figures,
+        films,
+        laws,
+        limits,
+        logs,
+        loop,
+        measures,
+        plants,
+        recording,
+        references,
+        reports,
+        reproductions,
+        robots,
+    )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
     from dqcontrol.experiments import Run, Study, run_study
-    from dqcontrol.experiments.run import (
-        run,  # from the module: type checkers take a package's `run` for that module
-    )
+
+    # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
+    from dqcontrol.experiments.run import run
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
@@ -48,14 +68,22 @@ __all__ = [
     "Study",
     "WholeBody",
     "algebra",
+    "browser",
     "errors",
     "experiments",
+    "figures",
+    "films",
     "laws",
     "limits",
     "load_robot",
+    "logs",
     "loop",
+    "measures",
     "plants",
+    "recording",
     "references",
+    "reports",
+    "reproductions",
     "robot_names",
     "robots",
     "run",
@@ -66,15 +94,22 @@ __all__ = [
 
 _ROOMS = (
     "algebra",
+    "browser",
     "errors",
     "experiments",
+    "figures",
+    "films",
     "laws",
     "limits",
+    "logs",
     "loop",
+    "measures",
     "plants",
+    "recording",
     "references",
+    "reports",
+    "reproductions",
     "robots",
-    "view",
 )
 _HOMES = {
     "DualQuaternion": "algebra",
@@ -99,8 +134,11 @@ def __getattr__(name: str) -> Any:
         found = getattr(importlib.import_module(f"dqcontrol.{_HOMES.get(name, 'robots')}"), name)
         globals()[name] = found
         return found
-    raise AttributeError(f"module 'dqcontrol' has no attribute '{name}'")
+    return find_moved(__name__, name)
 
 
 def __dir__() -> list[str]:
     return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])
+
+
+register()
