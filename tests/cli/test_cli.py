@@ -93,6 +93,7 @@ def test_a_study_and_its_comparison(here, capsys):
 REPEATED = {**SPEC, "plant": {"kind": "servo", "encoder_noise": 1e-4}, "repeats": 3}
 
 
+@pytest.mark.slow
 def test_a_study_with_repeats(here, capsys):
     pytest.importorskip("pyarrow")
     (here / "repeats.yaml").write_text(yaml.safe_dump(REPEATED))

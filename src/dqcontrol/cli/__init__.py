@@ -30,7 +30,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "robots": "List the robots that come with dqcontrol, or show one.",
 }
 
-app = App(
+app: App = App(
     name="dqcontrol",
     help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
     "command refuses specs that bring code of their own.",

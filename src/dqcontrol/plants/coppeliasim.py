@@ -76,6 +76,9 @@ class LiveCoppelia:
         Joint positions as the simulator gives them, shape (n,), rad or m, updated in place.
     """
 
+    q: Array
+    measured: Array
+
     def __init__(self, plant: CoppeliaPlant, start: Array, dt: float) -> None:
         self._client = _connect(plant)
         self._address = f"{plant.host}:{plant.port}"

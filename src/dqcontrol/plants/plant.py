@@ -149,12 +149,12 @@ class CompiledPlant:
         foreseen: Sequence[tuple[Channel, Array]] = (),
     ) -> None:
         self.kernel = kernel
-        self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
-        self.state = np.ascontiguousarray(state, dtype=np.float64)
-        self.q = np.array(q0, dtype=np.float64)
-        self.measured = self.q.copy()
+        self.parameters: Array = np.ascontiguousarray(parameters, dtype=np.float64)
+        self.state: Array = np.ascontiguousarray(state, dtype=np.float64)
+        self.q: Array = np.array(q0, dtype=np.float64)
+        self.measured: Array = self.q.copy()
         self.noise = noise
-        self.foreseen = tuple(foreseen)
+        self.foreseen: tuple[tuple[Channel, Array], ...] = tuple(foreseen)
         self._step = 0
 
     def step(self, command: Array) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.plants.plant import PLANT
+from dqcontrol.plants.plant import PLANT, Array
 from dqcontrol.robots.gravity import gravity_torque
 
 # parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
@@ -15,7 +16,9 @@ DT, DECAY, MEASURED_MODE, DELAY, RESOLUTION, NOISE, SAG, GRAVITY = 0, 1, 2, 3, 4
 HEAD = 10
 
 
-def servo_step(command, parameters, noise, state, q, measured):
+def servo_step(
+    command: Array, parameters: Array, noise: Array, state: Array, q: Array, measured: Array
+) -> int:
     """Move the target, let the joints follow it, read the encoders."""
     n = q.shape[0]
     if command.shape[0] != n:
@@ -52,5 +55,5 @@ def servo_step(command, parameters, noise, state, q, measured):
 
 
 # One source, compiled twice: a kernel that calls another one's function is slower by a sixth.
-servo = kernel(PLANT)(servo_step)
-follow = inlined(servo_step)
+servo: Kernel = kernel(PLANT)(servo_step)
+follow: Callable[..., int] = inlined(servo_step)
