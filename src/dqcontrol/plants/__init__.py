@@ -19,7 +19,7 @@ from dqcontrol.plants.obstacle import Obstacle
 from dqcontrol.plants.odometry import Odometry
 from dqcontrol.plants.own import OwnPlant
 from dqcontrol.plants.payload_compensation import PayloadCompensation
-from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
+from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant, limits_before
 from dqcontrol.plants.scene import Basket, Cube, Scene
 from dqcontrol.plants.servo import Servo
 from dqcontrol.plants.wheeled_base import WheeledBase
@@ -55,4 +55,5 @@ __all__ = [
     "WheeledBase",
     "WorstCase",
     "WristFault",
+    "limits_before",
 ]

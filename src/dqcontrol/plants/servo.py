@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -63,6 +63,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         What measures where mobile bases are; without one that is known exactly.
     """
 
+    has_velocity_limits: ClassVar[bool] = True
     command_mode: Literal["integrated", "measured"] = "integrated"
     time_constant: Annotated[float, Meta(gt=0, description="τ, s")] = 0.05
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
