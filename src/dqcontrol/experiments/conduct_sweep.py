@@ -183,7 +183,7 @@ def _write_best(ranking: Ranking, spec: str, new: Path) -> None:
     save_figures(figures, new)
     data = parse_yaml(MARK, spec)
     whole = ranking.placed == count
-    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("as wished" if whole else "failed", whole)]
+    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("succeeded" if whole else "failed", whole)]
     write_report(
         new,
         str(data["name"]),

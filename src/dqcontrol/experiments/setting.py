@@ -201,16 +201,14 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
-            laws = {
-                velocity: list(_prepared_laws(spec, variants, scenes[label], each))
-                for velocity, each in different.items()
-            }
+            laws = list(_prepared_laws(spec, variants, scenes[label], different))
             compiled = _checked_plants(spec, plants, scenes[label])
         for name, plant in plants.items():
-            for variant, law in zip(variants, laws[limits[name].velocity], strict=True):
+            for variant, (versions, gains) in zip(variants, laws, strict=True):
                 place = Names(label, variant.label, variant.set, name)
+                law = versions[limits[name].velocity]
                 cases.append(
-                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], *law)
+                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], law, gains)
                 )
     return Setting(spec, folder, scenes, tuple(cases))
 
@@ -248,15 +246,21 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
 
 
 def _prepared_laws(
-    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, limits: CommandLimits
-) -> Iterator[tuple[PreparedLaw | None, tuple[LoopGain, ...] | None]]:
-    """Prepare every law; give those that fit into memory, and the loop gains of all."""
+    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, different: dict[bool | None, CommandLimits]
+) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
+    """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
     room = _KEPT_BYTES
     for variant in variants:
         with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
-            prepared = variant.law.prepare(scene.robot, scene.reference, spec.period, limits)
-        room -= prepared.parameters.nbytes
-        yield prepared if room > 0 else None, loop_gains(variant.law, prepared)
+            first = variant.law.prepare(
+                scene.robot, scene.reference, spec.period, next(iter(different.values()))
+            )
+        room -= len(different) * first.parameters.nbytes
+        kept = {
+            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            for i, (velocity, limits) in enumerate(different.items())
+        }
+        yield kept, loop_gains(variant.law, first)
 
 
 def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:
