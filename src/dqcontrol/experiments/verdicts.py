@@ -141,5 +141,8 @@ def _loop_gains(found: LoopCheck) -> Row:
     words = found.unknown
     if found.loops:
         worst = found.worst
-        words = f"{worst.gain.loop}: k T = {worst.product:.3g}, limit {worst.limits.stable:.3g}"
+        words = (
+            f"{worst.gain.loop}: k = {abs(worst.gain.value):.3g} 1/s, limit "
+            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {100 * found.overshoot:.2g} %"
+        )
     return ["Loop gains", judged(found), words]
