@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
@@ -151,6 +152,20 @@ def as_command(command: ArrayLike, size: int) -> Array:
     if array.shape != (size,):
         raise ShapeError(f"command: expected shape ({size},), got {array.shape}")
     return array
+
+
+def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
+    """Return a time of at least 0 as a number of periods dt, the last perhaps begun only, and the share passed of it.
+
+    Examples
+    --------
+    >>> [begun_periods("delay", delay, 0.01) for delay in (0.0, 0.02, 0.025)]
+    [(0, 1.0), (2, 1.0), (3, 0.5)]
+    """
+    periods = as_positive(field, seconds, zero_allowed=True) / dt
+    if abs(round(periods) * dt - seconds) <= 1e-9:
+        return round(periods), 1.0
+    return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
 def whole_periods(field: str, seconds: float, dt: float) -> int:
