@@ -65,7 +65,9 @@ def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -
     if any(row.get("saturation") for _, row in rows):
         columns |= SATURATED
     if any(row.get("task") not in (None, "followed", "failed") for _, row in rows):
-        columns |= TASK
+        columns |= TASK  # by how much one was not followed is in the columns of its errors
+        cut = {label: str(row["task"]).partition(": errs")[0] for label, row in rows if row.get("task")}
+        rows = [(label, {**row, "task": cut.get(label)}) for label, row in rows]
     lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
 

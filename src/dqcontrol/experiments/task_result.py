@@ -139,7 +139,14 @@ def task_result(record: Record, *, law: Law | None = None, settle: float = 0.0) 
         outcome = "failed"
     elif not good and record.stopped != "settled":  # what `stop` asked for is reached
         outcome = "not reached" if ends_at_rest else "not followed"
-    return TaskResult(outcome, *errors, *tolerances, _speed(record))
+    return TaskResult(
+        outcome,
+        position=errors[0],
+        orientation=errors[1],
+        position_tolerance=tolerances[0],
+        orientation_tolerance=tolerances[1],
+        speed=_speed(record),
+    )
 
 
 def _ends_at_rest(desired: Array) -> bool:
