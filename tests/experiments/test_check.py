@@ -72,7 +72,7 @@ def test_one_row_a_law_set_and_plant():
         *("K", "fast", "ideal", "10", "10", "10", "200", "20", "100", "0"),
         *(f"{-0.01 / math.log(0.9):.3g}", "good"),
     ]
-    assert table.texts()[2][3:] == ["0", "0", "10", "200", "–", "100", "0", "–", "drifts"]
+    assert table.texts()[2][3:] == ["0", "0", "10", "200", "–", "100", "–", "–", "drifts"]
     assert len(checks) == 6
     assert not checks.unstable
 
@@ -296,7 +296,7 @@ def test_a_supervisor_is_part_of_the_loop_and_says_for_which_errors_it_holds():
 
 
 def test_the_first_command_is_held_against_the_velocity_limits():
-    far = BASE["reference"] | {"offset": {"translation": [0, 0, 0.3]}}
+    far = BASE["reference"] | {"offset": {"translation": [0, 0, -0.3]}}
     first = [text for text in check(spec(reference=far)).remarks() if "first command" in text]
     assert re.match(
         r"proportional · servo: its first command is \d+ % of joint_\d's velocity limit; commands are",

@@ -175,7 +175,8 @@ def test_what_becomes_of_errors():
 
 def errors_at_both_ends(arm, law, plant, steps, part="all"):
     """Return the error at the first and the largest in the last tenth of a run that starts with a small one."""
-    record = dqc.simulate(arm, SetPoint(arm.fkm(Q0 + 1e-5)), law, plant, Q0, T, T * (steps - 1))
+    free = dqc.limits.CommandLimits(velocity=False)  # which would bound how far an unstable loop goes
+    record = dqc.simulate(arm, SetPoint(arm.fkm(Q0 + 1e-5)), law, plant, Q0, T, T * (steps - 1), limits=free)
     if part == "axis":
         ahead, wanted = (algebra.matrix_from_pose(x)[..., :3, 2] for x in (record.pose, record.desired_pose))
         errors = np.linalg.norm(ahead - wanted, axis=1)
@@ -240,7 +241,7 @@ def test_a_supervisor_s_smoothing_is_in_the_loop(arm, mode, tau, delay, window):
     plant = Servo(command_mode=mode, time_constant=tau, delay=delay)
     alone = plant.linear_model(arm, Q0, T)
     limit = gain_limits(with_mean(alone, window, T, from_measured=mode == "measured"), T).stable / T
-    assert abs(limit * T / gain_limits(alone, T).stable - 1) > 0.2, "without it another limit was told"
+    assert abs(limit * T / gain_limits(alone, T).stable - 1) > 0.1, "without it another limit was told"
     wide = {"acceleration": 1e3, "jerk": 2e3 / (window * T), "velocity": 1e3, "tracking_error": 1e6}
     supervisor = dqc.limits.Supervisor(**wide, ramp=0.0, slow_below=0.0, hold_below=0.0)
     assert supervisor.prepare(arm, T).window == window
