@@ -13,8 +13,8 @@ import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, StabilityWarning, UnknownNameError
 from dqcontrol.experiments import check
 from dqcontrol.experiments.check import Checks, Loop, LoopCheck
-from dqcontrol.experiments.setting import Names
-from dqcontrol.experiments.stability import LoopGain, gain_limits
+from dqcontrol.experiments.prepared_experiment import Names
+from dqcontrol.measures.stability import LoopGain, gain_limits
 from dqcontrol.plants import Integrator
 
 ROOT = Path(__file__).parents[2]

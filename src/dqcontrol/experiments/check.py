@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import StabilityWarning
-from dqcontrol.experiments.cells import Verdict as Words
 from dqcontrol.experiments.feasibility import task_remarks
-from dqcontrol.experiments.setting import Case, Names, Setting, prepare
-from dqcontrol.experiments.stability import (
+from dqcontrol.experiments.prepared_experiment import Case, Names, Setting, prepare
+from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
     LoopGain,
@@ -26,7 +25,8 @@ from dqcontrol.experiments.stability import (
     with_lag,
     with_mean,
 )
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.measures.table_cells import Verdict as Words
+from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.setting import Case, Scene, Setting
-from dqcontrol.experiments.task_result import FOLLOWED, SETTLED, TaskResult, task_result
+from dqcontrol.experiments.prepared_experiment import Case, Scene, Setting
 from dqcontrol.laws import OpenLoop, PartialProportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import follow
+from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample

@@ -10,8 +10,8 @@ from typing import Any
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.check import check
 from dqcontrol.experiments.jogging import most_dexterous
-from dqcontrol.experiments.stability import GainLimits, gain_limits, with_lag
-from dqcontrol.experiments.tables import Cell, Column, Table
+from dqcontrol.measures.stability import GainLimits, gain_limits, with_lag
+from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Servo
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots import load_robot

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from dqcontrol.errors import LimitWarning, TaskWarning
-from dqcontrol.experiments.setting import Case
+from dqcontrol.experiments.prepared_experiment import Case
 from dqcontrol.laws import (
     ClassicProportional,
     DecoupledProportional,

@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
