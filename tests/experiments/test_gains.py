@@ -1,6 +1,7 @@
 """Gains for a period, a delay and a lag: what is told is what a run does."""
 
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def test_runs_overshoot_and_lag_as_told():
     arm = dqc.load_robot("iiwa7")
     plant = dqc.plants.Servo(delay=0.030, time_constant=0.050)
     advice = advise_gains("iiwa7", period=0.008, delay=0.030, lag=0.050)
-    rows = {row[0]: row for row in advice.table.rows}
+    rows: dict[Any, Any] = {row[0]: row for row in advice.table.rows}
     assert len(rows) == 8
     for kind, law in LAWS.items():
         _, written, percent, _, behind = rows[kind]

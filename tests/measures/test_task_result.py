@@ -1,5 +1,7 @@
 """Whether runs did what was asked: what counts as reached and followed, and what is said where they did not."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -81,7 +83,7 @@ def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
         TaskWarning, match=r"^proportional · servo: not reached: still moves .* mm off: .*duration"
     ):
         run = dqc.run(spec)
-    rows = {row[0]: row for row in run_verdicts(run, None).rows}
+    rows: dict[Any, Any] = {row[0]: row for row in run_verdicts(run, None).rows}
     assert rows["End"][1:2] == ["fell short"]
     assert rows["Task"][1].good is False
     assert "counts as reached up to 4 mm, 0.57°" in rows["Task"][2]
