@@ -17,7 +17,7 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import ByTwist, ToPose
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands, publishers_of
+from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
@@ -114,7 +114,7 @@ class Following:
         if isinstance(self.target, ByTwist):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
-        self._heartbeat = node.create_publisher(Bool, "~/heartbeat", NEWEST)
+        self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
         self._alarm = steady_timer(node, SILENCE * loaded.period, self._watch)  # each message puts it off
 
