@@ -188,7 +188,8 @@ class ControllerNode(Node):
         except Error as error:
             self._diagnostics.refuse(error)
         else:
-            self._follow_up(Phase.INACTIVE)
+            if self.phase is Phase.ACTIVE:  # else it has stopped at once, and said so
+                self._follow_up(Phase.INACTIVE)
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         if not self.following:

@@ -90,7 +90,7 @@ class Following:
         self.control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._time = self._stamp = self._stepped = self._steady_since = 0.0
+        self._time = self._stamp = self._origin = self._stepped = self._steady_since = 0.0
         self._slept, self._due = False, np.inf
         self.longest_period = 0.0
         self._enabled = -np.inf
@@ -143,6 +143,7 @@ class Following:
             self.let_go()
         self._pace.start(heard, stamp)
         self._time, self._stamp, self._stepped, self.longest_period = 0.0, stamp, now, 0.0
+        self._origin = stamp
         self._step(0.0, measured, now)
 
     def let_go(self) -> None:
@@ -254,7 +255,7 @@ class Following:
         control.step(self._time, measured, self._pace.age(now))
         self._commands.send(control.position, control.rate)
         if self.recorder:
-            self.recorder.take(control, self._time)
+            self.recorder.take(control, self._stamp - self._origin, self._time)
         if control.phase is not before:
             self._changed(before)
 

@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 def silence(period: float) -> float:
     """Return after how long without a message the other side is taken for dead, where nobody says: s, as the period."""
-    return max(0.03, min(2.5 * period, 0.05), 1.5 * period)
+    return max(0.03, 2.5 * period)
 
 
 @dataclass
