@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections import deque
@@ -21,7 +22,9 @@ from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
-_EVERY = 0.5  # s between writes, each of one chunk: the library keeps 1 kB of index for each in memory, 7 MB an hour
+_EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
+_CHUNK_DRAINS = 5  # in one chunk, of which the library keeps 1 kB of index in memory: 7 MB an hour
+_URGENCY = 1  # of real-time scheduling, if the loop has it: at ordinary priority this thread could keep the loop waiting
 _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 
@@ -64,7 +67,8 @@ class RecordStream:
         self.failure = ""
         self._waiting: deque[tuple[Array, Array, Array, Array, float]] = deque()
         self._held: list[tuple[Array, Array, Array, Array, float]] = []
-        self._written, self._first = 0, 0.0
+        self._written, self._first, self._drains = 0, 0.0, 0
+        self._is_urgent = hasattr(os, "SCHED_FIFO") and bool(os.sched_getscheduler(0) & os.SCHED_FIFO)
         self._end = threading.Event()
         try:
             self._file = open(self.path, "xb")  # noqa: SIM115 — closed by `close`
@@ -135,6 +139,9 @@ class RecordStream:
         self.close(f"broken off: {error}" if error else "")
 
     def _work(self) -> None:
+        if self._is_urgent:
+            with suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_URGENCY))
         while not self._end.wait(_EVERY):
             try:
                 self._drain()
@@ -165,7 +172,9 @@ class RecordStream:
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), codes[:, None])},
         )
         self._writer.write(record, ready, self._first)
-        self._writer.file.flush()
+        self._drains += 1
+        if self._drains % _CHUNK_DRAINS == 0:
+            self._writer.file.flush()
         self._written += ready
         self._held = rows[ready:]
 
