@@ -16,8 +16,8 @@ from dqcontrol.ros2.loading import load
 
 def prepare(spec):
     """Import and compile what the children need; ROS itself is started by each."""
-    import dqcontrol.ros2.controller
-    import dqcontrol.ros2.robot
+    import dqcontrol.ros2.controller_node
+    import dqcontrol.ros2.robot_node
 
     loaded = load(spec)
     law, supervisor = loaded.prepared_law("spec"), loaded.prepared_supervisor("velocity")

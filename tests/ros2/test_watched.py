@@ -35,8 +35,8 @@ IIWA = dqc.load_robot("iiwa7")
 @pytest.fixture
 def pair(spec, node):
     """Return a controller and a robot in this process, the controller active; what it tells is in its outcome."""
-    from dqcontrol.ros2.controller import ControllerNode
-    from dqcontrol.ros2.robot import RobotNode
+    from dqcontrol.ros2.controller_node import ControllerNode
+    from dqcontrol.ros2.robot_node import RobotNode
 
     def make(**changes):
         path = spec(reference=CIRCLE, **changes)

@@ -9,9 +9,9 @@ import msgspec
 from msgspec import Struct
 
 from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.ros2.gain_check import check_stable
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.parameters import Number
-from dqcontrol.ros2.stability import check_stable
 
 T = TypeVar("T", bound=Struct)
 
