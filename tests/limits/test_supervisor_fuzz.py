@@ -6,13 +6,13 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.intrinsics import caller
+from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.limits import Supervisor, WorkspaceBox
-from dqcontrol.limits import supervisor_layout as at
-from dqcontrol.limits.interventions import IMPOSSIBLE, STOPS, stop_category
-from dqcontrol.limits.prepared_supervisor import END, FINISH, GO, RESET, STOP
-from dqcontrol.limits.supervisor_step import SUPERVISOR, supervise
-from dqcontrol.robots import kernels
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
+from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, RESET, STOP
+from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR, supervise
+from dqcontrol.robots import kinematics_kernels as kernels
 
 SEED = 20261122
 HONEST, FROZEN, JUMPING, ANYTHING = range(4)  # what is measured
@@ -231,7 +231,9 @@ class Episode:
         count = int((rate / (self.acceleration * self.dt)).max() + self.window + 2 * self.ramp / self.dt + 20)
         wanted, ages, elapsed, _, measured, noise = self.events(count)
         ages[:], elapsed[:], measured[:] = 0.0, self.dt, HONEST
-        assert self.run(wanted, ages, elapsed, np.full(count, request), measured, np.zeros_like(noise)), "ends in motion"
+        assert self.run(wanted, ages, elapsed, np.full(count, request), measured, np.zeros_like(noise)), (
+            "ends in motion"
+        )
 
     @property
     def window(self):

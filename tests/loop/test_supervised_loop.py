@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.cli.figures import figures
+from dqcontrol.cli.figures_command import figures
 from dqcontrol.errors import FileFormatError, ValueRangeError
 from dqcontrol.experiments import read_spec
 from dqcontrol.laws import ProportionalFeedforward
 from dqcontrol.limits import Supervisor, list_interventions
 from dqcontrol.loop import Clock, Supervision, close_loop
 from dqcontrol.plants import Integrator, Servo
+from dqcontrol.recording import save_black_box
 
 Q0 = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 T = 0.01
@@ -109,7 +110,7 @@ def test_a_spec_chooses_and_the_report_lists(tmp_path):
     report = (tmp_path / "out" / "report.html").read_text()
     assert "Interventions of the supervisor" in report
     assert "velocity limit" in report
-    loaded = dqc.loop.load_record(tmp_path / "out" / "record.mcap")
+    loaded = dqc.recording.load_record(tmp_path / "out" / "record.mcap")
     assert np.array_equal(
         loaded.readings["interventions"].values, run.record.readings["interventions"].values
     )
@@ -294,13 +295,13 @@ def test_the_black_box_holds_the_last_seconds_and_is_drawn(arm, tmp_path):
         LAW.prepare(arm, fast, T), robot, fast.samples(T * np.arange(4001)), supervision=watched
     )
     assert trace.stopped.endswith("measurement stale or impossible")
-    folder = watched.black_box.save(tmp_path / "box", spec, trace.stopped)
-    kept = dqc.loop.load_record(folder / "record.mcap")
+    folder = save_black_box(watched.black_box, tmp_path / "box", spec, trace.stopped)
+    kept = dqc.recording.load_record(folder / "record.mcap")
     assert len(kept) == 2000
     assert np.array_equal(kept.command, trace.command[-2000:])
     assert kept.time[-1] == pytest.approx(trace.desired[-1, -1])
     assert kept.stopped == trace.stopped
-    assert watched.black_box.save(tmp_path / "box", spec, trace.stopped).name == "box-2"
+    assert save_black_box(watched.black_box, tmp_path / "box", spec, trace.stopped).name == "box-2"
     figures(folder, formats=("png",), out=tmp_path / "figures")
     assert list((tmp_path / "figures").glob("*.png"))
 

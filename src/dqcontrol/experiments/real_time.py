@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
-from dqcontrol.loop.black_box import FOLDER, BlackBox
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.supervision import Watch
+from dqcontrol.recording.black_box_folder import FOLDER, save_black_box
 
 
 def run_in_real_time(
@@ -66,10 +68,11 @@ def run_in_real_time(
         _keep(black_box, streamed.folder, text, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
     streamed.complete(done)
+    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 
 def _keep(black_box: BlackBox, folder: Path, spec: str, stopped: str) -> None:
     """Write what the black box holds, if a supervisor filled it."""
     if len(black_box):
-        black_box.save(folder / FOLDER, spec, stopped)
+        save_black_box(black_box, folder / FOLDER, spec, stopped)

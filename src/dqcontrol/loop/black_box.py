@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import Error, writing
-from dqcontrol.limits.interventions import INTERVENTIONS
-from dqcontrol.loop.mcap import save_record
+from dqcontrol.errors import Error
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TIME
@@ -19,7 +17,6 @@ from dqcontrol.robots.robot import Robot
 Array = NDArray[np.float64]
 
 SECONDS = 20.0
-FOLDER = "black-box"  # its name in a folder of results
 _MOST_ROWS = 20_000
 
 
@@ -105,29 +102,3 @@ class BlackBox:
             stopped=stopped,
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), self._codes[order])},
         )
-
-    def save(self, folder: str | Path, spec: str, stopped: str) -> Path:
-        """Write it as a folder that `dqcontrol figures` and `view` read; a number is added if there is one already.
-
-        Parameters
-        ----------
-        folder
-            Wanted name.
-        spec
-            Text of the experiment.
-        stopped
-            Why the robot stopped.
-
-        Returns
-        -------
-        The folder.
-        """
-        path, number = Path(folder), 1
-        with writing(folder):
-            while path.exists():
-                number += 1
-                path = Path(f"{folder}-{number}")
-            path.mkdir(parents=True)
-            (path / "spec.yaml").write_text(spec, encoding="utf-8")
-            save_record(self.record(stopped), path / "record.mcap", spec)
-        return path

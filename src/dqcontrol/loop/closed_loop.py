@@ -9,22 +9,22 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import OK, Kernel
+from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.supervisor_step import supervise
+from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Senses, Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
@@ -43,7 +43,7 @@ def close_loop(
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
     supervision: Supervision | None = None,
-    recording: RecordStream | None = None,
+    recording: SampleSink | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -189,7 +189,7 @@ class _Steps:
         disturbance: LiveDisturbance | None,
         clock: Clock | None,
         supervision: Supervision | None,
-        recording: RecordStream | None,
+        recording: SampleSink | None,
     ) -> None:
         self.law, self.plant, self.samples, self.disturbance = law, plant, samples, disturbance
         self.clock, self.supervision, self.recording = clock, supervision, recording

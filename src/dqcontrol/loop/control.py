@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits import supervisor_layout as at
-from dqcontrol.limits.interventions import SOFT_STOP
-from dqcontrol.limits.prepared_supervisor import END, GO, STOP
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.interventions import SOFT_STOP
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import TIME
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 
@@ -58,9 +59,17 @@ class Control:
         What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
     """
 
+    law: PreparedLaw
+    target: Target
+    supervisor: PreparedSupervisor
+    wanted: Array
+    command: Array
+    phase: Phase
+    reason: str
+
     def __init__(self, law: PreparedLaw, target: Target, supervisor: PreparedSupervisor) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
-        self.robot = law.robot
+        self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
         self.wanted, self.command = np.zeros(m), np.zeros(m)
@@ -71,7 +80,7 @@ class Control:
         self._elapsed = law.dt
         self.black_box = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
-        self.is_commanding = False
+        self.is_commanding: bool = False
 
     @property
     def stop_category(self) -> int | None:
@@ -192,7 +201,7 @@ class Control:
         self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)
         self._follow_supervisor(rests)
 
-    def record(self, recording: RecordStream, time: float, q: Array) -> None:
+    def record(self, recording: SampleSink, time: float, q: Array) -> None:
         """Hand the last step over to a recording, and stop the robot if that cannot be written.
 
         Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,10 @@ from dqcontrol.algebra import translation
 from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.interrupts import first_interrupt
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import ByTwist, Speeds
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
@@ -83,6 +83,10 @@ class Jog:
         If a joint is beyond its limits.
     """
 
+    speeds: Speeds
+    share: float
+    of_hand: bool
+
     def __init__(
         self,
         law: PreparedLaw,
@@ -99,7 +103,7 @@ class Jog:
         self._time, self._done, self._dt = 0.0, 0, law.dt
         self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
-        self.recording: RecordStream | None = None
+        self.recording: SampleSink | None = None
         self.spec = ""
 
     @property
@@ -186,9 +190,10 @@ class Jog:
         """Whether it was stopped, and holds until it is told to go on."""
         return self._control.phase is Phase.STOPPED
 
-    def save_black_box(self, folder: Path) -> Path:
-        """Write its last seconds to a folder, or one with a number if it exists; return which."""
-        return self._control.black_box.save(folder, self.spec, f"halted: {self.reason}")
+    @property
+    def black_box(self) -> BlackBox:
+        """Its last seconds."""
+        return self._control.black_box
 
     def _step(self, elapsed: float | None) -> None:
         plant, control = self._plant, self._control

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.limits import supervisor_layout as at
-from dqcontrol.limits.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
-from dqcontrol.limits.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
+from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.plant import AgedPlant, EffortPlant, LivePlant, WrenchPlant
@@ -87,8 +87,8 @@ class Supervision:
         black_box: BlackBox | None = None,
     ) -> None:
         self.supervisor = supervisor
-        self.state = supervisor.start(q)
-        self.request = GO
+        self.state: Array = supervisor.start(q)
+        self.request: int = GO
         self.codes: Array = np.zeros(0)
         self.period = float(supervisor.parameters[at.DT])
         self.black_box = black_box or BlackBox(supervisor.robot, self.period)

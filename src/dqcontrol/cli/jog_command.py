@@ -1,0 +1,101 @@
+"""Drive a robot by keys."""
+
+from __future__ import annotations
+
+import time
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from dqcontrol.cli.options import Force, Out
+
+if TYPE_CHECKING:
+    from dqcontrol.cli.keyboard import Keyboard
+    from dqcontrol.loop.jog import Jog
+
+_SHOWN_EVERY = 0.1  # s
+
+
+def jog(
+    source: str,
+    /,
+    *,
+    poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
+    speed: float = 0.1,
+    angular_speed: float = 0.5,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Drive a robot's hand by keys in the terminal, and keep poses as a points file.
+
+    Parameters
+    ----------
+    source
+        YAML file of one run: its robot, start, law, plant and supervisor. Or a robot, which is then simulated.
+    poses
+        New points file, made with the first pose; a spec's reference of kind points follows it.
+    speed
+        The fastest that the hand moves, m/s.
+    angular_speed
+        The fastest that it turns, rad/s.
+    out
+        New folder for a recording of the motion, which `dqcontrol view` shows while it goes on.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.cli.keyboard import Keyboard
+    from dqcontrol.errors import as_positive
+    from dqcontrol.experiments.jogging import prepare_jog, recorded_jog
+    from dqcontrol.loop.interrupts import first_interrupt
+    from dqcontrol.loop.jog import HELP
+    from dqcontrol.loop.targets import Speeds
+    from dqcontrol.recording.black_box_folder import FOLDER
+    from dqcontrol.references.points_writer import PointsWriter
+
+    keyboard = Keyboard()
+    speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))
+    writer = PointsWriter(poses, speeds.linear, speeds.angular)
+    if out:
+        session = recorded_jog(source, writer, speeds, out, force=force)
+    else:
+        session = nullcontext(prepare_jog(source, writer, speeds))
+    with session as driven:
+        print("\n".join(HELP))
+        with keyboard, first_interrupt(driven.end):
+            _drive(driven, keyboard, (out or Path()) / FOLDER)
+        print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
+    if out:
+        print(f"results: {out}")
+
+
+def _drive(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Drive until the end; whatever ends it, the robot is at rest then."""
+    try:
+        _listen(driven, keyboard, black_box)
+    except BaseException:
+        driven.brake()
+        raise
+
+
+def _listen(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop."""
+    from dqcontrol.recording import save_black_box
+
+    deadline = shown = before = time.monotonic()
+    was_stopped = False
+    while not driven.ended:
+        for key in keyboard.until(deadline):
+            if told := driven.press(key):
+                keyboard.tell(told)
+        begin = time.monotonic()
+        driven.step(begin - before if before < begin else None)
+        if driven.is_stopped and not was_stopped:
+            kept = save_black_box(driven.black_box, black_box, driven.spec, f"halted: {driven.reason}")
+            keyboard.tell(f"{driven.condition}; the last seconds: {kept}")
+        was_stopped, before, now = driven.is_stopped, begin, time.monotonic()
+        deadline = max(deadline + driven.period, now)  # missed periods are left out
+        if now - shown > _SHOWN_EVERY:
+            shown = now
+            keyboard.show(driven.status)
