@@ -26,6 +26,7 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.plants import CompiledPlant
+from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import Robot, load_robot
 
@@ -85,9 +86,12 @@ class Case:
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
+        mode = lagging_mode(self.plant)
         if self.prepared is not None:
-            return self.prepared
-        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, spec.limits)
+            return self.prepared.in_mode(mode)
+        return self.variant.law.prepare(
+            self.scene.robot, self.scene.reference, spec.period, spec.limits, mode
+        )
 
 
 @dataclass(frozen=True)

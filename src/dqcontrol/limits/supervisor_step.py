@@ -7,7 +7,6 @@ import math
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
 from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.limits.braking import braked, fastest_stoppable
-from dqcontrol.limits.command_limits import scale_down
 from dqcontrol.limits.interventions import (
     ACCELERATION,
     COMMAND,
@@ -47,6 +46,7 @@ from dqcontrol.limits.supervisor_layout import (
     STOPPED,
     WINDOW,
 )
+from dqcontrol.limits.velocity_limit import scale_down
 
 _FAR = 1e6  # rad or m: no measurement says so
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters

@@ -215,6 +215,8 @@ def _interpret(
                 k, row[-1], measured[k], command[k], aged.age if aged else 0.0
             ):
                 halted, failure = (recording and recording.failure) or supervision.why(done), None
+            if supervision:
+                law.sent(state, command[k])
             if recording:
                 code = supervision.codes[k] if supervision else 0.0
                 recording.take(row, q[k], measured[k], command[k], code)

@@ -148,6 +148,7 @@ class Control:
             self._ask_law(time)
         request, self._request = self._request, GO
         rests = self.supervisor.step(self.measured, self.wanted, self._state, age, request, self.command)
+        self.law.sent(self._law_state, self.command)
         self._follow_supervisor(rests)
 
     def record(self, recording: RecordStream, time: float, q: Array) -> None:

@@ -7,7 +7,7 @@ import math
 from dqcontrol.algebra.kernels import conjugate_multiply
 from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.intrinsics import ADDRESS, caller
-from dqcontrol.laws.step import LAW_FAILED, PLAN, ask, unpack
+from dqcontrol.laws.step import LAW_FAILED, PLAN, ask, note_sent, unpack
 from dqcontrol.limits.supervisor_layout import AT_REST, GO, NOW
 from dqcontrol.limits.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
@@ -126,6 +126,7 @@ def rollout(
                 command_record[k],
             )
             code_record[k] = supervisor_state[NOW]
+            note_sent(law, law_state, command_record[k])
             if supervised == AT_REST:
                 return HALTED
         if (

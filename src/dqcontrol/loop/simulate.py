@@ -18,7 +18,7 @@ from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.plant import Plant, command_mode
+from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
@@ -108,7 +108,7 @@ def simulate(
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
     return follow(
-        law.prepare(robot, reference, period, limits),
+        law.prepare(robot, reference, period, limits, lagging_mode(plant)),
         plant,
         q0,
         samples,

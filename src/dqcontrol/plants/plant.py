@@ -89,6 +89,11 @@ def command_mode(plant: Plant) -> Literal["integrated", "measured"]:
     return "measured" if measured else "integrated"
 
 
+def lagging_mode(plant: Plant) -> Literal["integrated", "measured"]:
+    """Return ``"integrated"`` if commands move a target that the joints follow with a lag, else ``"measured"``."""
+    return command_mode(plant) if isinstance(plant, TargetPlant) else "measured"
+
+
 def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
     """Return q0 as an array (n,), or say why it does not fit the robot."""
     start = as_array("q0", q0, (robot.configuration_size,))

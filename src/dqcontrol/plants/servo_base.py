@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.compile import OK, WRONG_SIZE, inlined, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.intrinsics import as_matrix
-from dqcontrol.limits.command_limits import scale_down
+from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, whole_periods

@@ -16,7 +16,7 @@ from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
-from dqcontrol.plants.plant import command_mode
+from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -64,7 +64,8 @@ class Loaded:
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
-        return self.law.prepare(self.robot, reference, self.period, self.setting.spec.limits)
+        mode, limits = lagging_mode(self.case.plant), self.setting.spec.limits
+        return self.law.prepare(self.robot, reference, self.period, limits, mode)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""
