@@ -63,7 +63,8 @@ class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="class
 
     |x_d − x| never grows and decays at rate k while J has full rank. The error is not invariant: how translation and
     rotation are weighed depends on where the base frame sits, as long as both are corrected; what cannot be done is
-    missed by least squares in the hand's twist, as with all laws. Prefer `Proportional` unless you compare with the literature.
+    missed by least squares in the hand's twist, as with all laws.
+    Prefer `Proportional` unless you compare with the literature.
 
     Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
     stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol

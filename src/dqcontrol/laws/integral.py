@@ -76,7 +76,7 @@ def _summed(value, excess, bound):
 
 
 class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
-    """A law that adds k_I ∫ε dt to the twist that it asks of the hand, ε = [θn ; p_d − p] for small errors, hand's axes.
+    """A law that adds k_I ∫ε dt to the twist that it asks of the hand, ε ≈ [θn ; p_d − p] in the hand's axes.
 
     Without it (``integral_gain`` 0) the command is that of K e alone. Where limits, clamped joints or a supervisor let
     less leave than was asked for, the integral is calculated back from what left, with the tracking time 1/√k_I; what

@@ -47,13 +47,13 @@ class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", for
     neither depends on where the base frame is, and ℓ says how much of a position error an angle is worth: with ℓ = 0.3
     m a radian counts as much as 30 cm.
 
-    With λ = ε this is J-PARSE [Guptasarma et al. 2025] with ε in place of its γ σ_max. λ = ε/2 keeps the gain σ/(σ² + λᵢ)
-    below 1.16/ε and lets it fall only where σ < ε/3.
+    With λ = ε this is J-PARSE [Guptasarma et al. 2025] with ε in place of its γ σ_max. λ = ε/2 keeps the gain σ/(σ² +
+    λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
     """
 
-    threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.02
+    threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.04
     damping: Annotated[float, Meta(gt=0, description="λ, m: the damping of a vanishing singular value")] = (
-        0.01
+        0.02
     )
     characteristic_length: _Length = 0.3
 
@@ -72,8 +72,9 @@ class ManipulabilityInverse(
 ):
     """Least squares damped where the manipulability is small: λ² = λ₀² (1 − m/m₀)² for m < m₀, else 0. [Nakamura 1986]
 
-    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(JᵀJ)/ℓ³ of
-    that of [ℓω ; ṗ]); the damping acts on that of [ℓω ; ṗ], as for `FilteredInverse`. All directions are damped, not only the singular one.
+    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(JᵀJ)/ℓ³ of that of [ℓω ; ṗ]);
+    the damping acts on that of [ℓω ; ṗ], as for `FilteredInverse`. All directions are damped, not only the singular
+    one.
     """
 
     threshold: Annotated[float, Meta(gt=0, description="m₀")] = 0.03

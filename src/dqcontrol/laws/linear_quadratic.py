@@ -248,7 +248,7 @@ def _subtract_feedback(parameters, error, twist):
 
 @kernel(LAW)
 def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J⁺ of the inertial twist −R⁻¹P y + Ad(x_e) ξ_d, y = [2 a(r_e) ; p_e] or [2 Im r_e ; p_e], x_e = x x_d*."""
+    """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
     n = pose_jacobian.shape[1]
     own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
     relative, opposite, twist, error = own[0:8], own[8:16], own[16:22], own[22:28]
@@ -264,7 +264,7 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
 
 @kernel(LAW)
 def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J⁺ of the body twist −R⁻¹P y + Ad(x_l*) ξ_d,b, y = [2 a(r_l) ; p_b,l] or [2 Im r_l ; p_b,l], x_l = x_d* x."""
+    """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
     n = pose_jacobian.shape[1]
     own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
     relative, twist, error = own[0:8], own[16:22], own[22:28]

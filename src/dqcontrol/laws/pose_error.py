@@ -32,7 +32,7 @@ def left_error(pose, desired, hysteresis, state, error):
 
 @inlined
 def left_error_twist(target, error, pose):
-    """Return the hand's twist [ω ; ṗ], inertial axes, that solves N u = target nearest: N u = −½ξ_b x_e, x_e = 1 − e."""
+    """Return the hand's [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes."""
     e = error
     relative = 1.0 - e[0], -e[1], -e[2], -e[3], -e[4], -e[5], -e[6], -e[7]
     angular, linear, _ = nearest_twist(target, relative)

@@ -72,9 +72,10 @@ def weighted_least_norm(
 class WeightedLeastNorm(PositionLimit, frozen=True, kw_only=True, tag="weighted-least-norm"):
     """Penalise joints moving towards their limits: the least Σ wᵢ uᵢ²/2 − zᵢ uᵢ that does the task.
 
-    [Chan and Dubey 1995] wᵢ = 1 + |∂H/∂qᵢ| if the command moves joint i towards its nearer limit, else 1, with H = Σ R²/(4 (qmax − q)(q −
-    qmin)) and R = qmax − qmin; nearer to a limit than 10⁻⁵ R, and beyond it, w is what it is there. Without a null
-    space motion z that is q̇ = W⁻¹Jᵀ(J W⁻¹Jᵀ)⁻¹ y. The law's inverse acts on J W^(−1/2), its thresholds too.
+    [Chan and Dubey 1995] wᵢ = 1 + |∂H/∂qᵢ| if the command moves joint i towards its nearer limit, else 1, with
+    H = Σ R²/(4 (qmax − q)(q − qmin)) and R = qmax − qmin; nearer to a limit than 10⁻⁵ R, and beyond it, w is what it is
+    there. Without a null space motion z that is q̇ = W⁻¹Jᵀ(J W⁻¹Jᵀ)⁻¹ y. The law's inverse acts on J W^(−1/2), its
+    thresholds too.
 
     The print weighs a joint if |∂H/∂qᵢ| did not decrease since the last sample, and it leaves z out; weighed as (uᵢ −
     zᵢ)² a joint near its limit would follow z across it, and chatter where z and the task disagree. Here a weight
