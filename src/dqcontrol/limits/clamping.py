@@ -28,6 +28,9 @@ _JUST_SHORT = 1.0 - 8 * 2.0**-53
 _HEAD = (
     3  # parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag
 )
+# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while the
+# others make up for them.
+_OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 
 
@@ -111,7 +114,7 @@ def modified_clamping(
         if status != OK:
             return status
         if is_first and velocity.shape[0] > 0:
-            scale = velocity_scale(q, velocity, out)
+            scale = min(1.0, _OVERLOAD * velocity_scale(q, velocity, out))
         is_first, again = False, False
         worst, most_beyond, bound = -1, 0.0, 0.0
         for i in range(n):
@@ -145,6 +148,7 @@ def modified_clamping(
         if is_held[i] == 2.0:
             for k in range(6):
                 twist_jacobian[k, i] /= FIXED
+            law_work[i] = 0.0  # as it stays where nothing is preferred
         angle = q[int(moved[i])]
         lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
         fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
