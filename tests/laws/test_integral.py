@@ -7,9 +7,9 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.stability import gain_limits
 from dqcontrol.laws import ClassicProportional, DecoupledProportional, Proportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor
+from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
 
@@ -42,10 +42,7 @@ def test_sag_of_servos_with_measured_commands_is_carried_by_the_integral():
     """Gravity takes s(q) off every measured position; at rest T u = s(q), by K e or by the integral."""
     arm, q = dqc.load_robot("ur5"), np.array([0.3, -1.2, 1.4, -1.6, -1.5, 0.2])
     plant, k = Servo(command_mode="measured", sag=1.0, stiffness=2e4, time_constant=0.05), 10.0
-    runs = [
-        settled(Proportional(gain=k, integral_gain=i, integral_position_limit=10.0, integral_orientation_limit=10.0), plant, arm, q, 12.0)
-        for i in (0.0, 20.0)
-    ]
+    runs = [settled(Proportional(gain=k, integral_gain=i, **FREE), plant, arm, q, 12.0) for i in (0.0, 20.0)]
     for run in runs:
         sag = arm.gravity_torque(run.q[-1]) / 2e4
         np.testing.assert_allclose(run.command[-1], sag / T, rtol=1e-4, atol=1e-7)
@@ -88,7 +85,7 @@ def test_a_flip_of_the_sign_of_the_target_turns_what_is_summed_and_keeps_the_sum
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("how", ["velocity limits", "supervisor", "interpreted"])
 def test_a_step_under_limits_does_not_wind_it_up(law, how):
-    """40 cm with the joints at their limits: less overshoot than the 55 mm of the linear loop; without mend 109 to 136."""
+    """40 cm with joints at their limits: less overshoot than the 55 mm of the linear loop (without mend 109 to 136)."""
     arm = dqc.load_robot("panda")
     q = np.array([0.0, -0.4, 0, -2.0, 0, 1.6, 0.8])
     target = dqc.DualQuaternion.from_translation([0.0, 0.4, 0.0]) * dqc.DualQuaternion(arm.fkm(q))
@@ -126,7 +123,9 @@ def test_a_blocked_joint_does_not_wind_it_up():
 
 def test_the_old_bound_still_counts_and_says_so():
     old = Proportional(gain=1.0, integral_gain=1.0, integral_limit=0.5)
-    new = Proportional(gain=1.0, integral_gain=1.0, integral_position_limit=1.0, integral_orientation_limit=1.0)
+    new = Proportional(
+        gain=1.0, integral_gain=1.0, integral_position_limit=1.0, integral_orientation_limit=1.0
+    )
     with pytest.warns(FutureWarning, match="integral_position_limit"):
         rows = old.prepare(ARM, None, T).parameters
     np.testing.assert_array_equal(rows, new.prepare(ARM, None, T).parameters)
@@ -207,7 +206,10 @@ def test_check_knows_the_integral():
         ({"integral_gain": -1.0}, "integral_gain: must be"),
         ({"integral_gain": np.nan}, "integral_gain: must be"),
         ({"integral_gain": 1.0, "integral_position_limit": 0.0}, "integral_position_limit: must be > 0"),
-        ({"integral_gain": 1.0, "integral_orientation_limit": -1.0}, "integral_orientation_limit: must be > 0"),
+        (
+            {"integral_gain": 1.0, "integral_orientation_limit": -1.0},
+            "integral_orientation_limit: must be > 0",
+        ),
     ],
 )
 def test_bad_numbers_are_named(fields, words):

@@ -36,7 +36,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_name}:{_name}", name=_name, help=_help)
+    app.command(f"dqcontrol.cli.{_name}_command:{_name}", name=_name, help=_help)
 
 
 def main() -> None:

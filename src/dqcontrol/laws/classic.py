@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.algebra.kernels import multiply
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import multiply
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse

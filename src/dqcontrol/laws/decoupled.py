@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
 
-from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.hand_twist import solve_hand_twist, weigh
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral

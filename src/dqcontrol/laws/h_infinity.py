@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.kernels import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     body_translation,
     conjugate,
@@ -16,7 +16,7 @@ from dqcontrol.algebra.kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist

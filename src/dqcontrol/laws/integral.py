@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.kernels import conjugate_multiply, rotated, translation
-from dqcontrol.compile import inlined
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated, translation
+from dqcontrol.compiled.compile import inlined
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_law import GAIN, PoseLaw

@@ -7,9 +7,9 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
-from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
+from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
-from dqcontrol.intrinsics import as_matrix
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 HEAD = 4  # parameters that an inverse puts first: kind, two numbers, characteristic length

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol import algebra
-from dqcontrol.algebra.kernels import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     body_translation,
     conjugate,
@@ -18,7 +18,7 @@ from dqcontrol.algebra.kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from dqcontrol.algebra.kernels import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     conjugate,
     conjugate_multiply,
@@ -12,13 +12,13 @@ from dqcontrol.algebra.kernels import (
     log_body,
     log_inertial,
 )
-from dqcontrol.compile import inlined
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS
-from dqcontrol.laws.sideways import twist_jacobian_with_sideways
+from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
 from dqcontrol.limits.position_limit import FIXED
 
 VelocityState = Literal["realised", "commanded", "realised-unconstrained"]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dqcontrol.algebra.kernels import conjugate_multiply, rotated
-from dqcontrol.compile import inlined
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
+from dqcontrol.compiled.compile import inlined
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.law import LAW, SCRATCH

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import OK, inlined, kernel
+from dqcontrol.compiled.compile import OK, inlined, kernel
+from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     FIXED,
     POSITION_LIMIT,
     PositionLimit,
-    call_law,
     position_limits,
 )
 from dqcontrol.limits.velocity_limit import velocity_scale
@@ -25,11 +25,10 @@ if TYPE_CHECKING:
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
-_HEAD = (
-    3  # parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag
-)
-# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while the
-# others make up for them.
+# Parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag, velocity limits.
+_HEAD = 3
+# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while
+# the others make up for them.
 _OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 

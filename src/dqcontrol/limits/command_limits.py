@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import Kernel
+from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.velocity_limit import scale_velocity, unlimited

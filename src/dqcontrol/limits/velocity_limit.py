@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, inlined, kernel
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.driving import drive_speeds
 
 # q, parameters, command

@@ -2,7 +2,7 @@
 
 from dqcontrol.references.circle import Circle, Spiral
 from dqcontrol.references.drawing import Drawing
-from dqcontrol.references.drawing_file import DrawingFile, load_drawing, parse_drawing
+from dqcontrol.references.drawing.drawing_file import DrawingFile, load_drawing, parse_drawing
 from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
