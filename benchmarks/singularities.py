@@ -1,12 +1,12 @@
 """What the inverses of a singular Jacobian cost: errors, joint speeds and accelerations of laws along singular paths.
 
-Singular configurations are found by descent of the least singular value from random ones (seeded); a hand goes along a
-straight line of 30 cm in a random direction through the pose there and back, at constant orientation (quintic timing, 8 s,
-T = 5 ms, ideal joints, 0.25 m/s at most), started from a configuration beside it. Lines whose start cannot be reached are
-left out. Half of them pass the pose itself, half 1 cm beside it. "through": all of the line can be reached, as one of the
-runs misses it by less than 2 cm; "beyond": a part lies outside the workspace. Of the paths of a robot: the median and the
-largest of the position errors' maxima (mm), the largest orientation error (°) and joint speed (rad/s), and the median and
-the largest joint acceleration (rad/s²).
+Singular configurations are found by descent of the least singular value from random ones (seeded); a hand goes along
+a straight line of 30 cm in a random direction through the pose there and back, at constant orientation (quintic
+timing, 8 s, T = 5 ms, ideal joints, 0.25 m/s at most), started from a configuration beside it. Lines whose start
+cannot be reached are left out. Half of them pass the pose itself, half 1 cm beside it. "through": all of the line can
+be reached, as one of the runs misses it by less than 2 cm; "beyond": a part lies outside the workspace. Of the paths
+of a robot: the median and the largest of the position errors' maxima (mm), the largest orientation error (°) and
+joint speed (rad/s), and the median and the largest joint acceleration (rad/s²).
 
 J-PARSE [Guptasarma et al. 2025, arXiv 2505.00306] is written here anew, with its γ = 0.1 and the same hand's twist: its
 u is V diag(1/σ, or σ/(γ σ_max)² where σ < γ σ_max) Uᵀ t.

@@ -1,4 +1,4 @@
-"""Commands do not depend on where the base frame is, also where the Jacobian loses rank or the goal cannot be reached."""
+"""Commands do not depend on where the base frame is, also where rank is lost or the goal cannot be reached."""
 
 import numpy as np
 import pytest

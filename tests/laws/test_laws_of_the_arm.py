@@ -273,3 +273,19 @@ def test_velocity_limits_need_a_robot_that_has_some():
     arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0])
     with pytest.raises(Error, match=r"limits.velocity: arm has no velocity limits"):
         Proportional(gain=1.0).prepare(arm, None, 0.01, CommandLimits(velocity=True))
+
+
+@pytest.mark.parametrize("angle", [0.3, 2.0, 3.1, np.pi])
+def test_an_axis_turns_at_the_rate_k_of_its_angle(angle):
+    """θ decays as exp(−kt), from half a turn too, where k (l_d − l) never moves."""
+    arm, q = dqc.load_robot("iiwa7"), np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
+    turn = algebra.pose([np.cos(angle / 2), np.sin(angle / 2), 0, 0], [0, 0, 0])
+    target = dqc.references.SetPoint(algebra.multiply(arm.fkm(q), turn))
+    law, period = PartialProportional(part="axis", gain=2.0), 1e-3
+    record = dqc.simulate(arm, target, law, Integrator(), q, period, 0.5)
+    z = np.array(
+        [algebra.adjoint(np.r_[x[:4], 0, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0, 0])[1:4] for x in record.pose]
+    )
+    z_d = algebra.adjoint(np.r_[target.at(0).pose[:4], 0, 0, 0, 0], [0, 0, 0, 1, 0, 0, 0, 0])[1:4]
+    left = np.arctan2(np.linalg.norm(np.cross(z, z_d), axis=1), z @ z_d)
+    np.testing.assert_allclose(left, angle * (1 - 2.0 * period) ** np.arange(len(left)), atol=2e-3)
