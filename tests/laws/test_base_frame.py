@@ -84,7 +84,7 @@ def test_a_gantry_reaches_the_position_under_an_orientation_that_it_cannot_have(
     here = gantry.fkm(q)
     turn = algebra.pose([np.cos(np.pi / 6), 0, 0, np.sin(np.pi / 6)], [0, 0, 0])
     goal = algebra.multiply(here, turn)
-    goal = algebra.pose(goal[:4], algebra.translation(here) + [0.3, 0.2, -0.1])
+    goal = algebra.pose(goal[:4], algebra.translation(here) + np.array([0.3, 0.2, -0.1]))
     record = dqc.simulate(gantry, dqc.references.SetPoint(goal), law, dqc.plants.Integrator(), q, T, 4.0)
     assert record.position_error[-1] < 1e-3
 
