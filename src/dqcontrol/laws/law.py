@@ -152,6 +152,10 @@ class PreparedLaw:
         self._views = views
         self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
 
+    def with_limits(self, limits: CommandLimits) -> PreparedLaw:
+        """Return the same law with something else done to its commands before they leave."""
+        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, limits)
+
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
         return PreparedLaw, (self._law, self.robot, self.parameters, self.dt, self._limits)
