@@ -37,7 +37,7 @@ _MOST_STEPS = 10_000_000
 class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
 
-    kernel: ClassVar[Kernel | InterpretedKernel]
+    kernel: ClassVar[Kernel]
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -132,6 +132,10 @@ class PreparedLaw:
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
     """
 
+    work: Array
+    preferred: Array
+    pose: Array
+
     def __init__(
         self,
         law: Law,
@@ -141,13 +145,14 @@ class PreparedLaw:
         limits: CommandLimits,
         command_mode: CommandMode,
     ) -> None:
-        self.kernel = law.kernel
+        self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
         self._law, self._limits, self._command_mode = law, limits, command_mode
         none, m, position = np.zeros(0), robot.input_size, limits.position
         own, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
-        self._memory_size, self.state_size = memory, own + memory
+        self._memory_size = memory
+        self.state_size: int = own + memory
         self._feedback = law.delivered_at, own + memory - m if memory else 0
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
@@ -171,6 +176,10 @@ class PreparedLaw:
         self.parameters: Array = views[3].reshape(parameters.shape)
         self._views = views
         self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
+
+    def with_limits(self, limits: CommandLimits) -> PreparedLaw:
+        """Return the same law with something else done to its commands before they leave."""
+        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, limits, self._command_mode)
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
