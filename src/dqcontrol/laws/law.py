@@ -148,7 +148,8 @@ class PreparedLaw:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
-        self._law, self._limits, self._command_mode = law, limits, command_mode
+        self._law, self._limits = law, limits
+        self._command_mode: CommandMode = command_mode
         none, m, position = np.zeros(0), robot.input_size, limits.position
         own, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
         self._memory_size = memory
