@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from dqcontrol.loop import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
+        Chassis,
         DifferentialDrive,
         HolonomicBase,
         Inertia,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Chassis",
     "DifferentialDrive",
     "DualQuaternion",
     "Error",

@@ -8,8 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import DivergedError, LimitWarning
+from dqcontrol.errors import CollisionWarning, DivergedError, LimitWarning
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.clearance import went_through
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.output import check_new
 from dqcontrol.experiments.processes import checked_jobs
@@ -147,3 +148,5 @@ def _warn_of_limits(rows: Iterable[Row]) -> None:
     for label, trials in by_label(rows).items():
         if beyond := beyond_limits(label, trials):
             warnings.warn(beyond, LimitWarning, stacklevel=4)
+        if through := went_through(label, trials):
+            warnings.warn(through, CollisionWarning, stacklevel=4)

@@ -52,6 +52,7 @@ METRIC_COLUMNS: dict[str, Column] = {
     "peak_contact": Column("Contact force peak", "N"),
     "recovery_time": Column("Recovery time", "s"),
     "outside_range": Column("Outside the range of J"),
+    "hand_clearance": Column("Clearance of the hand", "m"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 

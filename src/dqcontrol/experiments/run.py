@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import LimitWarning, ShapeError
+from dqcontrol.errors import CollisionWarning, LimitWarning, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.clearance import least_clearance, went_through
 from dqcontrol.experiments.lyapunov import with_certificate
 from dqcontrol.experiments.metrics import Metrics, evaluate
 from dqcontrol.experiments.output import OUTSIDE, new_folder
@@ -189,7 +190,8 @@ def measure(record: Record, robot: Robot, settle: float, judged: Judged = "true"
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
     if judged == "measured":
         record = replace(record, q=record.measured, pose=robot.fkm(record.measured))
-    return evaluate(record, robot.limits, settle=min(settle, record.duration))
+    metrics = evaluate(record, robot.limits, settle=min(settle, record.duration))
+    return replace(metrics, hand_clearance=least_clearance(robot, record))
 
 
 def execute(
@@ -277,4 +279,6 @@ def run(
     done = replace(as_run(setting, case, 0, record), expected=expected)
     if beyond := beyond_limits(done.label, [done.metrics.flat()]):
         warnings.warn(beyond, LimitWarning, stacklevel=2)
+    if through := went_through(done.label, [done.metrics.flat()]):
+        warnings.warn(through, CollisionWarning, stacklevel=2)
     return done

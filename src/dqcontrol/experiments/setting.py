@@ -16,6 +16,7 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.output import folder_names
 from dqcontrol.experiments.parameter_sets import Variant
 from dqcontrol.experiments.reach import check_reach
@@ -232,6 +233,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     if spec.settle > samples[-1, -1]:
         raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
     check_reach(robot, start, samples)
+    check_clearance(robot, start, samples)
     return Scene(robot, start, reference, samples)
 
 

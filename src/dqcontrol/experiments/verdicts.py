@@ -42,6 +42,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_end(run.record),
         *_joint_limits(run),
         *_velocity_limits(run),
+        *_clearance(run),
         *_interventions(run.record),
         *_range(run.record),
         *_periods(run.timing),
@@ -89,6 +90,16 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     kept = bool(shares.max() <= 1 + _ROUND_OFF)
     words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
     yield ["Velocity limits", Verdict("kept" if kept else "exceeded", kept), words]
+
+
+def _clearance(run: Run) -> Iterator[Row]:
+    least = run.metrics.hand_clearance
+    if np.isfinite(least):
+        where = (
+            f"hand {1e3 * abs(least):.3g} mm {'from' if least >= 0 else 'inside'} floor or chassis at least"
+        )
+        words = where if least >= 0 else where.replace(" at least", " at most")
+        yield ["Floor and chassis", Verdict(*(("kept", True) if least >= 0 else ("passed", False))), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:

@@ -16,6 +16,7 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody, placed
 from dqcontrol.view.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
+from dqcontrol.view.tilted_base import recorded_frames
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,13 +124,13 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
     everything = []
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
-        q = record.q[np.isfinite(record.q).all(axis=1)]
-        hand = algebra.translation(robot.fkm(q))
+        finite = np.flatnonzero(np.isfinite(record.q).all(axis=1))
+        hand = algebra.translation(recorded_frames(robot, record, finite)[:, -1])
         axes.plot(*hand.T, color=style["color"], ls=":", lw=0.9)
-        chosen = _evenly(hand, poses)
-        for k, (row, frames) in enumerate(zip(q[chosen], robot.frames(q[chosen]), strict=True)):
+        chosen = finite[_evenly(hand, poses)]
+        for k, frames in enumerate(recorded_frames(robot, record, chosen)):
             strength = 0.25 + 0.75 * k / (poses - 1)
-            links, discs = _silhouette(robot, row, frames)
+            links, discs = _silhouette(robot, frames)
             everything += [links, *discs]
             last = k == poses - 1
             axes.plot(
@@ -183,7 +184,7 @@ def _evenly(path: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.searchsorted(length, np.linspace(0, length[-1], count)), len(path) - 1)
 
 
-def _silhouette(robot: Robot, q: Array, frames: Array) -> tuple[Array, list[Array]]:
+def _silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
     """Return the points from joint to joint, and the rim of each base with a stroke to its front."""
     bases = _bases(robot)
     hidden = {first + k for first, _ in bases for k in (0, 1)}

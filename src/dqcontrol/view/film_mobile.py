@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
+from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.gripper import FINGERS
 from dqcontrol.plants.mobile_live import coordinates_of
 from dqcontrol.plants.wheeled_base import WHEELS
@@ -52,7 +53,7 @@ def _room(plant: MobilePlant, record: Record) -> Room:
 
 
 def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any) -> NDArray[np.float64]:
-    """Return MuJoCo's coordinates at each sample; the base stands upright."""
+    """Return MuJoCo's coordinates at each sample."""
     readings = record.readings
     cubes = [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))]
     needed = ["wheel_angle", *(["gripper_opening"] if plant.gripper else [])]
@@ -64,8 +65,12 @@ def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any
         )
     out = np.zeros((len(record.q), model.nq))
     base = coordinates_of(model, ["base"])[0]
-    out[:, base : base + 2] = record.q[:, :2]
-    out[:, base + 3], out[:, base + 6] = np.cos(record.q[:, 2] / 2), np.sin(record.q[:, 2] / 2)
+    if BASE_POSITION in readings:
+        out[:, base : base + 3] = readings[BASE_POSITION].values
+        out[:, base + 3 : base + 7] = readings[BASE_QUATERNION].values
+    else:  # a recording of an earlier version
+        out[:, base : base + 2] = record.q[:, :2]
+        out[:, base + 3], out[:, base + 6] = np.cos(record.q[:, 2] / 2), np.sin(record.q[:, 2] / 2)
     out[:, coordinates_of(model, [f"wheel_{name}" for name in WHEELS])] = readings["wheel_angle"].values
     out[:, coordinates_of(model, robot.joint_names[3:])] = record.q[:, 3:]
     if plant.gripper:
