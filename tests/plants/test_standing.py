@@ -37,6 +37,11 @@ def tiago():
     )
 
 
+def drive(live, speeds):
+    for speed in speeds:
+        live.step(np.r_[speed, np.zeros(len(live.q) - 2)])
+
+
 def test_a_robot_without_a_body_or_with_a_vacuum_cleaners_is_refused():
     for chassis, text in (
         (
@@ -114,11 +119,11 @@ def test_a_hard_stop_topples_a_tall_robot_and_the_run_says_so():
     robot = on_wheels(LARGE)
     live = tall().start(robot, START, 0.02, 200, 0)
     with pytest.raises(FallenError, match=r"toppled at \d.* s: the base tilts by 2.°, more than 20°"):
-        for k in range(200):
-            live.step(np.r_[1.0 if k < 50 else -1.0, np.zeros(8)])
+        drive(live, [1.0 if k < 50 else -1.0 for k in range(200)])
     hand = dqc.algebra.translation(robot.fkm(START))
     there = dqc.references.Points(
-        [0, 1, 2, 3], [dqc.algebra.pose(robot.fkm(START)[:4], hand + [x, 0, 0]) for x in (0, 1.0, 0, 0)]
+        [0, 1, 2, 3],
+        [dqc.algebra.pose(robot.fkm(START)[:4], hand + np.array([x, 0, 0])) for x in (0, 1.0, 0, 0)],
     )
     law = dqc.laws.ProportionalFeedforward(gain=0.5)
     record = dqc.simulate(robot, there, law, tall(), START, period=0.02)
@@ -137,8 +142,7 @@ def test_wheels_that_spin_for_long_end_the_run():
     start = np.array([0, 0, 0, 0, -0.504, 1.397, 0, 0])
     live = MobilePlant(base=WheeledBase(friction=0.0)).start(robot, start, 0.02, 200, 0)
     with pytest.raises(FallenError, match=r"slipped at .* s: a wheel has slid .* 0.3 m/s for 1 s"):
-        for _ in range(150):
-            live.step(np.r_[0.6, 0.0, np.zeros(5)])
+        drive(live, [0.6] * 150)
 
 
 @pytest.mark.parametrize("plant", [dqc.plants.Servo(), MobilePlant()])

@@ -89,7 +89,10 @@ def went_through(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
         return ""
     depth = -min(trial["hand_clearance"] for trial in inside)
     count = f", in {len(inside)} of {len(trials)} repeats" if len(trials) > 1 else ""
-    return f"{label}: the hand went {1e3 * depth:.0f} mm into the floor or its own base{count}; nothing stopped it there"
+    return (
+        f"{label}: the hand went {1e3 * depth:.0f} mm into the floor or its own base{count}; "
+        "nothing stopped it there"
+    )
 
 
 def _stands_on_a_floor(robot: Robot) -> bool:

@@ -40,8 +40,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     refused; a run ends as toppled when the base tilts by more than `TOPPLED`, and as slipping when a wheel has slid
     faster than `SLIDING` for `SLIDES_FOR`.
 
-    Configuration x, y and φ are those of the point of the floor below the middle of the axle; the whole pose of the base
-    is recorded beside it.
+    Configuration x, y and φ are those of the point of the floor below the middle of the axle; the whole pose of the
+    base is recorded beside it.
 
     Parameters
     ----------

@@ -168,8 +168,8 @@ class LiveMobile:
         if tilt > TOPPLED:
             raise FallenError(
                 f"toppled at {self.data.time:.3g} s: the base tilts by {math.degrees(tilt):.0f}°, more than "
-                f"{math.degrees(TOPPLED):.0f}°; drive or move the arm more slowly, or give the base a heavier, lower or "
-                "wider chassis"
+                f"{math.degrees(TOPPLED):.0f}°; drive or move the arm more slowly, or give the base a "
+                "heavier, lower or wider chassis"
             )
         slip = np.abs(self.readings[SLIP]).max()
         self._slid = self._slid + self._run[0] if slip > SLIDING else 0.0
