@@ -108,7 +108,7 @@ class Run:
         """The numbers that judge the run."""
         return measure(self.record, self.robot, self.settle, self.judged)
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+    def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
 
         Parameters
@@ -117,6 +117,8 @@ class Run:
             A new folder.
         force
             Replace it, if it holds an earlier run.
+        figures
+            False: neither plots nor figures in the report, which take seconds; ``dqcontrol figures`` draws them later.
 
         Raises
         ------
@@ -124,7 +126,7 @@ class Run:
             If the folder exists (and is not an earlier run, with ``force``).
         """
         with new_folder(folder, force=force) as new:
-            self.write(new)
+            self.write(new, figures=figures)
         return Path(folder)
 
     def export(self, path: str | Path, *, force: bool = False) -> Path:
@@ -152,12 +154,12 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path, outside: str = OUTSIDE) -> None:
+    def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         from dqcontrol.experiments.run_report import write_run_report
 
         self.write_data(folder)
-        write_run_report(self, folder, outside)
+        write_run_report(self, folder, outside, with_figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""

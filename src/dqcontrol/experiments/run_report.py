@@ -28,8 +28,8 @@ def figures_of(run: Run) -> dict[str, Figure]:
     return _figures(run, Certificate.recorded(run.record))
 
 
-def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
-    """Write ``report.html`` and the figures of a run as PNG files into an existing folder.
+def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE, *, with_figures: bool = True) -> None:
+    """Write ``report.html`` and, unless told otherwise, the figures of a run as PNG files into an existing folder.
 
     ``outside`` leads from there out of all results.
     """
@@ -38,7 +38,7 @@ def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
     certificate, stopped = Certificate.recorded(run.record), run.record.stopped
-    figures = _figures(run, certificate)
+    figures = _figures(run, certificate) if with_figures else {}
     tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
