@@ -50,6 +50,7 @@ demo: $(VENV)/demo
 lint: $(VENV)/test
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
 	@$(BIN)/pyright --project pyproject.toml
 
 test: lint chromium

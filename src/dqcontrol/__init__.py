@@ -4,8 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.moved import find_moved, register
+
 if TYPE_CHECKING:
-    from dqcontrol import algebra, experiments, laws, limits, loop, plants, references
+    from dqcontrol import (
+        algebra,
+        browser,
+        experiments,
+        figures,
+        films,
+        laws,
+        limits,
+        logs,
+        loop,
+        measures,
+        plants,
+        recording,
+        references,
+        reports,
+        reproductions,
+    )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
     from dqcontrol.experiments import Run, Study, run, run_study
@@ -45,20 +63,45 @@ __all__ = [
     "Study",
     "WholeBody",
     "algebra",
+    "browser",
     "experiments",
+    "figures",
+    "films",
     "laws",
     "limits",
     "load_robot",
+    "logs",
     "loop",
+    "measures",
     "plants",
+    "recording",
     "references",
+    "reports",
+    "reproductions",
     "robot_names",
     "run",
     "run_study",
     "simulate",
 ]
 
-_ROOMS = ("algebra", "experiments", "laws", "limits", "loop", "plants", "references", "robots", "view")
+_ROOMS = (
+    "algebra",
+    "browser",
+    "experiments",
+    "figures",
+    "films",
+    "laws",
+    "limits",
+    "logs",
+    "loop",
+    "measures",
+    "plants",
+    "recording",
+    "references",
+    "reports",
+    "reproductions",
+    "robots",
+)
 _HOMES = {
     "DualQuaternion": "algebra",
     "Error": "errors",
@@ -81,8 +124,11 @@ def __getattr__(name: str) -> Any:
         found = getattr(importlib.import_module(f"dqcontrol.{_HOMES.get(name, 'robots')}"), name)
         globals()[name] = found
         return found
-    raise AttributeError(f"module 'dqcontrol' has no attribute '{name}'")
+    return find_moved(__name__, name)
 
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__, *_ROOMS})
+
+
+register()

@@ -13,7 +13,7 @@ import dqcontrol
 from dqcontrol import cli
 
 pytest.importorskip("sphinx", reason="needs dqcontrol[docs]")
-ROOMS = ("algebra", "robots", "references", "laws", "limits", "plants", "loop", "experiments", "view")
+ROOMS = tuple(dqcontrol._ROOMS)
 
 
 def test_the_site(tmp_path):

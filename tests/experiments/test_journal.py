@@ -11,7 +11,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, FileFormatError
 from dqcontrol.experiments import journal, load_study, run_study_to, trials
 from dqcontrol.experiments.journal import Journal
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.working_folder import working_folder
 
 pytest.importorskip("pyarrow")
@@ -98,7 +98,7 @@ def test_trials_of_another_spec_or_version_are_not_mixed(tmp_path, monkeypatch):
     ):
         run_study_to(other, target)
     with monkeypatch.context() as patch:
-        patch.setattr("dqcontrol.experiments.setting.sources", lambda: "of other sources")
+        patch.setattr("dqcontrol.experiments.prepared_experiment.sources", lambda: "of other sources")
         with pytest.raises(
             ExistsError, match=r"holds finished trials of another version of dqcontrol, or of a file"
         ):

@@ -3,7 +3,7 @@
 import pytest
 
 from dqcontrol.errors import Error, ExistsError
-from dqcontrol.experiments.output import check_new, folder_names, new_folder
+from dqcontrol.experiments.results_folder import check_new, folder_names, new_folder
 
 
 def fill(folder, text="new", force=False):

@@ -12,14 +12,16 @@ import numpy as np
 import pytest
 import yaml
 
-from dqcontrol import cli, compile
+from dqcontrol import cli
+from dqcontrol.compiled import compile
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
-from dqcontrol.experiments.task_range import RANGE
-from dqcontrol.loop import Clock, load_record
+from dqcontrol.loop import Clock
+from dqcontrol.measures.task_range import RANGE
 from dqcontrol.plants import CompiledPlant
+from dqcontrol.recording import load_record
 from dqcontrol.robots import load_robot
 
 SPEC = {

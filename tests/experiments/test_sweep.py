@@ -9,7 +9,8 @@ from study_specs import AT_ONCE, FAR, spec
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError
-from dqcontrol.experiments import conduct_sweep, load_study, rank, run_sweep_to, sweep
+from dqcontrol.experiments import load_study, rank, run_sweep_to, sweep
+from dqcontrol.experiments import run_sweep as conduct_sweep
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
 from dqcontrol.experiments.working_folder import working_folder
 

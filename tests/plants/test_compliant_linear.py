@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.experiments import check
-from dqcontrol.experiments.stability import gain_limits
+from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import CompliantPlant
 from dqcontrol.plants.linear_model import LinearModel
 

@@ -6,9 +6,9 @@ import msgspec
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.plants import Cube, Gripper, MobilePlant, WheeledBase
-from dqcontrol.plants.mobile_live import SLIDES_FOR, SLIDING, TOPPLED
-from dqcontrol.yaml_file import convert, parse_yaml
+from dqcontrol.plants.mobile.mobile_live import SLIDES_FOR, SLIDING, TOPPLED
 
 pytest.importorskip("mujoco")
 

@@ -22,8 +22,8 @@ from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
 from dqcontrol.experiments.run import measure
-from dqcontrol.loop import load_record
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.recording import load_record
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
 
@@ -77,7 +77,7 @@ def test_two_processes_err_as_one_does(spec, start, tmp_path, loop):
     else:
         import yaml
 
-        from dqcontrol.ros2.pereira2016 import SIDES, graph_spec
+        from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 
         (tmp_path / "p16.yaml").write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
         ratio, _ = compare_with_in_process(start, tmp_path / "p16.yaml", tmp_path / "run", "trajectory")
@@ -216,7 +216,7 @@ def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, 
 
 
 def test_a_twist_in_an_unknown_frame_is_refused(spec, node, diagnostics, capfd):
-    from dqcontrol.ros2.controller import ControllerNode
+    from dqcontrol.ros2.controller_node import ControllerNode
 
     controller = ControllerNode(spec(), source="twist")
     controller.configure()

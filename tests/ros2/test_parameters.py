@@ -32,13 +32,13 @@ def made():
 
 
 def controller(path, **options):
-    from dqcontrol.ros2.controller import ControllerNode
+    from dqcontrol.ros2.controller_node import ControllerNode
 
     return ControllerNode(path, autostart=True, **options)
 
 
 def robot(path):
-    from dqcontrol.ros2.robot import RobotNode
+    from dqcontrol.ros2.robot_node import RobotNode
 
     return RobotNode(load(path))
 
@@ -86,7 +86,7 @@ def test_a_number_that_the_spec_does_not_have_counts_at_the_start_and_later(spec
 
 
 def test_what_could_not_be_configured_may_be_mended_and_configured_again(spec, made):
-    from dqcontrol.ros2.controller import ControllerNode
+    from dqcontrol.ros2.controller_node import ControllerNode
 
     given = ("-p", "law.gain:=-1.0", "-p", "joint_names:=[a, b, c, d, e, f, g]")
     node = made(lambda: ControllerNode(spec()), *given)

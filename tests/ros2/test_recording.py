@@ -9,15 +9,15 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 
 from conftest import PATIENCE, PATIENT
 
-from dqcontrol.cli.view import _follow, _take_news
+from dqcontrol.browser import growing_recording
+from dqcontrol.cli.view_command import _follow, _take_news
 from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
 from dqcontrol.limits import list_interventions
-from dqcontrol.loop import load_record
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.recording import load_record
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
-from dqcontrol.view.browser import growing_recording
 
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
 

@@ -86,7 +86,7 @@ def last_refused(diagnostics, name="/robot"):
 
 
 def test_trajectories_that_do_not_fit_are_refused(spec, node, diagnostics, capfd):
-    from dqcontrol.ros2.robot import RobotNode
+    from dqcontrol.ros2.robot_node import RobotNode
 
     loaded = load(spec())
     robot = RobotNode(loaded, interface="trajectory")

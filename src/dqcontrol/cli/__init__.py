@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 
 from cyclopts import App, CycloptsError
 
 import dqcontrol
+from dqcontrol.extensions.user_code import POLICY, REFUSED
 
 USER_ERROR = 2
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
@@ -30,20 +32,24 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
 
 app = App(
     name="dqcontrol",
-    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws.",
+    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
+    "command refuses specs that bring code of their own.",
     version=dqcontrol.__version__,
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_name}:{_name}", name=_name, help=_help)
+    app.command(f"dqcontrol.cli.{_name}_command:{_name}", name=_name, help=_help)
 
 
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
     warnings.showwarning = _show_warning
+    arguments = [word for word in sys.argv[1:] if word != "--no-code"]
+    if len(arguments) < len(sys.argv) - 1:
+        os.environ[POLICY] = REFUSED
     try:
-        app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy
         print(f"dqcontrol: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(USER_ERROR)

@@ -12,7 +12,7 @@ from importlib import metadata
 
 from packaging.requirements import Requirement
 
-from dqcontrol import kernel_cache
+from dqcontrol.compiled import kernel_cache
 from dqcontrol.errors import Error
 
 OK, MISSING, PROBLEM = "ok", "missing", "problem"
@@ -102,7 +102,7 @@ def _cache() -> Finding:
 
 
 def _opengl() -> Finding:
-    from dqcontrol.view.offscreen import offscreen
+    from dqcontrol.films.offscreen import offscreen
 
     try:
         with offscreen(16, 16) as backend:

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import StabilityWarning
-from dqcontrol.experiments.cells import Verdict as Words
-from dqcontrol.experiments.setting import Names, Setting, prepare
-from dqcontrol.experiments.stability import (
+from dqcontrol.experiments.prepared_experiment import Names, Setting, prepare
+from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
     LoopGain,
@@ -22,7 +21,8 @@ from dqcontrol.experiments.stability import (
     with_integral,
     with_lag,
 )
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.measures.table_cells import Verdict as Words
+from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.experiments.setting import prepare
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.loop.supervision import Watch

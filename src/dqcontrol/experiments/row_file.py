@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, writing
-from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
 Row = dict[str, float | int | str | None]
 

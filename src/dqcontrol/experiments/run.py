@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -18,17 +17,20 @@ from numpy.typing import NDArray
 from dqcontrol.errors import CollisionWarning, LimitWarning, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.clearance import least_clearance, went_through
-from dqcontrol.experiments.lyapunov import with_certificate
-from dqcontrol.experiments.metrics import Metrics, evaluate
-from dqcontrol.experiments.output import OUTSIDE, new_folder
-from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
+from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
+from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
-from dqcontrol.experiments.task_range import with_range
-from dqcontrol.loop import Clock, Record, RecordStream, Timing, save_record
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
+from dqcontrol.measures.lyapunov import with_certificate
+from dqcontrol.measures.metrics import Metrics, evaluate
+from dqcontrol.measures.task_range import with_range
+from dqcontrol.recording import RecordStream, export_record, save_record
 from dqcontrol.robots import Robot
-from dqcontrol.yaml_file import parse_yaml
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -130,36 +132,27 @@ class Run:
         return Path(folder)
 
     def export(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write all signals to a ``.csv``, ``.parquet`` or ``.mat`` file; see `dqcontrol.loop.export_record`.
+        """Write all signals to a ``.csv``, ``.parquet`` or ``.mat`` file; see `dqcontrol.recording.export_record`.
 
         Raises
         ------
         Error
             If the suffix is unknown, the file exists (without ``force``), or a library is missing.
         """
-        from dqcontrol.loop.export import export_record
-
         notes = {"spec": self.spec, "label": self.label}
         return export_record(self.record, path, **units_of(self.robot), notes=notes, force=force)
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Return what notebooks show: the metrics in a line, and the hand's path."""
-        from dqcontrol.experiments.comparison import summary
-        from dqcontrol.view import path_3d
-
-        picture = io.BytesIO()
-        path_3d(self.record).savefig(picture, format="png", dpi=100)
-        image = base64.b64encode(picture.getvalue()).decode("ascii")
+        image = base64.b64encode(result_pages().path_picture(self.record)).decode("ascii")
         html = f'<img alt="path" src="data:image/png;base64,{image}">'
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
     def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
-        from dqcontrol.experiments.run_report import write_run_report
-
         self.write_data(folder)
-        write_run_report(self, folder, outside, with_figures=figures)
+        result_pages().write_run(self, folder, outside, figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.errors import ValueRangeError, as_count, as_positive
-from dqcontrol.experiments.setting import prepare
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
+from dqcontrol.measures.tables import Column, Table
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.output import MARK, check_new, new_folder, note_contents
+from dqcontrol.experiments.results_folder import MARK, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
-from dqcontrol.loop.stream import RecordStream, prepare_to_record
+from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
 
 RECORD = "record.mcap"

@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Self
 
 from dqcontrol.errors import Error, ExistsError, writing
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.results_folder import MARK
 from dqcontrol.experiments.row_file import import_pyarrow
-from dqcontrol.yaml_file import read_text
+from dqcontrol.files.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
 _DRAFT = f".{_FINGERPRINT}.tmp"

@@ -11,16 +11,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.command_kernel import LAW_FAILED, plan_of, step
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
-from dqcontrol.laws.step import LAW_FAILED, plan_of, step
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
-from dqcontrol.limits.position_limit import LAW as LAW
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.kernels import twist_kinematics
+from dqcontrol.robots.kinematics_kernels import twist_kinematics
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.driving import drive_speeds

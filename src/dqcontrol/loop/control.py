@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.prepared_supervisor import END, GO, STOP
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import TIME
 
@@ -150,7 +150,7 @@ class Control:
         rests = self.supervisor.step(self.measured, self.wanted, self._state, age, request, self.command)
         self._follow_supervisor(rests)
 
-    def record(self, recording: RecordStream, time: float, q: Array) -> None:
+    def record(self, recording: SampleSink, time: float, q: Array) -> None:
         """Hand the last step over to a recording, and stop the robot if that cannot be written.
 
         Parameters

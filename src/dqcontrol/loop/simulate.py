@@ -13,8 +13,8 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
@@ -134,7 +134,7 @@ def follow(
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
-    recording: RecordStream | None = None,
+    recording: SampleSink | None = None,
     watch: Watch | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.limits.interventions import reasons
-from dqcontrol.limits.prepared_supervisor import END, GO, PreparedSupervisor
+from dqcontrol.limits.supervisor.interventions import reasons
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, PreparedSupervisor
 from dqcontrol.loop.signals import Signal
 
 Array = NDArray[np.float64]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra.kernels import rotated
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
-from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,
@@ -16,9 +16,9 @@ from dqcontrol.laws.inverses import (
     solve_hand_twist,
     work_size,
 )
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kernels import call_chain, hand_jacobian
+from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian
 
 Array = NDArray[np.float64]
 

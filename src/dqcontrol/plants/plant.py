@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel

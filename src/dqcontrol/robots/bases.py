@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -101,6 +102,8 @@ class HolonomicBase:
     ('x', 'y', 'phi')
     """
 
+    kind: ClassVar[str] = "holonomic"
+
     speed: float = math.inf
     turn_rate: float = math.inf
     acceleration: float = math.inf
@@ -157,6 +160,8 @@ class DifferentialDrive:
     >>> dqc.WholeBody([base]).limits.velocity.round(3).tolist()
     [0.5, 3.876]
     """
+
+    kind: ClassVar[str] = "differential drive"
 
     wheel_radius: float
     half_track: float

@@ -209,7 +209,7 @@ class SerialArm(Robot):
         >>> dqc.SerialArm.join([arm, dqc.DualQuaternion.from_translation([0, 0, 0.1]), arm]).joint_names[7]
         '2/joint_1'
         """
-        return chains.join(parts, name)
+        return chains.join(SerialArm, parts, name)
 
     def up_to(self, joint: str | int) -> SerialArm:
         """Return the arm that ends after a joint: its `fkm` and Jacobians are those of that joint's frame.
@@ -230,7 +230,7 @@ class SerialArm(Robot):
         >>> dqc.load_robot("iiwa7").up_to("joint_4").fkm([0.1, 0.2, 0.3, 0.4]).shape
         (8,)
         """
-        return chains.up_to(self, joint)
+        return chains.up_to(SerialArm, self, joint)
 
     def reversed(self) -> SerialArm:
         """Return the arm seen from its tool: fkm is the conjugate of this one's, joints come in reverse order.
@@ -245,7 +245,7 @@ class SerialArm(Robot):
         >>> bool((back * dqc.DualQuaternion(arm.fkm([0.1] * 7))).isclose(dqc.DualQuaternion.identity()))
         True
         """
-        return chains.reverse(self)
+        return chains.reverse(SerialArm, self)
 
 
 def _with_ends(fixed: list[Array], base: ArrayLike | None, tool: ArrayLike | None) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import FileFormatError, UnknownNameError, suggest
 from dqcontrol.robots.axes import chain_from_axes
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.lumping import lump
+from dqcontrol.robots.link_inertias import lump
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
-from dqcontrol.robots.kernels import HEADING, SIDEWAYS
+from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
@@ -101,6 +101,13 @@ class WholeBody(Robot):
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
+
+    @property
+    def bases(self) -> tuple[tuple[int, str], ...]:
+        """Index of the first coordinate of each mobile base, and its kind."""
+        return tuple(
+            (first, part.kind) for first, part in placed(self.parts) if not isinstance(part, SerialArm)
+        )
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""

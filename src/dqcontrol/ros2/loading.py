@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.experiments.setting import Case, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor

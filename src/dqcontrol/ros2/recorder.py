@@ -9,8 +9,8 @@ from pathlib import Path
 from dqcontrol.errors import Error
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
-from dqcontrol.loop import RecordStream, load_record
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.ros2.loading import Loaded
 
 
