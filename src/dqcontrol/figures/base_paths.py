@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_LARGEST, _WIDEST, _TALLEST = 1.15, 1.3, 0.75  # of walls in space: more would leave no room for labels and legend
 _HEADINGS = 12  # arrows along a path
 _POSES = 5  # of the robot in one picture
 _RADIUS = 0.17  # m, of a base that does not say how wide it is
@@ -217,6 +219,19 @@ def _frame(axes: Any, points: Array) -> None:
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(4))
         axis.set_pane_color(PANE)
-    axes.set_box_aspect(size, zoom=1.15)
     axes.tick_params(pad=0)
     axes.view_init(elev=24.0, azim=-62.0)
+    axes.set_box_aspect(size, zoom=1.0)
+    across, up = _drawn_size(axes)
+    axes.set_box_aspect(size, zoom=min(_LARGEST, _WIDEST / across, _TALLEST / up))
+
+
+def _drawn_size(axes: Any) -> tuple[float, float]:
+    """Return width and height of the walls as they are drawn, as shares of the rectangle of the axes."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    limits = [getattr(axes, f"get_{name}lim")() for name in "xyz"]
+    corners = np.array(list(product(*limits)))
+    across, up, _ = proj3d.proj_transform(*corners.T, axes.get_proj())
+    drawn = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([across, up])))
+    return tuple(np.ptp(drawn, axis=0).tolist())

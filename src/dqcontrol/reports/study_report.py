@@ -61,11 +61,18 @@ def write_study_report(
         command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
-        figures=write_comparison_figures(records, folder) | _write_repeats(study, folder) if figures else {},
+        figures=_figures(study, records, folder) if figures else {},
         files=pages,
         spec=study.spec,
         origins=origins(data),
     )
+
+
+def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
+    """Write the figures of all runs together, and return them."""
+    kinds = {kind for run in study.runs.values() for kind in run.robot.input_types}
+    unit = {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
+    return write_comparison_figures(records, folder, unit) | _write_repeats(study, folder)
 
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
