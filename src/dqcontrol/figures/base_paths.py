@@ -24,7 +24,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LARGEST, _WIDEST, _TALLEST = 1.15, 1.3, 0.75  # of walls in space: more would leave no room for labels and legend
+_LARGEST, _WIDEST, _TALLEST = (
+    1.15,
+    1.3,
+    0.75,
+)  # of walls in space: more would leave no room for labels and legend
 _HEADINGS = 12  # arrows along a path
 _POSES = 5  # of the robot in one picture
 _RADIUS = 0.17  # m, of a base that does not say how wide it is

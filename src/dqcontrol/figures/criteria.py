@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 _DECADES = 5  # of the criteria below their peak that are shown
 
-_MOST = 7  # runs; more than there are colours cannot be told apart
+_MOST = 8  # runs; more can hardly be told apart
 
 
 @styled
@@ -46,7 +46,7 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> F
     Parameters
     ----------
     records
-        Runs by label; the first seven are shown. The desired pose shown is that of the longest.
+        Runs by label; the first eight are shown. The desired pose shown is that of the longest.
     unit
         Of the inputs' way: ``"rad"`` if all joints are revolute.
 
