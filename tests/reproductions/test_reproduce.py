@@ -144,6 +144,7 @@ def test_names():
         spec_path("painting")
 
 
+@pytest.mark.slow
 def test_light_painting_and_its_folder(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error", LimitWarning)

@@ -83,7 +83,7 @@ def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_b
             elif k == 30:
                 control.emergency_stop()
             control.step(0.01 * k, start, 0.0)
-            recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
+            recorder.take(control, 0.01 * (k - k % 2), 0.01 * k)  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
                 break
         recorder.end(control.phase, control.reason)

@@ -16,6 +16,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "run": "Run an experiment and write its table, recordings and plots.",
     "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+    "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
@@ -30,7 +31,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "robots": "List the robots that come with dqcontrol, or show one.",
 }
 
-app = App(
+app: App = App(
     name="dqcontrol",
     help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
     "command refuses specs that bring code of their own.",

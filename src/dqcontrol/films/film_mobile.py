@@ -44,7 +44,7 @@ def film_mobile(robot: Robot, plant: MobilePlant, record: Record) -> Film:
 
 
 def _room(robot: Robot, plant: MobilePlant, record: Record) -> Room:
-    """Return the room that holds all that is to be seen: the robot on its whole way, its goals, and things around it."""
+    """Return the room that holds the robot on its whole way, its goals, and the things around it."""
     things = [[*thing.position, 0.0] for thing in (*plant.scene.cubes, *plant.scene.baskets)]
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
     frames = recorded_frames(robot, record, some)[:, 2:].reshape(-1, 8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -115,11 +116,13 @@ class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
                 f"plant.base: the body of {name} is unknown, and physics needs it; missing: {', '.join(missing)}. "
                 "Give them here, or as chassis of the differential drive in the robot's file"
             )
-        return SolidBase(**(asdict(self) | found))
+        numbers: dict[str, Any] = asdict(self) | found
+        return SolidBase(**numbers)
 
 
-class SolidBase(WheeledBase, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A wheeled base of which every number is known."""
+@dataclass(frozen=True, kw_only=True)
+class SolidBase:
+    """A wheeled base of which every number is known; they are those of `WheeledBase`."""
 
     mass: float
     radius: float
@@ -127,8 +130,14 @@ class SolidBase(WheeledBase, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     centre_ahead: float
     centre_height: float
     wheel_mass: float
+    friction: float
+    caster_friction: float
     caster_distance: float
+    caster_gap: float
+    rolling_resistance: float
     wheel_torque: float
+    wheel_time_constant: float
+    ticks: float
 
 
 def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float) -> Any:
