@@ -13,13 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from dqcontrol.errors import CollisionWarning, LimitWarning, ShapeError
-=======
 from dqcontrol.errors import ShapeError
->>>>>>> main
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
-from dqcontrol.experiments.clearance import least_clearance, went_through
+from dqcontrol.experiments.clearance import least_clearance
 from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
@@ -208,17 +204,12 @@ def measure(
     plant: Plant | None = None,
 ) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
-<<<<<<< HEAD
-    if judged == "measured":
-        record = replace(record, q=record.measured, pose=robot.fkm(record.measured))
-    metrics = evaluate(record, robot.limits, settle=min(settle, record.duration))
-    return replace(metrics, hand_clearance=least_clearance(robot, record))
-=======
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
-    return evaluate(as_judged(record, robot, judged), limits, settle=min(settle, record.duration), law=law)
->>>>>>> main
+    shown = as_judged(record, robot, judged)
+    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law)
+    return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 
 def execute(
@@ -304,12 +295,5 @@ def run(
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = replace(as_run(setting, case, 0, record), expected=expected)
-<<<<<<< HEAD
-    if beyond := beyond_limits(done.label, [done.metrics.flat()]):
-        warnings.warn(beyond, LimitWarning, stacklevel=2)
-    if through := went_through(done.label, [done.metrics.flat()]):
-        warnings.warn(through, CollisionWarning, stacklevel=2)
-=======
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
->>>>>>> main
     return done

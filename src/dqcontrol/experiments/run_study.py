@@ -7,13 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-<<<<<<< HEAD
-from dqcontrol.errors import CollisionWarning, DivergedError, LimitWarning
-=======
 from dqcontrol.errors import DivergedError
->>>>>>> main
 from dqcontrol.experiments.check import warn_unstable
-from dqcontrol.experiments.clearance import went_through
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.processes import checked_jobs
@@ -162,14 +157,3 @@ def _run(
     warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
     labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
     return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)
-<<<<<<< HEAD
-
-
-def _warn_of_limits(rows: Iterable[Row]) -> None:
-    for label, trials in by_label(rows).items():
-        if beyond := beyond_limits(label, trials):
-            warnings.warn(beyond, LimitWarning, stacklevel=4)
-        if through := went_through(label, trials):
-            warnings.warn(through, CollisionWarning, stacklevel=4)
-=======
->>>>>>> main

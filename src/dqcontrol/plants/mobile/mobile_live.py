@@ -77,13 +77,9 @@ class LiveMobile:
         self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
         self._rim = robot.limits.velocity[0] / drive.wheel_radius
         self._encoders = JointEncoders(plant, len(joints), run[2])
-<<<<<<< HEAD
         self._slid = 0.0  # s
         self._acceleration, self._moving = robot.largest_acceleration[:2].tolist(), [0.0, 0.0]  # of v and ω
-        self.channels = _channels(plant)
-=======
         self.channels: tuple[Channel, ...] = _channels(plant)
->>>>>>> main
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
