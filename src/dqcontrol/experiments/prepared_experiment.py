@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
@@ -249,6 +250,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     if spec.settle > samples[-1, -1]:
         raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
     check_reach(robot, start, samples)
+    check_clearance(robot, start, samples)
     return Scene(robot, start, reference, samples)
 
 

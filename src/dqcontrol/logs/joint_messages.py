@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest
 
 Array = NDArray[np.float64]
@@ -18,7 +19,6 @@ Stamps = NDArray[np.int64]
 
 JOINTS, POSE, NUMBERS = "sensor_msgs/JointState", "geometry_msgs/PoseStamped", "std_msgs/Float64MultiArray"
 _USUAL = "/joint_states"
-_NORM_TOLERANCE = 1e-3  # of quaternions written with few digits; they are then normalised
 
 
 class Messages(NamedTuple):
@@ -74,9 +74,9 @@ def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
         stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
     with np.errstate(over="ignore"):  # the check is for damaged numbers, too
         norms = np.linalg.norm(rows[:, 3:], axis=1)
-    for k in np.flatnonzero(np.abs(norms - 1) > _NORM_TOLERANCE)[:1]:
+    for k in np.flatnonzero(np.abs(norms - 1) > WRITTEN_TOLERANCE)[:1]:
         raise FileFormatError(
-            f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.6g}"
+            f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.9g}"
         )
     return stamps, algebra.pose(rows[:, 3:] / norms[:, None], rows[:, :3])
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import Kernel
-from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.supervisor.prepared_supervisor import STOP
 from dqcontrol.limits.supervisor.supervisor_step import supervise
@@ -239,6 +239,9 @@ def _interpret(
                 fault = f"faulted at {row[-1]:g} s: {guarded.fault}"
         except DivergedError as error:
             done, failure = k, str(error)
+            break
+        except FallenError as error:
+            fault = str(error)
             break
         if progress and done % _PROGRESS_EVERY == 0:
             progress(done, len(samples))

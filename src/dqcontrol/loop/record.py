@@ -38,11 +38,11 @@ def row_norms(vectors: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
-FAILURES = ("diverged", "faulted", "halted")
+FAILURES = ("diverged", "faulted", "halted", "toppled", "slipped")
 
 
 def has_failed(stopped: str) -> bool:
-    """Return whether a run that ended so left the finite numbers, was halted, or switched its motors off and fell."""
+    """Return whether a run that ended so left the finite numbers, was halted, switched its motors off, or fell over."""
     return stopped.startswith(FAILURES)
 
 
@@ -74,7 +74,8 @@ class Record:
         m names of the inputs; the joints' names if omitted.
     stopped
         Why the run ended: ``"duration"``, ``"settled"``, ``"diverged at …"``; or ``"faulted at …"``: the plant switched
-        its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot.
+        its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot; or
+        ``"toppled at …"``, ``"slipped at …"``: a mobile robot fell over, or its wheels lost their grip.
     disturbance
         Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
         m/s, inertial frame; None if there was none.

@@ -17,6 +17,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 Array = NDArray[np.float64]
 
@@ -149,6 +150,16 @@ def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
                 f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
             )
     return start
+
+
+def plants_that_drive(robot: Robot) -> str:
+    """Say which plants move a robot, in the words of an error about one that does not."""
+    bases = int(base_coordinates(robot).sum()) // 3
+    if not bases:
+        return "arms run on kind 'mujoco'"
+    if len(robot.drives) == bases == 1 and robot.drives[0, 0] == 0:
+        return "use kind 'mobile', or without physics 'servo' or 'integrator'"
+    return "no physics has such a base (mecanum wheels are not modelled); use kind 'servo' or 'integrator'"
 
 
 def as_command(command: ArrayLike, size: int) -> Array:
