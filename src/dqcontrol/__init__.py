@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from dqcontrol import (
         algebra,
         browser,
+        errors,
         experiments,
         figures,
         films,
@@ -23,11 +24,16 @@ if TYPE_CHECKING:
         references,
         reports,
         reproductions,
+        robots,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
-    from dqcontrol.experiments import Run, Study, run, run_study
-    from dqcontrol.loop import simulate
+    from dqcontrol.experiments import Run, Study, run_study
+
+    # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
+    from dqcontrol.experiments.run import run
+    from dqcontrol.loop import Record
+    from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
         DifferentialDrive,
@@ -53,6 +59,7 @@ __all__ = [
     "Inertia",
     "Kinematics",
     "Limits",
+    "Record",
     "Robot",
     "Run",
     "Sample",
@@ -62,6 +69,7 @@ __all__ = [
     "WholeBody",
     "algebra",
     "browser",
+    "errors",
     "experiments",
     "figures",
     "films",
@@ -77,14 +85,17 @@ __all__ = [
     "reports",
     "reproductions",
     "robot_names",
+    "robots",
     "run",
     "run_study",
     "simulate",
+    "view",
 ]
 
 _ROOMS = (
     "algebra",
     "browser",
+    "errors",
     "experiments",
     "figures",
     "films",
@@ -103,6 +114,7 @@ _ROOMS = (
 _HOMES = {
     "DualQuaternion": "algebra",
     "Error": "errors",
+    "Record": "loop",
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
@@ -126,7 +138,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])
 
 
 register()

@@ -143,6 +143,7 @@ def test_names():
         spec_path("painting")
 
 
+@pytest.mark.slow
 def test_light_painting_and_its_folder(tmp_path):
     with pytest.warns(LimitWarning):
         done = published.reproduce("light-painting", plant="servo", jobs=1)

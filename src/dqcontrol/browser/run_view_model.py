@@ -57,6 +57,9 @@ class Track:
     (8, 7)
     """
 
+    label: str
+    robot: Robot
+
     def __init__(self, label: str, robot: Robot, record: Record, planned: Array | None = None) -> None:
         self.label, self.robot, self._planned = label, robot, planned
         self.take(record)

@@ -8,7 +8,7 @@ from cyclopts import App, Parameter
 
 from dqcontrol.cli.screen import print_table
 
-robots = App(name="robots", help="List the robots that come with dqcontrol, or show one.")
+robots: App = App(name="robots", help="List the robots that come with dqcontrol, or show one.")
 
 
 @robots.default

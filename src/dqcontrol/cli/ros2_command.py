@@ -10,7 +10,7 @@ from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli.options import Force, Out
 
-ros2 = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
+ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
 Interface = Annotated[
     Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")

@@ -91,7 +91,7 @@ def _setting(source: str) -> Setting:
 def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
     (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
-    law = case.variant.law.prepare(robot, None, spec.period, spec.limits)
+    law = case.variant.law.prepare(robot, None, spec.period, case.limits)
     supervisor = spec.supervisor_of(plant) or Supervisor()
     guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])

@@ -21,7 +21,9 @@ from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
 from dqcontrol.experiments.spec.parameter_sets import Variant
+from dqcontrol.extensions import user_code
 from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.measures.stability import LoopGain, loop_gains
@@ -69,6 +71,8 @@ class Case:
     ----------
     names, scene, variant, plant
         What is combined.
+    limits
+        What is done to the commands before they leave.
     is_compiled
         Whether the whole loop is.
     prepared
@@ -79,6 +83,7 @@ class Case:
     scene: Scene
     variant: Variant[AnyLaw]
     plant: AnyPlant
+    limits: CommandLimits
     is_compiled: bool
     prepared: PreparedLaw | None
     gains: tuple[LoopGain, ...] | None
@@ -87,7 +92,7 @@ class Case:
         """Return the law ready to run, prepared when the spec was checked or now."""
         if self.prepared is not None:
             return self.prepared
-        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, spec.limits)
+        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, self.limits)
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,7 @@ class Setting:
             grids=None,
             plant=case.plant,
             plants=UNSET,
+            limits=case.limits,
             repeats=1,
             seed=self.spec.seed + repeat,
             record=None,
@@ -145,6 +151,8 @@ class Setting:
             masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
             for array in (robot.chain, *limits, *masses, scene.samples):
                 digest.update(np.ascontiguousarray(array).tobytes())
+        for content in user_code.sources(msgspec.to_builtins(self.spec)):
+            digest.update(content)
         return digest.hexdigest()
 
 
@@ -194,12 +202,17 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
         with naming(f"robots.{label}") if label else nullcontext():
             parts = spec.reference, spec.period, spec.duration, spec.settle, robot
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
-            laws = list(_prepared_laws(spec, variants, scenes[label]))
+            limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
+            different = {each.velocity: each for each in limits.values()}
+            laws = list(_prepared_laws(spec, variants, scenes[label], different))
             compiled = _checked_plants(spec, plants, scenes[label])
-        for plant in plants:
-            for i, variant in enumerate(variants):
-                place = Names(label, variant.label, variant.set, plant)
-                cases.append(Case(place, scenes[label], variant, plants[plant], compiled[plant], *laws[i]))
+        for name, plant in plants.items():
+            for variant, (versions, gains) in zip(variants, laws, strict=True):
+                place = Names(label, variant.label, variant.set, name)
+                law = versions[limits[name].velocity]
+                cases.append(
+                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], law, gains)
+                )
     return Setting(spec, folder, scenes, tuple(cases))
 
 
@@ -236,15 +249,21 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
 
 
 def _prepared_laws(
-    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene
-) -> Iterator[tuple[PreparedLaw | None, tuple[LoopGain, ...] | None]]:
-    """Prepare every law; give those that fit into memory, and the loop gains of all."""
+    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, different: dict[bool | None, CommandLimits]
+) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
+    """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
     room = _KEPT_BYTES
     for variant in variants:
         with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
-            prepared = variant.law.prepare(scene.robot, scene.reference, spec.period, spec.limits)
-        room -= prepared.parameters.nbytes
-        yield prepared if room > 0 else None, loop_gains(variant.law, prepared)
+            first = variant.law.prepare(
+                scene.robot, scene.reference, spec.period, next(iter(different.values()))
+            )
+        room -= len(different) * first.parameters.nbytes
+        kept = {
+            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            for i, (velocity, limits) in enumerate(different.items())
+        }
+        yield kept, loop_gains(variant.law, first)
 
 
 def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import DivergedError, LimitWarning
+from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
-from dqcontrol.experiments.row_file import Row
-from dqcontrol.experiments.run import Run, beyond_limits
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
 from dqcontrol.experiments.working_folder import working_folder
@@ -138,12 +137,7 @@ def _run(
         if journal:
             journal.add(outcome)
         report(len(rows), len(order))
-    _warn_of_limits(rows[trial] for trial in order)
+    metrics = by_label(rows[trial] for trial in order)
+    warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
     labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
     return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)
-
-
-def _warn_of_limits(rows: Iterable[Row]) -> None:
-    for label, trials in by_label(rows).items():
-        if beyond := beyond_limits(label, trials):
-            warnings.warn(beyond, LimitWarning, stacklevel=4)

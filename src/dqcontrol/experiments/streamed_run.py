@@ -33,6 +33,8 @@ class StreamedRun:
         If the folder exists (and is not an earlier run, with ``force``).
     """
 
+    folder: Path
+
     def __init__(self, folder: str | Path, robot: Robot, spec: str, *, force: bool = False) -> None:
         check_new(folder, force=force)
         self.folder, self._robot, self._spec, self._force = Path(folder), robot, spec, force

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import Kernel, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
@@ -244,7 +244,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     inverse: Inverse = FilteredInverse()
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the part."""
         if self.part not in _PARTS:
             raise unknown_name("part", str(self.part), _PARTS)

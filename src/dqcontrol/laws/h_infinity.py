@@ -16,7 +16,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import Kernel, inlined, kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.inverses import (
@@ -155,7 +155,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the form."""
         if self.form not in _KERNELS:
             raise unknown_name("form", str(self.form), _KERNELS)

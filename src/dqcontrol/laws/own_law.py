@@ -11,6 +11,7 @@ import numpy as np
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
+from dqcontrol.extensions.user_code import function_at
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
@@ -51,13 +52,14 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     Parameters
     ----------
     function
-        Called as ``function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)`` once a
-        period, it writes the inputs into ``out`` (rad/s or m/s). ``q`` (n), measured; ``pose`` (8), ``pose_jacobian``
-        (8, m) and ``twist_jacobian`` (6, m) belong to it; ``sample`` (21): desired pose ``[0:8]``, twist ``[8:14]``,
-        twist rate ``[14:20]``, inertial, and time ``[20]``; ``parameters`` and ``state`` as below; ``work`` is
-        scratch, its first m numbers the motion preferred in the null space.
+        The function, or its place as ``FILE.py:NAME`` or ``MODULE:NAME``. Called as
+        ``function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)`` once a period, it
+        writes the inputs into ``out`` (rad/s or m/s). ``q`` (n), measured; ``pose`` (8), ``pose_jacobian`` (8, m) and
+        ``twist_jacobian`` (6, m) belong to it; ``sample`` (21): desired pose ``[0:8]``, twist ``[8:14]``, twist rate
+        ``[14:20]``, inertial, and time ``[20]``; ``parameters`` and ``state`` as below; ``work`` is scratch, its first
+        m numbers the motion preferred in the null space.
     parameters
-        Numbers handed to the function.
+        Numbers handed to the function, in their order; names are for specs, grids and sweeps.
     memory
         Length of ``state``, zeros at the start, kept from sample to sample.
     scratch
@@ -78,17 +80,15 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     True
     """
 
-    function: Callable[..., Any]
-    parameters: list[float] = []
+    function: Any
+    parameters: list[float] | dict[str, float] = []
     memory: int = 1
     scratch: int = 0
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel | InterpretedKernel:  # type: ignore[override]
         """The compiled function, or one that calls the Python function."""
-        if not callable(self.function):
-            raise ShapeError(f"function: expected a function of nine arguments, got {self.function!r}")
-        return _kernel(self.function)
+        return _kernel(function_at("function", self.function))
 
     def state_size(self, robot: Robot) -> int:
         """Return the length of the state."""
@@ -96,7 +96,8 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
-        parameters = as_array("parameters", self.parameters if len(self.parameters) else [0.0], (None,))
+        given = list(self.parameters.values() if isinstance(self.parameters, dict) else self.parameters)
+        parameters = as_array("parameters", given or [0.0], (None,))
         if parameters.ndim != 1:
             raise ShapeError(f"parameters: expected a row of numbers, got shape {parameters.shape}")
         return parameters[None, :]

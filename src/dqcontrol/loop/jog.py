@@ -74,6 +74,10 @@ class Jog:
         If a joint is beyond its limits.
     """
 
+    speeds: Speeds
+    share: float
+    of_hand: bool
+
     def __init__(
         self,
         law: PreparedLaw,

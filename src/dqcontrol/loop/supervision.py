@@ -32,8 +32,8 @@ class Supervision:
 
     def __init__(self, supervisor: PreparedSupervisor, q: ArrayLike, watch: Watch | None = None) -> None:
         self.supervisor = supervisor
-        self.state = supervisor.start(q)
-        self.request = GO
+        self.state: Array = supervisor.start(q)
+        self.request: int = GO
         self.codes: Array = np.zeros(0)
         self._watch = watch
 

@@ -81,9 +81,9 @@ class LiveDisturbance:
 
     def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
-        self.rows = np.ascontiguousarray(rows)
-        self.parameters = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
-        self.work = np.zeros(14 + 22 * input_size + work_size())
+        self.rows: Array = np.ascontiguousarray(rows)
+        self.parameters: Array = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
+        self.work: Array = np.zeros(14 + 22 * input_size + work_size())
 
     def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
         """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
-from dqcontrol.errors import ShapeError, as_array, as_count, as_positive
+from dqcontrol.errors import as_array, as_count, as_positive
+from dqcontrol.extensions.user_code import function_at
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.robot import Robot
 
@@ -47,11 +48,12 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     Parameters
     ----------
     function
-        Called as ``function(command, parameters, noise, state, q, measured)`` once a period, it updates the true
-        configuration ``q`` (n) and the ``measured`` one in place. ``parameters`` are the period T in s, then those
-        below; ``noise`` are standard normal numbers from the run's seed.
+        The function, or its place as ``FILE.py:NAME`` or ``MODULE:NAME``. Called as
+        ``function(command, parameters, noise, state, q, measured)`` once a period, it updates the true configuration
+        ``q`` (n) and the ``measured`` one in place. ``parameters`` are the period T in s, then those below; ``noise``
+        are standard normal numbers from the run's seed.
     parameters
-        Numbers handed to the function after T.
+        Numbers handed to the function after T, in their order; names are for specs, grids and sweeps.
     state
         Numbers kept from step to step, as they are at the start.
     noise
@@ -72,8 +74,8 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     [0.1, 0.0]
     """
 
-    function: Callable[..., Any]
-    parameters: list[float] = []
+    function: Any
+    parameters: list[float] | dict[str, float] = []
     state: list[float] = []
     noise: int = 0
 
@@ -86,10 +88,9 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
             If an argument or a parameter does not fit.
         """
         q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
-        if not callable(self.function):
-            raise ShapeError(f"function: expected a function of six arguments, got {self.function!r}")
-        parameters = np.array([dt, *as_array("parameters", self.parameters, (None,))])
+        given = list(self.parameters.values() if isinstance(self.parameters, dict) else self.parameters)
+        parameters = np.array([dt, *as_array("parameters", given, (None,))])
         state = as_array("state", self.state if len(self.state) else [0.0], (None,))
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
-        kernel = _kernel(self.function)
+        kernel = _kernel(function_at("function", self.function))
         return CompiledPlant(kernel, parameters, state, q0, noise)

@@ -48,7 +48,7 @@ class SampleWriter:
         from mcap.well_known import MessageEncoding, SchemaEncoding
         from mcap.writer import Writer
 
-        self.file = Writer(stream, chunk_size=chunk_size)
+        self.file: Writer = Writer(stream, chunk_size=chunk_size)
         self.file.start(profile="ros2")
         self._schemas = {
             kind: self.file.register_schema(full_name(kind), SchemaEncoding.ROS2, definition(kind).encode())

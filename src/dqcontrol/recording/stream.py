@@ -63,10 +63,12 @@ class RecordStream:
     ...     stream.take(sample.data, q, measured, command)
     """
 
+    path: Path
+
     def __init__(self, path: str | Path, robot: Robot, spec: str = "") -> None:
         self.path, self._robot = Path(path), robot
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.failure = ""
+        self.failure: str = ""
         self._waiting: deque[tuple[Array, Array, Array, Array, float]] = deque()
         self._held: list[tuple[Array, Array, Array, Array, float]] = []
         self._written, self._first, self._drains = 0, 0.0, 0

@@ -80,15 +80,20 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
     lines: list[list[Cell]] = []
     for label, trials in by_label(rows).items():
         well = sum(not has_failed(str(row["stopped"])) for row in trials)
-        end = Verdict("as wished" if well == len(trials) else "failed", well == len(trials))
+        end = Verdict("succeeded" if well == len(trials) else "failed", well == len(trials))
+        short = [str(row["task"]) for row in trials if str(row.get("task")).startswith("not ")]
+        done = len(trials) - len(short)
+        words = short[0] if len(trials) == 1 and short else f"{done} of {len(trials)}"
+        task = Verdict(words if short else str(trials[0].get("task")), not short) if well else None
         margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
         least = min(margins, default=None)
         kept = None if least is None else Verdict("kept" if least >= 0 else "exceeded", least >= 0)
-        lines.append([label, f"{well} of {len(trials)}", end, kept, least])
+        lines.append([label, f"{well} of {len(trials)}", end, task, kept, least])
     columns = [
         Column("Run"),
         Column("Ended well"),
         Column("End"),
+        Column("Task"),
         Column("Joint limits"),
         Column("Least margin", "rad or m", ".3g"),
     ]

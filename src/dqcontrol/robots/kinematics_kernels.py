@@ -13,6 +13,8 @@ of x is the z axis of the frame of y. [S17 4.21]
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 from dqcontrol.compiled.compile import (
     INPUT,
@@ -34,7 +36,7 @@ REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 CHAIN = STATUS(READ2, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
 
-call_chain = caller(CHAIN)
+call_chain: Callable[..., Any] = caller(CHAIN)
 
 
 @inlined

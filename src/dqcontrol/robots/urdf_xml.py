@@ -40,7 +40,7 @@ class CheckedXml:
         self.path = path
         self.lines: dict[tuple[str, str], int] = {}
         try:
-            self.data = Path(path).read_bytes()
+            self.data: bytes = Path(path).read_bytes()
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
         self._refuse_declarations()

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import ByTwist, ToPose
+from dqcontrol.loop.targets import ByTwist, Target, ToPose
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
@@ -71,6 +71,9 @@ class Following:
         What records its motions, if they are to be kept.
     """
 
+    loaded: Loaded
+    target: Target
+
     def __init__(
         self,
         node: Node,
@@ -87,7 +90,7 @@ class Following:
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control = Control(law, self.target, supervisor)
+        self.control: Control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
         self._time = self._stamp = self._origin = self._stepped = self._steady_since = 0.0

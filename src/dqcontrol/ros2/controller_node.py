@@ -50,6 +50,9 @@ class ControllerNode(Node):
         What ended the last motion: ``duration``, ``interrupted``, or why it was stopped; empty before.
     """
 
+    outcome: str
+    ended: bool
+
     def __init__(
         self,
         spec: str | Path,

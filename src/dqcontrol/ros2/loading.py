@@ -74,7 +74,7 @@ class Loaded:
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
-        return self.law.prepare(self.robot, reference, self.period, self.setting.spec.limits)
+        return self.law.prepare(self.robot, reference, self.period, self.case.limits)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""

@@ -81,7 +81,7 @@ class RobotNode(Node):
         topic, kind = COMMANDS[interface]
         self._commands = self.create_subscription(kind, topic, self._hear, NEWEST)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT)
-        self.nodes = (self, *([Node(wrench_node)] if wrench_node else []))
+        self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._diagnostics.tell(
             f"serves {robot.name}, {self._period * 1e3:g} ms"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Generic, TypeVar
 import msgspec
 from msgspec import Meta
 
-from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unknown_name
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.laws import Law
 
@@ -103,7 +103,23 @@ def _check_law(where: str, law: str, laws: Mapping[str, Any]) -> None:
 
 
 def _changed(where: str, law: L, changes: Changes) -> L:
-    return convert(where, msgspec.to_builtins(law) | changes, type(law))
+    data = msgspec.to_builtins(law)
+    for key, value in changes.items():
+        inner, names = data, key.split(".")
+        for name in names[:-1]:
+            inner = inner.get(name) if isinstance(inner, dict) else None
+        if not isinstance(inner, dict) or (len(names) > 1 and names[-1] not in inner):
+            raise FileFormatError(f"{where}: the law has no '{key}' to change")
+        inner[names[-1]] = value
+    return convert(where, data, type(law))
+
+
+def _value(law: Law, key: str) -> Any:
+    """Return a law's key, with dots for those inside others, as plain data."""
+    value = msgspec.to_builtins(law)
+    for name in key.split("."):
+        value = value[name]
+    return value
 
 
 def _grid(label: str, law: L, grid: Mapping[str, Sequence[Any]]) -> list[Variant[L]]:
@@ -141,10 +157,7 @@ def _with_points(
     """Return the variants with their places in the grids; a key has either numbers or texts in all of them."""
     points: list[dict[str, float | str | None]] = [{} for _ in found]
     for key in dict.fromkeys(key for grid in grids.values() for key in grid):
-        values = [
-            msgspec.to_builtins(getattr(each.law, key)) if key in grids.get(each.label, ()) else None
-            for each in found
-        ]
+        values = [_value(each.law, key) if key in grids.get(each.label, ()) else None for each in found]
         numeric = all(value is None or isinstance(value, int | float) for value in values)
         for point, value in zip(points, values, strict=True):
             if value is not None and not numeric:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
+import msgspec
 from msgspec import Meta
 
 from dqcontrol import references as shapes
-from dqcontrol.errors import ValueRangeError
-from dqcontrol.experiments.spec.reference_base import Array, Part, ReferenceSpec, Vector
+from dqcontrol.errors import Error, ShapeError, ValueRangeError
+from dqcontrol.experiments.spec.reference_base import Array, Part, ReferenceSpec
+from dqcontrol.extensions.registry import registered, union_of
+from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.files.text_file import read_text
+from dqcontrol.references.yaml_form import Yaml
 from dqcontrol.robots import Robot
 
 __all__ = ["AnyReference", "Part"]
-
-Positive = Annotated[float, Meta(gt=0)]
-Plane = Annotated[
-    Literal["xy", "xz", "yz"] | tuple[Vector, Vector],
-    Meta(description="base axes, or two perpendicular vectors: to the right and up"),
-]
 
 
 class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
@@ -47,68 +46,6 @@ class DriveToSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drive-to"):
                 f"{where}: drive-to starts where the robot does, so it is no part of a sequence"
             )
         return shapes.SetPoint(start)
-
-
-class CircleSpec(ReferenceSpec, frozen=True, kw_only=True, tag="circle"):
-    """Run around a circle; see `dqcontrol.references.Circle`."""
-
-    radius: Annotated[float, Meta(gt=0, description="m")]
-    duration: Annotated[float, Meta(gt=0, description="s")]
-    plane: Plane = "xz"
-    turns: Positive = 1.0
-    clockwise: bool = True
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return shapes.Circle(
-            start,
-            radius=self.radius,
-            duration=self.duration,
-            plane=self.plane,
-            turns=self.turns,
-            clockwise=self.clockwise,
-        )
-
-
-class SpiralSpec(ReferenceSpec, frozen=True, kw_only=True, tag="spiral"):
-    """Circle around an axis while moving along it; see `dqcontrol.references.Spiral`."""
-
-    radius: Annotated[float, Meta(gt=0, description="m")]
-    length: Annotated[float, Meta(description="m")]
-    duration: Annotated[float, Meta(gt=0, description="s")]
-    axis: Literal["x", "y", "z"] | Vector = "y"
-    turns: Positive = 3.0
-    clockwise: bool = True
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return shapes.Spiral(
-            start,
-            radius=self.radius,
-            length=self.length,
-            duration=self.duration,
-            axis=self.axis,
-            turns=self.turns,
-            clockwise=self.clockwise,
-        )
-
-
-class SquareSpec(ReferenceSpec, frozen=True, kw_only=True, tag="square"):
-    """Run around a square; see `dqcontrol.references.Square`."""
-
-    side: Annotated[float, Meta(gt=0, description="m")]
-    duration: Annotated[float, Meta(gt=0, description="s")]
-    shares: tuple[Positive, Positive, Positive, Positive] = (1.0, 1.0, 1.0, 1.0)
-    plane: Plane = "xz"
-    clockwise: bool = True
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return shapes.Square(
-            start,
-            side=self.side,
-            duration=self.duration,
-            shares=self.shares,
-            plane=self.plane,
-            clockwise=self.clockwise,
-        )
 
 
 class DrawingSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drawing"):
@@ -172,14 +109,64 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
         return shapes.Sequence(parts)
 
 
-AnyReference = (
-    SetPointSpec
-    | DriveToSpec
-    | CircleSpec
-    | SpiralSpec
-    | SquareSpec
-    | DrawingSpec
-    | PointsSpec
-    | ViaPointsSpec
-    | SequenceSpec
-)
+class OwnSpec(ReferenceSpec, frozen=True, kw_only=True, tag="own"):
+    """A motion that a user's function makes: it takes the start pose, shape (8,), and the parameters by name."""
+
+    function: Annotated[str, Meta(min_length=3, description="FILE.py:NAME or MODULE:NAME")]
+    parameters: dict[str, Any] = {}
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        make = function_at("function", place_from(self.function, folder))
+        try:
+            made = make(start, **self.parameters)
+        except Error:
+            raise
+        except Exception as error:
+            raise ValueRangeError(
+                f"function: {self.function} raised {type(error).__name__}: {error}"
+            ) from None
+        if not isinstance(made, shapes.Reference):
+            raise ShapeError(f"function: {self.function} must return a reference, got {made!r:.80}")
+        return made
+
+
+def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
+    """Return the YAML form of a shape that is its constructor: its fields but ``start``, which all references have."""
+    hints = get_type_hints(shape, include_extras=True)
+    fields = [
+        (each.name, _form(hints[each.name]))
+        if each.default is dataclasses.MISSING
+        else (each.name, _form(hints[each.name]), each.default)
+        for each in dataclasses.fields(shape)  # type: ignore[arg-type]
+        if each.init and each.name != "start"
+    ]
+
+    def _shape(self: ReferenceSpec, start: Array, folder: Path, where: str) -> shapes.Reference:
+        return shape(start, **{name[0]: getattr(self, name[0]) for name in fields})  # type: ignore[call-arg]
+
+    return msgspec.defstruct(  # type: ignore[return-value] — a subclass of its bases
+        f"{shape.__name__}Spec",
+        fields,
+        bases=(ReferenceSpec,),
+        module=__name__,
+        namespace={"__doc__": shape.__doc__, "_shape": _shape},
+        frozen=True,
+        kw_only=True,
+        forbid_unknown_fields=True,
+        tag=shape.kind,
+    )
+
+
+def _form(hint: Any) -> Any:
+    """Return what a YAML file may hold for a type that takes more than that in Python."""
+    return next((each.form for each in getattr(hint, "__metadata__", ()) if isinstance(each, Yaml)), hint)
+
+
+for _shape in registered(shapes.Reference, "dqcontrol.references"):
+    if _shape.kind:
+        globals()[f"{_shape.__name__}Spec"] = _written(_shape)  # by this name, so that workers find it
+
+if TYPE_CHECKING:
+    AnyReference: TypeAlias = ReferenceSpec
+else:
+    AnyReference = union_of(ReferenceSpec)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -14,54 +14,23 @@ from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
+from dqcontrol.extensions.registry import union_of
+from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
-from dqcontrol.laws import (
-    Cascade,
-    ClassicProportional,
-    ClassicWholeBody,
-    DecoupledProportional,
-    FeedbackLinearization,
-    GuidedProportional,
-    HInfinity,
-    HInfinityTracking,
-    LinearQuadraticDQ,
-    LinearQuadraticR8,
-    OpenLoop,
-    PartialProportional,
-    Proportional,
-    ProportionalFeedforward,
-)
+from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
-from dqcontrol.plants import (
-    CompliantPlant,
-    CoppeliaPlant,
-    Disturbance,
-    Integrator,
-    MobilePlant,
-    MujocoPlant,
-    Servo,
-)
+from dqcontrol.plants import Disturbance, Plant, limits_before
+from dqcontrol.robots import Robot
 
-AnyLaw = (
-    OpenLoop
-    | ClassicProportional
-    | Proportional
-    | DecoupledProportional
-    | PartialProportional
-    | ProportionalFeedforward
-    | HInfinity
-    | HInfinityTracking
-    | LinearQuadraticR8
-    | LinearQuadraticDQ
-    | ClassicWholeBody
-    | FeedbackLinearization
-    | Cascade
-    | GuidedProportional
-)
+if TYPE_CHECKING:
+    AnyLaw: TypeAlias = Law
+    AnyPlant: TypeAlias = Plant
+else:
+    AnyLaw = union_of(Law, "dqcontrol.laws")
+    AnyPlant = union_of(Plant, "dqcontrol.plants")
 Judged = Literal["true", "measured"]
-AnyPlant = Integrator | Servo | MujocoPlant | CompliantPlant | MobilePlant | CoppeliaPlant
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
@@ -110,7 +79,8 @@ class Spec(Part, frozen=True, kw_only=True):
     plant, plants
         One plant, or several by label.
     limits
-        What is done to the commands before they leave.
+        What is done to the commands before they leave; velocities are scaled before servos and physics unless
+        ``velocity`` is false.
     supervisor
         What stands between law and plant; ``true``: with default parameters. If omitted, that before plants that move
         more than our own arrays, and nothing before the others.
@@ -202,6 +172,10 @@ class Spec(Part, frozen=True, kw_only=True):
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
         return Supervisor() if wanted else None
 
+    def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
+        """Return what is done to commands before a plant."""
+        return limits_before(plant, self.limits, robot)
+
     @property
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
@@ -283,6 +257,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     locate_controllers(data, folder)
+    admit(where, data, folder)
     spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
@@ -293,11 +268,13 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
 
 
 def _plain(value: Any) -> Any:
-    """Return NumPy's arrays and numbers, and paths, as what a YAML file would give."""
+    """Return NumPy's arrays and numbers, paths and functions as what a YAML file would give."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Path):
         return str(value)
+    if callable(value):
+        return place_of(value)
     raise TypeError(f"cannot hold {value!r:.80}")
 
 

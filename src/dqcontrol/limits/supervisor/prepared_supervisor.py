@@ -38,6 +38,16 @@ class PreparedSupervisor:
         self._position = slice(at.MEMORY + n, at.MEMORY + n + m)
         self._rate = slice(at.MEMORY + n + m, at.MEMORY + n + 2 * m)
 
+    @property
+    def window(self) -> int:
+        """Number of rates whose mean leaves; 1 where jerk is not limited."""
+        return int(self.parameters[at.WINDOW])
+
+    @property
+    def acceleration(self) -> Array:
+        """Largest of each input, shape (m,), rad/s² or m/s²."""
+        return self.parameters[at.HEAD : at.HEAD + self.robot.input_size]
+
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +47,9 @@ class LiveCompliant:
     channels, readings
         What is sensed beside them, as `dqcontrol.plants.channels.SensingPlant` says.
     """
+
+    model: Any
+    data: Any
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         robot, model, data, n = arm.robot, arm.model, arm.data, arm.robot.configuration_size
@@ -103,7 +106,9 @@ class LiveCompliant:
             wrist.memory,
             wrist.filtered,
         )
-        self.channels = _channels(robot.joint_names, bool(plant.obstacles), bool(arm.scale))
+        self.channels: tuple[Channel, ...] = _channels(
+            robot.joint_names, bool(plant.obstacles), bool(arm.scale)
+        )
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]

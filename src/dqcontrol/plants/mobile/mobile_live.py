@@ -46,6 +46,9 @@ class LiveMobile:
         MuJoCo's indices of the arm's joint velocities.
     """
 
+    model: Any
+    data: Any
+
     def __init__(
         self,
         plant: MobilePlant,
@@ -63,14 +66,14 @@ class LiveMobile:
         self._substeps, self._advance = substeps, import_mujoco().mj_step
         joints = robot.joint_names[3:]
         self._joints = coordinates_of(model, joints)
-        self.dofs = dofs_of(model, joints)
+        self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         wheels = [f"wheel_{name}" for name in WHEELS]
         self._wheels, self._wheel_dofs = coordinates_of(model, wheels), dofs_of(model, wheels)
         self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
         self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
         self._rim = robot.limits.velocity[0] / drive.wheel_radius
         self._encoders = JointEncoders(plant, len(joints), run[2])
-        self.channels = _channels(plant)
+        self.channels: tuple[Channel, ...] = _channels(plant)
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
