@@ -149,7 +149,7 @@ def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node
     (done,) = controller.set_parameters([Parameter("law.gain", value=1e6)])
     assert not done.successful
     assert done.reason == (
-        "law: position unstable: k T = 1e+04, spectral radius 1.81e+03; the parameter allow_unstable lets it through"
+        "law: position unstable: k = 1e+06 1/s, spectral radius 1.81e+03; the parameter allow_unstable lets it through"
     )
     (done,) = controller.set_parameters([Parameter("law.gain", value=6.0)])
     assert done.successful
