@@ -133,22 +133,23 @@ class JerkLimited(Reference):
         stretch = self._stretches[k]
         start, end = self._stops[stretch], self._stops[stretch + 1]
         inner_time = np.clip(start + progress, start, end)
-        for i in np.unique(stretch):
-            if i in self._lengths:
-                rows = stretch == i
-                inner_time[rows] = self._lengths[i].inner_time(progress[rows])
+        uneven = [int(i) for i in np.unique(stretch) if i in self._lengths] if self._lengths else []
+        for i in uneven:
+            rows = stretch == i
+            inner_time[rows] = self._lengths[i].inner_time(progress[rows])
         out = self.reference.motion(inner_time)
         # At the end of a stretch the reference already has the twist of what follows.
         late = np.flatnonzero(inner_time > end - _BEFORE)
-        out[late, TWIST.start : TWIST_RATE.stop] = self.reference.motion(
-            np.maximum(end[late] - _BEFORE, start[late])
-        )[:, TWIST.start : TWIST_RATE.stop]
-        for i in np.unique(stretch):
-            if i in self._lengths:
-                rows = stretch == i
-                slope, bend = self._lengths[i].slope(out[rows])
-                rate[rows] /= slope
-                change[rows] = (change[rows] - bend * rate[rows] ** 2) / slope
+        if len(late):
+            before = np.maximum(end[late] - _BEFORE, start[late])
+            out[late, TWIST.start : TWIST_RATE.stop] = self.reference.motion(before)[
+                :, TWIST.start : TWIST_RATE.stop
+            ]
+        for i in uneven:
+            rows = stretch == i
+            slope, bend = self._lengths[i].slope(out[rows])
+            rate[rows] /= slope
+            change[rows] = (change[rows] - bend * rate[rows] ** 2) / slope
         twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
         out[:, TWIST] *= rate
         out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist

@@ -44,7 +44,9 @@ class Sequence(Reference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
     _times: Array = field(init=False, repr=False)
     _signs: Array = field(init=False, repr=False)
-    _distinct: tuple[Reference, ...] = field(init=False, repr=False)  # a repeated reference is sampled at once
+    _distinct: tuple[Reference, ...] = field(
+        init=False, repr=False
+    )  # a repeated reference is sampled at once
     _which: NDArray[np.intp] = field(init=False, repr=False)  # of these each one is
 
     def __post_init__(self) -> None:
@@ -60,7 +62,9 @@ class Sequence(Reference):
         times = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
         starts = np.concatenate([part.motion(np.zeros(1)) for part in distinct])[which]
         lasting = [part.duration if np.isfinite(part.duration) else 0.0 for part in distinct]
-        ends = np.concatenate([part.motion(np.array([end])) for part, end in zip(distinct, lasting, strict=True)])
+        ends = np.concatenate(
+            [part.motion(np.array([end])) for part, end in zip(distinct, lasting, strict=True)]
+        )
         ends = ends[which[:-1]]
         object.__setattr__(self, "references", parts)
         object.__setattr__(self, "duration", float(times[-1]))

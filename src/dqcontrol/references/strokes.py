@@ -225,7 +225,9 @@ class Trace:
 
     @cached_property
     def _pieces(self) -> Array:
-        return np.column_stack([self.start, self.heading, self.speed, self.turn_rate, self.yaw, self.yaw_rate])
+        return np.column_stack(
+            [self.start, self.heading, self.speed, self.turn_rate, self.yaw, self.yaw_rate]
+        )
 
 
 def distance_home(strokes: Sequence[Stroke]) -> float:
