@@ -203,6 +203,25 @@ class Record:
         return _locked(error)
 
 
+def part_of(record: Record, first: int, last: int) -> Record:
+    """Return the samples first … last of a record, without copying them."""
+    rows = slice(first, last)
+    disturbance = record.disturbance
+    return Record(
+        record.time[rows],
+        record.q[rows],
+        record.measured[rows],
+        record.command[rows],
+        record.pose[rows],
+        record.desired[rows],
+        record.joint_names,
+        record.input_names,
+        stopped=record.stopped,
+        disturbance=None if disturbance is None else disturbance[rows],
+        readings={name: each._replace(values=each.values[rows]) for name, each in record.readings.items()},
+    )
+
+
 def _position(poses: Array) -> Array:
     """Return the positions of poses, NaN where one is not finite."""
     if np.isfinite(poses).all():
