@@ -51,6 +51,10 @@ class Messages(NamedTuple):
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
+    def chosen(self, which: NDArray[np.bool_]) -> Messages:
+        """Return some of the messages, (k,)."""
+        return self._replace(times=self.times[which], starts=self.starts[which], sizes=self.sizes[which])
+
     def part(self, first: int, last: int) -> Bytes:
         """Return bytes first … last of all messages, which are at least so long: shape (k, last − first)."""
         return self.data[self.starts[:, None] + np.arange(first, last)]
