@@ -105,6 +105,9 @@ def open_messages(path: Path) -> Iterator[Messages]:
             open_regular(path).close()
         with opened(path) as messages:
             yield messages
+    except FileFormatError as error:
+        text = str(error)
+        raise FileFormatError(text if text.startswith(f"{path}") else f"{path}: {text}") from None
     except Error:
         raise
     except OSError as error:
