@@ -44,7 +44,7 @@ def read_whole(path: str | os.PathLike[str], most: int = LARGEST_TEXT) -> bytes:
     """
     with open_regular(path) as stream:
         size = os.fstat(stream.fileno()).st_size
-        content = stream.read(most + 1)
-    if len(content) > most:
+        content = stream.read(most + 1) if size <= most else b""
+    if max(size, len(content)) > most:
         raise FileFormatError(f"{path}: has {size / 1e6:,.1f} MB; at most {most / 1e6:g} MB are read")
     return content

@@ -28,13 +28,14 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.tables import Table
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.loop import Record
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.record import has_failed, thinned
 from dqcontrol.yaml_file import parse_yaml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROWS = "runs.parquet"
+_DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes more memory than the study
 
 
 @dataclass(frozen=True)
@@ -175,7 +176,7 @@ class Study:
         setting, records = self.setting(), {}
         for case in setting.cases[:MOST_CURVES]:
             with suppress(DivergedError):
-                records[case.names.label] = execute(setting, case)
+                records[case.names.label] = thinned(execute(setting, case), _DRAWN)
         return records
 
 

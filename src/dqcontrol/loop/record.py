@@ -205,7 +205,19 @@ class Record:
 
 def part_of(record: Record, first: int, last: int) -> Record:
     """Return the samples first … last of a record, without copying them."""
-    rows = slice(first, last)
+    return _rows_of(record, slice(first, last))
+
+
+def thinned(record: Record, most: int) -> Record:
+    """Return at most so many samples of a record, and that of the largest error: all that a picture of it shows."""
+    step = -(-len(record) // most)
+    if step == 1:
+        return record
+    largest = int(np.argmax(record.error))
+    return _rows_of(record, np.unique([*range(0, len(record), step), largest, len(record) - 1]))
+
+
+def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
     disturbance = record.disturbance
     return Record(
         record.time[rows],
