@@ -14,9 +14,9 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol import laws
-from dqcontrol.experiments import Column, Table, task_range
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, Stop
+from dqcontrol.measures import Column, Table, task_range
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, Reference, SetPoint, random_goals
 

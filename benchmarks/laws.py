@@ -16,8 +16,8 @@ from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import laws
-from dqcontrol.experiments import Column, Table
 from dqcontrol.loop import close_loop
+from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator
 
 STEPS, PERIOD = 3000, 0.008

@@ -10,8 +10,8 @@ import time
 import numpy as np
 
 import dqcontrol as dqc
-from dqcontrol.experiments.pick_and_drop import pick_and_drop
 from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
+from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
 
 SEED = 20261209
 PERIOD = 0.02

@@ -17,9 +17,9 @@ import joblib
 import numpy as np
 from measure import Ratio
 
-from dqcontrol.experiments.conduct import run_study
-from dqcontrol.experiments.published.pereira2016.catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
-from dqcontrol.experiments.published.pereira2016.published_specs import published_spec
+from dqcontrol.experiments.run_study import run_study
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 
 NAMES = {SERVO: ["lqr", "h-infinity", "circle", "spiral"], PHYSICS: ["spiral"]}
 

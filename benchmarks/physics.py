@@ -12,10 +12,10 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol.plants import CompliantPlant
-from dqcontrol.plants.compliant_arm import assemble
-from dqcontrol.plants.controller_file import load_controllers
-from dqcontrol.plants.elastic_model import TICK, Actuation, elastic_model
-from dqcontrol.plants.mujoco_model import import_mujoco
+from dqcontrol.plants.compliant.compliant_arm import assemble
+from dqcontrol.plants.compliant.controller_file import load_controllers
+from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, elastic_model
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 
 ARMS = {
     "meka-a2": np.array([0, np.pi / 5, 0, np.pi / 2, 0, np.pi / 5, 0]),

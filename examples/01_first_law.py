@@ -23,4 +23,4 @@ run = dqc.run(
     }
 )
 print(f"RMS error {run.metrics.position.settled_rms:.2f} mm, {run.metrics.orientation.settled_rms:.3f}°")
-dqc.view.path_3d(run.record).savefig("01_first_law.png", dpi=150)
+dqc.figures.path_3d(run.record).savefig("01_first_law.png", dpi=150)

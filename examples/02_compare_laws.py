@@ -26,4 +26,4 @@ study = dqc.run_study(
 )
 print(study.table().markdown())
 records = {label: run.record for label, run in study.runs.items()}
-dqc.view.compare_errors(records).savefig("02_compare_laws.png", dpi=150)
+dqc.figures.compare_errors(records).savefig("02_compare_laws.png", dpi=150)

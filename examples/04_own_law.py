@@ -24,5 +24,5 @@ records = {
     for label, law in laws.items()
 }
 for label, record in records.items():
-    print(f"{label}: RMS error {dqc.experiments.evaluate(record).position.rms:.1f} mm")
-dqc.view.compare_paths(records).savefig("04_own_law.png", dpi=150)
+    print(f"{label}: RMS error {dqc.measures.evaluate(record).position.rms:.1f} mm")
+dqc.figures.compare_paths(records).savefig("04_own_law.png", dpi=150)

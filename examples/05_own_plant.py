@@ -24,5 +24,5 @@ records = {
     label: dqc.simulate(arm, smooth, law, plant, start=start, period=0.01) for label, plant in plants.items()
 }
 for label, record in records.items():
-    print(f"{label}: largest error {dqc.experiments.evaluate(record).position.peak:.2f} mm")
-dqc.view.compare_paths(records).savefig("05_own_plant.png", dpi=150)
+    print(f"{label}: largest error {dqc.measures.evaluate(record).position.peak:.2f} mm")
+dqc.figures.compare_paths(records).savefig("05_own_plant.png", dpi=150)

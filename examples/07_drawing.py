@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import dqcontrol as dqc
-from dqcontrol.view.light_painting import light_painting
+from dqcontrol.films.light_painting import light_painting
 
 arm, q = dqc.load_robot("panda"), np.array([0, -0.8, 0, -2.4, 0, 1.6, 0.8])
 drawing = dqc.references.load_drawing(Path(__file__).parent / "drawings/flower.txt", arm.fkm(q))

@@ -23,7 +23,7 @@ for label, plant in plants.items():
             warnings.simplefilter("ignore")  # of unstable loops: they are what is looked for
             law = dqc.laws.Proportional(gain=gain)
             record = dqc.simulate(arm, circle, law, plant, start=q, period=0.01)
-        errors.append(dqc.experiments.evaluate(record).position.rms)
+        errors.append(dqc.measures.evaluate(record).position.rms)
     print(f"{label}: least error {min(errors):.2f} mm at k = {gains[int(np.argmin(errors))]:.0f}/s")
     axes.loglog(gains, errors, "o-", ms=3, label=label)
 axes.set(xlabel="gain k of K [1/s]", ylabel="RMS error [mm]", ylim=(0.2, 100))

@@ -21,8 +21,8 @@ np.savetxt(folder / "log.csv", table, delimiter=",", header=header, comments="",
 # Where the hand should have been: the same mapping as in an experiment.
 (folder / "circle.yaml").write_text("reference: {kind: circle, radius: 0.08, duration: 6}\n")
 
-mine = dqc.experiments.evaluate_log(folder / "log.csv", "ur5", folder / "circle.yaml", settle=1)
+mine = dqc.logs.evaluate_log(folder / "log.csv", "ur5", folder / "circle.yaml", settle=1)
 print(
     f"RMS error {mine.metrics.position.settled_rms:.1f} mm, largest {mine.metrics.position.settled_peak:.1f} mm"
 )
-dqc.view.errors(mine.record).savefig("09_own_log.png", dpi=150)
+dqc.figures.errors(mine.record).savefig("09_own_log.png", dpi=150)

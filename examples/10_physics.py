@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import dqcontrol as dqc
-from dqcontrol.view.physics_picture import render_run
+from dqcontrol.films.physics_picture import render_run
 
 run = dqc.run(
     {

@@ -7,7 +7,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from dqcontrol.loop.message_types import definition, full_name
+from dqcontrol.recording.message_types import definition, full_name
 
 EPOCH = 1_700_000_000_123_456_789  # ns: a stamp that a float64 of seconds cannot hold
 CIRCLE = {  # a run whose log somebody may have

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.measures.tables import Column, Table
 
 SPEC = {
     "name": "shown",
@@ -58,6 +58,6 @@ def test_a_run_is_shown_with_its_numbers_and_its_path():
 
 
 def test_a_figure_is_shown_as_wide_as_on_paper_without_pyplot():
-    picture, size = dqc.view.errors(dqc.run(SPEC).record)._repr_png_()
+    picture, size = dqc.figures.errors(dqc.run(SPEC).record)._repr_png_()
     assert picture[:8] == b"\x89PNG\r\n\x1a\n"
     assert size == {"width": 687, "height": 480}

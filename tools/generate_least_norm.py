@@ -12,7 +12,7 @@ HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/
 
 from __future__ import annotations
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 
 @inlined

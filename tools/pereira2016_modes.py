@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.published.pereira2016 import published_spec
-from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS
-from dqcontrol.experiments.published.pereira2016.second_fit import scaled_spec
-from dqcontrol.experiments.setting import prepare
-from dqcontrol.experiments.stability import gain_limits
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.measures.stability import gain_limits
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reproductions.pereira2016 import published_spec
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol.reproductions.pereira2016.second_fit import scaled_spec
 
 PERIODS = (0.008, 0.02)  # s
 VARIANTS: dict[str, dict[str, Any]] = {

@@ -21,17 +21,17 @@ from typing import Any
 
 from scipy.optimize import root_scalar
 
-from dqcontrol.experiments.metrics import Metrics
-from dqcontrol.experiments.published.pereira2016 import PLANTS, published_cells, published_spec
-from dqcontrol.experiments.published.pereira2016.catalogue import PHYSICS, SERVO
-from dqcontrol.experiments.published.pereira2016.published_specs import FITTED
-from dqcontrol.experiments.published.pereira2016.second_fit import scaled_spec
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.experiments.setting import prepare
-from dqcontrol.experiments.tables import Column, Table
+from dqcontrol.files.yaml_file import read_text
 from dqcontrol.loop.record import has_failed
-from dqcontrol.plants import controller_file
-from dqcontrol.yaml_file import read_text
+from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.plants.compliant import controller_file
+from dqcontrol.reproductions.pereira2016 import PLANTS, published_cells, published_spec
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
+from dqcontrol.reproductions.pereira2016.published_specs import FITTED
+from dqcontrol.reproductions.pereira2016.second_fit import scaled_spec
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.experiments import Run, run_study
-from dqcontrol.view.style import DOUBLE, line_style, new_figure, styled
+from dqcontrol.figures.style import DOUBLE, line_style, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

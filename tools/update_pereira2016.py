@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from dqcontrol.experiments.published import names, reproduce
+from dqcontrol.reproductions import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
 TIMED = "sampling-time"  # of the loop, not of the physics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.experiments.published import names, reproduce
+from dqcontrol.reproductions import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "silva2017-tables.md"
 PICTURED = {

@@ -4,12 +4,36 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.moved import find_moved, register
+
 if TYPE_CHECKING:
-    from dqcontrol import algebra, experiments, laws, limits, loop, plants, references
+    from dqcontrol import (
+        algebra,
+        browser,
+        errors,
+        experiments,
+        figures,
+        films,
+        laws,
+        limits,
+        logs,
+        loop,
+        measures,
+        plants,
+        recording,
+        references,
+        reports,
+        reproductions,
+        robots,
+    )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
-    from dqcontrol.experiments import Run, Study, run, run_study
-    from dqcontrol.loop import simulate
+    from dqcontrol.experiments import Run, Study, run_study
+
+    # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
+    from dqcontrol.experiments.run import run
+    from dqcontrol.loop import Record
+    from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
         DifferentialDrive,
@@ -35,6 +59,7 @@ __all__ = [
     "Inertia",
     "Kinematics",
     "Limits",
+    "Record",
     "Robot",
     "Run",
     "Sample",
@@ -43,23 +68,53 @@ __all__ = [
     "Study",
     "WholeBody",
     "algebra",
+    "browser",
+    "errors",
     "experiments",
+    "figures",
+    "films",
     "laws",
     "limits",
     "load_robot",
+    "logs",
     "loop",
+    "measures",
     "plants",
+    "recording",
     "references",
+    "reports",
+    "reproductions",
     "robot_names",
+    "robots",
     "run",
     "run_study",
     "simulate",
+    "view",
 ]
 
-_ROOMS = ("algebra", "experiments", "laws", "limits", "loop", "plants", "references", "robots", "view")
+_ROOMS = (
+    "algebra",
+    "browser",
+    "errors",
+    "experiments",
+    "figures",
+    "films",
+    "laws",
+    "limits",
+    "logs",
+    "loop",
+    "measures",
+    "plants",
+    "recording",
+    "references",
+    "reports",
+    "reproductions",
+    "robots",
+)
 _HOMES = {
     "DualQuaternion": "algebra",
     "Error": "errors",
+    "Record": "loop",
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
@@ -79,8 +134,11 @@ def __getattr__(name: str) -> Any:
         found = getattr(importlib.import_module(f"dqcontrol.{_HOMES.get(name, 'robots')}"), name)
         globals()[name] = found
         return found
-    raise AttributeError(f"module 'dqcontrol' has no attribute '{name}'")
+    return find_moved(__name__, name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])
+
+
+register()

@@ -54,7 +54,11 @@ class CacheWarning(UserWarning):
 
 
 class LimitWarning(UserWarning):
-    """A reference can be followed only beyond the robot's joint limits."""
+    """A reference or a law asks for more than the robot's joint limits allow."""
+
+
+class TaskWarning(UserWarning):
+    """A run did not do what was asked, or a robot cannot."""
 
 
 class SafetyWarning(UserWarning):

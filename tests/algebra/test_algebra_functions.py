@@ -13,7 +13,7 @@ from algebra_samples import (
 from hypothesis import strategies as st
 
 from dqcontrol import algebra
-from dqcontrol.algebra import kernels
+from dqcontrol.algebra import dual_quaternion_kernels as kernels
 
 ONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 

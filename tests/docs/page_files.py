@@ -8,8 +8,8 @@ from log_files import CIRCLE, EPOCH, joint_state, numbers, pose_stamped, write_b
 from page_blocks import ROOT, blocks
 
 import dqcontrol as dqc
-from dqcontrol.experiments.output import folder_names
-from dqcontrol.yaml_file import parse_yaml
+from dqcontrol.experiments.results_folder import folder_names
+from dqcontrol.files.yaml_file import parse_yaml
 
 
 def prepare(page: str, folder: Path) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import read_sweep
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.robots import load_robot
-from dqcontrol.yaml_file import parse_yaml
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 

@@ -27,8 +27,8 @@ NOT_RUN = {  # patterns of whole commands
     "ros2 .*": "needs a ROS 2 installation",
     "ssh .*": "needs another computer",
     "dqcontrol ros2 .*": "goes on until it is stopped: tests/ros2",
-    "dqcontrol jog .*": "waits for keys: tests/test_cli_jog.py",
-    "dqcontrol view .*": "waits for a browser: tests/view/test_browser_page.py",
+    "dqcontrol jog .*": "waits for keys: tests/cli/test_cli_jog.py",
+    "dqcontrol view .*": "waits for a browser: tests/browser/test_browser_page.py",
     "dqcontrol reproduce pereira2016(/spiral)?": "thousands of runs; two repeats of each are slow enough",
 }
 SLOW = {  # parts of commands and of Python

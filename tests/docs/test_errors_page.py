@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dqcontrol import errors, kernel_cache
+from dqcontrol import errors
+from dqcontrol.compiled import kernel_cache
 
 PAGE = (Path(__file__).parents[2] / "docs/errors.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^##+ (\w+(?:Error|Warning))\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE))

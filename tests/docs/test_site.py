@@ -13,9 +13,10 @@ import dqcontrol
 from dqcontrol import cli
 
 pytest.importorskip("sphinx", reason="needs dqcontrol[docs]")
-ROOMS = ("algebra", "robots", "references", "laws", "limits", "plants", "loop", "experiments", "view")
+ROOMS = tuple(dqcontrol._ROOMS)
 
 
+@pytest.mark.slow
 def test_the_site(tmp_path):
     """Build it as `make docs` does, once for all that is to be seen of it."""
     site = tmp_path / "html"

@@ -12,7 +12,7 @@ import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import Error, ReachError
 from dqcontrol.experiments import load_run, run_study
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 START = [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
@@ -86,7 +86,7 @@ def test_arms_have_no_wheels():
     goal, law = dqc.references.SetPoint(arm.fkm(q + 0.1)), dqc.laws.Proportional(gain=1.0)
     record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), q, 0.05, 1.0)
     assert not record.readings
-    effort = dqc.experiments.metrics.evaluate(record).effort
+    effort = dqc.measures.metrics.evaluate(record).effort
     assert effort == pytest.approx(np.sqrt((record.command[:-1] ** 2).sum() * 0.05))
 
 

@@ -8,7 +8,7 @@ import textwrap
 import pytest
 
 from dqcontrol.errors import Error, ExistsError
-from dqcontrol.experiments.output import check_new, folder_names, new_folder
+from dqcontrol.experiments.results_folder import check_new, folder_names, new_folder
 
 
 def fill(folder, text="new", force=False):
@@ -168,7 +168,7 @@ def test_what_a_killed_process_left_is_cleared_up(tmp_path):
     (tmp_path / ".run-notadraft").mkdir()
     code = """
         import os, signal, sys
-        from dqcontrol.experiments import output
+        from dqcontrol.experiments import results_folder as output
         with output.new_folder(sys.argv[1], force=True) as draft:
             (draft / "half.txt").write_text("half")
             if sys.argv[2] == "between":  # the two renames that replace the old folder by the new one
@@ -192,7 +192,7 @@ def test_a_folder_to_which_a_killed_process_added_files_may_be_replaced(tmp_path
     fill(tmp_path / "run", "old")
     code = """
         import os, pathlib, signal, sys
-        from dqcontrol.experiments import output
+        from dqcontrol.experiments import results_folder as output
         with output.added_files(pathlib.Path(sys.argv[1])) as draft:
             (draft / "new.txt").write_text("more")
             (draft / "plot.png").write_text("half")

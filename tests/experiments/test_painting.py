@@ -9,8 +9,8 @@ import yaml
 from dqcontrol import algebra, cli
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError
 from dqcontrol.experiments.painting import START, paint
-from dqcontrol.loop import load_metadata
-from dqcontrol.view.light_painting import light_painting, painting_clip
+from dqcontrol.films.light_painting import light_painting, painting_clip
+from dqcontrol.recording import load_metadata
 
 DRAWINGS = Path(__file__).parents[2] / "examples/drawings"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.parameter_sets import variants
+from dqcontrol.experiments.spec.parameter_sets import variants
 from dqcontrol.laws import DampedInverse, LinearQuadraticDQ, Proportional
 
 K = Proportional(gain=125.0)

@@ -11,7 +11,7 @@ import yaml
 from dqcontrol import algebra
 from dqcontrol import references as shapes
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
 from dqcontrol.references.rigid_motion import point_motion
 

@@ -9,8 +9,8 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, ShapeError
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import as_run, execute, run
-from dqcontrol.experiments.setting import prepare
 
 FEEDFORWARD = {"kind": "proportional-feedforward", "gain": 10}
 BASE = {
@@ -143,7 +143,7 @@ def test_saved_folder_holds_all(tmp_path):
     names = {path.name for path in folder.iterdir()}
     assert {"spec.yaml", "record.mcap", "metrics.json", "report.html"} <= names
     assert same(run(folder / "spec.yaml"), result)
-    assert np.array_equal(dqc.loop.load_record(folder / "record.mcap").q, result.q)
+    assert np.array_equal(dqc.recording.load_record(folder / "record.mcap").q, result.q)
     metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
     assert metrics == json.loads(json.dumps(result.metrics.to_dict()))
     with pytest.raises(ExistsError, match=r"circle: exists; choose another folder"):
@@ -156,8 +156,8 @@ def test_a_failure_while_saving_leaves_nothing_behind(tmp_path, monkeypatch):
     def full(*arguments, **options):
         raise OSError("No space left on device")
 
-    monkeypatch.setattr("dqcontrol.view.write_report", full)
-    monkeypatch.setattr("dqcontrol.view.save_plots", lambda *arguments, **options: None)
+    monkeypatch.setattr("dqcontrol.reports.write_report", full)
+    monkeypatch.setattr("dqcontrol.figures.save_plots", lambda *arguments, **options: None)
     result = run(BASE)
     with pytest.raises(OSError, match="No space"):
         result.save(tmp_path / "run")

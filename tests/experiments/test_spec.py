@@ -9,7 +9,7 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
 from dqcontrol.laws import Proportional
 

@@ -13,9 +13,9 @@ import yaml
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments import check
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
-from dqcontrol.experiments.setting import prepare
-from dqcontrol.yaml_file import parse_yaml
+from dqcontrol.files.yaml_file import parse_yaml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SPECS = sorted(path for path in EXAMPLES.glob("*.yaml") if "sweep:" not in path.read_text())

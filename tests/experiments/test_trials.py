@@ -8,7 +8,7 @@ import pytest
 from study_specs import spec
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
 
 

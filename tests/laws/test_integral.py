@@ -6,9 +6,9 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.stability import gain_limits
 from dqcontrol.laws import ClassicProportional, DecoupledProportional, Proportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits, ModifiedClamping
+from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
 

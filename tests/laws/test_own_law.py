@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.compile import InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import InterpretedKernel, Kernel
 from dqcontrol.errors import Error, InterpretedWarning
 from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.plants import Integrator, OwnPlant

@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.experiments import evaluate
 from dqcontrol.laws import (
     HInfinity,
     LinearQuadraticDQ,
@@ -17,6 +16,7 @@ from dqcontrol.laws import (
     Steps,
     riccati,
 )
+from dqcontrol.measures import evaluate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import Circle, SetPoint, ViaPoints
 

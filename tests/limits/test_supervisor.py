@@ -7,9 +7,9 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.limits import Supervisor, WorkspaceBox
-from dqcontrol.limits import supervisor_layout as at
-from dqcontrol.limits.braking import fastest_stoppable
-from dqcontrol.limits.prepared_supervisor import END, GO, RESET, STOP
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.braking import fastest_stoppable
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, RESET, STOP
 
 T = 0.01
 Q0 = np.array([0.3, 0.6, -0.2, 1.6, 0.4, 0.6, 0.1])

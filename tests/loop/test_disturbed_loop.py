@@ -10,8 +10,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.laws import OpenLoop, Proportional
-from dqcontrol.loop import close_loop, load_record, save_record
-from dqcontrol.loop.export import signals
+from dqcontrol.loop import close_loop
 from dqcontrol.plants import (
     BandLimitedTwist,
     ConstantTwist,
@@ -23,6 +22,8 @@ from dqcontrol.plants import (
     SinusoidalTwist,
     WorstCase,
 )
+from dqcontrol.recording import load_record, save_record
+from dqcontrol.recording.export import signals
 from dqcontrol.references import Circle, SetPoint
 
 T = 0.01

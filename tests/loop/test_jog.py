@@ -8,9 +8,9 @@ from dqcontrol import algebra
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
 from dqcontrol.limits import list_interventions
-from dqcontrol.loop import RecordStream, load_record
 from dqcontrol.loop.jog import HELP, MOVES, Jog
 from dqcontrol.loop.targets import Speeds
+from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.references import load_points
 from dqcontrol.references.points_writer import PointsWriter
 

@@ -105,7 +105,7 @@ def test_a_spec_chooses_and_the_report_lists(tmp_path):
     report = (tmp_path / "out" / "report.html").read_text()
     assert "Interventions of the supervisor" in report
     assert "velocity limit" in report
-    loaded = dqc.loop.load_record(tmp_path / "out" / "record.mcap")
+    loaded = dqc.recording.load_record(tmp_path / "out" / "record.mcap")
     assert np.array_equal(
         loaded.readings["interventions"].values, run.record.readings["interventions"].values
     )

@@ -7,8 +7,8 @@ import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ValueRangeError
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.laws import Proportional
-from dqcontrol.loop import load_record, save_record
 from dqcontrol.plants import Camera, FiducialLoss, Servo
+from dqcontrol.recording import load_record, save_record
 
 T = 0.01
 COMMAND = np.array([0.3, 0.5, 0.1, 0, 0, 0, 0])

@@ -7,11 +7,11 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import DivergedError, FileFormatError, ShapeError, ValueRangeError
+from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, LivePlant
-from dqcontrol.plants.controller_file import load_controllers
-from dqcontrol.plants.joint_constants import gravity_bodies
+from dqcontrol.plants.compliant.controller_file import load_controllers
+from dqcontrol.plants.compliant.joint_constants import gravity_bodies
 from dqcontrol.robots.load import load_robot
-from dqcontrol.yaml_file import convert
 
 mujoco: Any = pytest.importorskip("mujoco")
 

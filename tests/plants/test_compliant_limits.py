@@ -8,7 +8,7 @@ from dqcontrol.laws import HInfinity, LinearQuadraticDQ, Proportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import simulate
 from dqcontrol.plants import CompliantPlant
-from dqcontrol.plants.controller_file import load_controllers
+from dqcontrol.plants.compliant.controller_file import load_controllers
 
 pytest.importorskip("mujoco")
 

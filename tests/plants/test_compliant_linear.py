@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.experiments import check
-from dqcontrol.experiments.stability import gain_limits
+from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import CompliantPlant
 from dqcontrol.plants.linear_model import LinearModel
 
@@ -127,7 +127,7 @@ def test_check_judges_compliant_arms():
         },
     }
     found = {row.names.label: row for row in check(spec)}
-    assert found["slow · measured"].verdict == "monotone"
+    assert found["slow · measured"].verdict == "good"
     assert found["fast · measured"].verdict == "unstable"
     assert found["slow · integrated"].verdict == "oscillatory"
     assert found["slow · soft springs"].verdict == "unstable"

@@ -8,10 +8,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, SafetyWarning, ShapeError, ValueRangeError
+from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Payload, Push
-from dqcontrol.plants.controller_file import load_controllers
+from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.robots.load import load_robot
-from dqcontrol.yaml_file import convert
 
 mujoco: Any = pytest.importorskip("mujoco")
 
@@ -213,7 +213,7 @@ def record(tmp_path=None, **plant):
 
 
 def test_what_the_arm_senses_is_recorded_and_saved(tmp_path):
-    from dqcontrol.loop import export_record, load_record, save_record
+    from dqcontrol.recording import export_record, load_record, save_record
 
     run = record(pushes=[Push(time=0.2, duration=1.0, force=(0, 0, 5.0))])
     assert set(run.readings) == {

@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import msgspec
 from msgspec import Meta, Struct
 
-from dqcontrol.plants.controller_file import ControllerFile, JointControl
+from dqcontrol.plants.compliant.controller_file import ControllerFile, JointControl
 
 PAGE = (Path(__file__).parents[2] / "docs/controller-files.md").read_text(encoding="utf-8")
 

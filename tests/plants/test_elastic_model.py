@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.controller_file import load_controllers
-from dqcontrol.plants.elastic_model import (
+from dqcontrol.plants.compliant.controller_file import load_controllers
+from dqcontrol.plants.compliant.elastic_model import (
     TICK,
     Actuation,
     elastic_model,

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from dqcontrol.plants import joint_table as of
-from dqcontrol.plants.elastic_model import TICK
-from dqcontrol.plants.filters import butterworth
-from dqcontrol.plants.joint_controller import control, drive, integrated, sense
-from dqcontrol.plants.joint_reference import step_reference
+from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.plants.compliant.elastic_model import TICK
+from dqcontrol.plants.compliant.filters import butterworth
+from dqcontrol.plants.compliant.joint_controller import control, drive, integrated, sense
+from dqcontrol.plants.compliant.joint_reference import step_reference
 from dqcontrol.robots.gravity import WORK
 from dqcontrol.robots.load import load_robot
 

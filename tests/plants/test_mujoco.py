@@ -7,7 +7,7 @@ import pytest
 
 from dqcontrol.errors import DivergedError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.plants.mujoco import MujocoPlant
-from dqcontrol.plants.mujoco_model import add_inertias, compiled, skeleton
+from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, skeleton
 from dqcontrol.plants.plant import LivePlant
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.load import example_urdfs, load_robot

@@ -8,13 +8,13 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
-from dqcontrol.experiments.contact import RECOVERED, peak_contact, recovery_time
+from dqcontrol.files.yaml_file import convert
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
+from dqcontrol.measures.contact import RECOVERED, peak_contact, recovery_time
 from dqcontrol.plants import CompliantPlant, Obstacle, Push
-from dqcontrol.plants.controller_file import load_controllers
-from dqcontrol.plants.elastic_model import joint_inertia
-from dqcontrol.yaml_file import convert
+from dqcontrol.plants.compliant.controller_file import load_controllers
+from dqcontrol.plants.compliant.elastic_model import joint_inertia
 
 mujoco: Any = pytest.importorskip("mujoco")
 
@@ -162,7 +162,7 @@ def test_peak_and_recovery_of_a_made_record():
 def test_runs_without_obstacle_have_neither():
     record = made_record([0, 0], [0, 0])
     bare = Record(record.time, record.q, record.q, record.q, record.pose, record.desired, ("a",))
-    metrics = dqc.experiments.evaluate(bare)
+    metrics = dqc.measures.evaluate(bare)
     assert np.isnan([metrics.peak_contact, metrics.recovery_time]).all()
 
 

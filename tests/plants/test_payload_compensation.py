@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.plants import CompliantPlant, Payload, PayloadCompensation, Push, WristFault
-from dqcontrol.plants.controller_file import load_controllers
+from dqcontrol.plants.compliant.controller_file import load_controllers
 
 pytest.importorskip("mujoco")
 

@@ -5,8 +5,8 @@ import msgspec
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.plants import CompliantPlant
-from dqcontrol.yaml_file import convert, parse_yaml
 
 pytest.importorskip("mujoco")
 

@@ -8,8 +8,8 @@ from reference_samples import START
 
 from dqcontrol import algebra
 from dqcontrol import references as r
-from dqcontrol.experiments.reference_spec import AnyReference
-from dqcontrol.yaml_file import convert, parse_yaml
+from dqcontrol.experiments.spec.reference_spec import AnyReference
+from dqcontrol.files.yaml_file import convert, parse_yaml
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.strokes import Arc, Line, Trace
-from dqcontrol.references.svg_file import load_svg
 
 
 @pytest.fixture

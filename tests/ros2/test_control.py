@@ -7,7 +7,7 @@ from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps
-from dqcontrol.ros2.pace import Pace
+from dqcontrol.ros2.period_monitor import Pace
 
 SPEC = {
     "name": "tiny", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,

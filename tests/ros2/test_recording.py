@@ -9,15 +9,15 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 
 from conftest import PATIENCE, PATIENT
 
-from dqcontrol.cli.view import _follow, _take_news
+from dqcontrol.browser import growing_recording
+from dqcontrol.cli.view_command import _follow, _take_news
 from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
 from dqcontrol.limits import list_interventions
-from dqcontrol.loop import load_record
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.recording import load_record
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
-from dqcontrol.view.browser import growing_recording
 
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
 
@@ -83,7 +83,7 @@ def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_b
             elif k == 30:
                 control.emergency_stop()
             control.step(0.01 * k, start, 0.0)
-            recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
+            recorder.take(control, 0.01 * (k - k % 2), 0.01 * k)  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
                 break
         recorder.end(control.phase, control.reason)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
+from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
+from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.intrinsics import ADDRESS, caller
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import kernels
+from dqcontrol.algebra import dual_quaternion_kernels as kernels
 from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
 from dqcontrol.algebra.functions import translation
 from dqcontrol.errors import ValueRangeError, as_array

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 
 @inlined

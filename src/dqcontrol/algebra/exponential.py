@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import kernels
+from dqcontrol.algebra import dual_quaternion_kernels as kernels
 from dqcontrol.algebra.batch import Array, apply, as_unit, index_of
 from dqcontrol.errors import ValueRangeError, as_array
 

@@ -12,7 +12,7 @@ from dqcontrol.algebra.elementary import (
     set_pose,
     translation,
 )
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 _SERIES_BELOW = 0.3  # rad; beyond it the closed forms of V and V⁻¹ lose fewer than three digits
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 _SWEEPS = 12  # cyclic Jacobi on 8 × 8 converges in 5 or 6
 

@@ -11,6 +11,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 import dqcontrol
+from dqcontrol.extensions.user_code import POLICY, REFUSED
 
 USER_ERROR = 2
 INTERRUPTED = 130
@@ -18,6 +19,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "run": "Run an experiment and write its table, recordings and plots.",
     "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+    "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
@@ -32,24 +34,28 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "robots": "List the robots that come with dqcontrol, or show one.",
 }
 
-app = App(
+app: App = App(
     name="dqcontrol",
-    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws.",
+    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
+    "command refuses specs that bring code of their own.",
     version=dqcontrol.__version__,
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_name}:{_name}", name=_name, help=_help)
+    app.command(f"dqcontrol.cli.{_name}_command:{_name}", name=_name, help=_help)
 
 
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
     _make_printable()
     warnings.showwarning = _show_warning
+    arguments = [word for word in sys.argv[1:] if word != "--no-code"]
+    if len(arguments) < len(sys.argv) - 1:
+        os.environ[POLICY] = REFUSED
     try:
         try:
-            app(sys.argv[1:], exit_on_error=False, print_error=False, result_action="return_value")
+            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
     except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy

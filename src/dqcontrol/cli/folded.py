@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.tables import Table
+from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from dqcontrol.experiments.tables import Table
+    from dqcontrol.measures.tables import Table
 
 
 _UNWATCHED = 200  # letters a line, when nobody watches

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.run import as_run
-from dqcontrol.experiments.setting import Setting, prepare
 from dqcontrol.experiments.streamed_run import StreamedRun
-from dqcontrol.experiments.task_range import with_range
+from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.limits import Supervisor
-from dqcontrol.loop import load_record
 from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
+from dqcontrol.measures.task_range import with_range
 from dqcontrol.plants.plant import command_mode
+from dqcontrol.recording import load_record
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
 from dqcontrol.robots.whole_body import base_coordinates
-from dqcontrol.yaml_file import parse_yaml, read_text
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _setting(source: str) -> Setting:
 def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
     (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
-    law = case.variant.law.prepare(robot, None, spec.period, spec.limits)
+    law = case.variant.law.prepare(robot, None, spec.period, case.limits)
     supervisor = spec.supervisor_of(plant) or Supervisor()
     guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])

@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 from dqcontrol.errors import FileFormatError
+from dqcontrol.experiments.prepared_experiment import Setting
 from dqcontrol.experiments.row_file import Row, read_rows, write_rows
-from dqcontrol.experiments.setting import Setting
 from dqcontrol.experiments.trials import Outcome, Trial
 from dqcontrol.experiments.working_folder import WorkingFolder
 

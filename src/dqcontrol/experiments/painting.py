@@ -11,17 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
+from dqcontrol.files.text_file import read_text
 from dqcontrol.laws import LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
 from dqcontrol.plants import Servo
 from dqcontrol.references import Drawing, JerkLimited, Line, Rest
 from dqcontrol.references import Sequence as InSequence
-from dqcontrol.references.drawing_file import parse_drawing
+from dqcontrol.references.drawing.drawing_file import parse_drawing
+from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.strokes import Arc, Stroke, Trace
-from dqcontrol.references.svg_file import PenStroke, load_svg
-from dqcontrol.references.text_file import read_text
 from dqcontrol.robots import Robot, load_robot
 
 Array = NDArray[np.float64]

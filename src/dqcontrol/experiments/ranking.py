@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import FileFormatError
-from dqcontrol.experiments.cells import Cell, Column, PlusMinus
-from dqcontrol.experiments.metric_tables import number_column
 from dqcontrol.experiments.parameter_units import parameter_unit
-from dqcontrol.experiments.repeats import LABELS
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
-from dqcontrol.experiments.tables import Table
 from dqcontrol.loop.record import FAILURES
+from dqcontrol.measures.metric_tables import number_column
+from dqcontrol.measures.repeats import LABELS
+from dqcontrol.measures.table_cells import Cell, Column, PlusMinus
+from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:
     import pyarrow

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.experiments.setting import prepare
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.loop.supervision import Watch
@@ -55,4 +56,5 @@ def run_in_real_time(
         recording.close(record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
     streamed.complete(done)
+    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done

@@ -12,7 +12,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import MissingExtraError, ShapeError, ValueRangeError
-from dqcontrol.experiments.reference_base import Part
+from dqcontrol.experiments.spec.reference_base import Part
 
 _MOST_POINTS = 10_000_000
 

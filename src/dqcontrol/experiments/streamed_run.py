@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.errors import writing
-from dqcontrol.experiments.output import MARK, added_files, check_new, new_folder, note_contents
+from dqcontrol.experiments.results_folder import MARK, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
-from dqcontrol.loop.stream import RecordStream, prepare_to_record
+from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
 
 RECORD = "record.mcap"
@@ -32,6 +32,8 @@ class StreamedRun:
     ExistsError
         If the folder exists (and is not an earlier run, with ``force``).
     """
+
+    folder: Path
 
     def __init__(self, folder: str | Path, robot: Robot, spec: str, *, force: bool = False) -> None:
         check_new(folder, force=force)

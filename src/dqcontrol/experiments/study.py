@@ -9,30 +9,27 @@ from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from dqcontrol.errors import DivergedError, LimitWarning
-from dqcontrol.experiments.comparison import MEANS, MOST_CURVES, summary_of, write_comparison, write_table
 from dqcontrol.experiments.noise import noise_model
-from dqcontrol.experiments.output import MARK, OUTSIDE, folder_names, new_folder
-from dqcontrol.experiments.repeat_tables import (
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE, folder_names, new_folder
+from dqcontrol.experiments.row_file import Row, write_rows
+from dqcontrol.experiments.run import Run, execute
+from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.trials import Trial, trial_folder
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop import Record
+from dqcontrol.loop.record import has_failed, thinned
+from dqcontrol.measures.repeat_tables import (
     confidence_table,
     differences_table,
     means_table,
     repeatability_table,
 )
-from dqcontrol.experiments.row_file import Row, write_rows
-from dqcontrol.experiments.run import Run, execute
-from dqcontrol.experiments.setting import Setting, prepare
-from dqcontrol.experiments.spec import read_spec
-from dqcontrol.experiments.tables import Table
-from dqcontrol.experiments.trials import Trial, trial_folder
-from dqcontrol.loop import Record
-from dqcontrol.loop.record import has_failed, thinned
-from dqcontrol.yaml_file import parse_yaml
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from dqcontrol.measures.tables import Table
 
 ROWS = "runs.parquet"
 _DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes more memory than the study
@@ -111,8 +108,6 @@ class Study:
         ExistsError
             If the folder exists (and holds no results, with ``force``).
         """
-        from dqcontrol.experiments.study_report import write_study_report
-
         with new_folder(folder, force=force) as new:
             (new / MARK).write_text(self.spec, encoding="utf-8")
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
@@ -123,9 +118,9 @@ class Study:
                 self._write_trials(new)
             records = {label: self.runs[label].record for label in names} or self._first_repeats()
             tables = self._write_tables(new)
-            figures = write_comparison(self.table(), records, new) | self._write_repeats(new)
+            write_table(self.table(), new, "table")
             pages = {label: f"{name}/report.html" for label, name in names.items()}
-            write_study_report(self, new, tables, figures, pages)
+            result_pages().write_study(self, new, tables, records, pages)
         return Path(folder)
 
     def _write_trials(self, new: Path) -> None:
@@ -154,16 +149,6 @@ class Study:
         for name, table in tables.items():
             write_table(table, new, name)
         return list(tables.values())
-
-    def _write_repeats(self, new: Path) -> dict[str, Figure]:
-        """Write the figure of repeats, and return it; none where there are none, or too many for it."""
-        if not self.is_repeated or len(by_label(self.rows)) > MOST_CURVES:
-            return {}
-        from dqcontrol.view import repeats_figure, save_figures
-
-        figures = {"repeats": repeats_figure(self.rows)}
-        save_figures(figures, new)
-        return figures
 
     def setting(self) -> Setting:
         """Return the spec made ready once more, without the warnings that were given before."""

@@ -19,14 +19,14 @@ import msgspec
 import yaml
 
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
+from dqcontrol.experiments.prepared_experiment import Setting, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.setting import Setting, prepare_spec
 from dqcontrol.experiments.spec import as_spec, read_data
-from dqcontrol.experiments.spec_files import locate_files
+from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
-from dqcontrol.yaml_file import convert, parse_yaml
+from dqcontrol.files.yaml_file import convert, parse_yaml
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
 REFUSED = "refused: "
 _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.metric_tables import METRIC_COLUMNS
-from dqcontrol.experiments.output import folder_names
+from dqcontrol.experiments.prepared_experiment import Case, Names, Setting
 from dqcontrol.experiments.processes import in_processes
+from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
-from dqcontrol.experiments.setting import Case, Names, Setting
 from dqcontrol.loop import Record
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.plants import CompliantPlant
-from dqcontrol.plants.elastic_model import TICK
+from dqcontrol.plants.compliant.elastic_model import TICK
 
 Steps = Callable[[int, int], None]
 
@@ -105,7 +105,9 @@ class Batch:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
             return Outcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
-        metrics = measure(record, case.scene.robot, spec.settle, spec.judged).flat()
+        metrics = measure(
+            record, case.scene.robot, spec.settle, spec.judged, case.variant.law, case.plant
+        ).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
         return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
 

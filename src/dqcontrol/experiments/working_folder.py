@@ -9,9 +9,9 @@ from types import TracebackType
 from typing import Self
 
 from dqcontrol.errors import Error, ExistsError, writing
-from dqcontrol.experiments.output import MARK
+from dqcontrol.experiments.results_folder import MARK
 from dqcontrol.experiments.row_file import import_pyarrow
-from dqcontrol.yaml_file import read_text
+from dqcontrol.files.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
 _DRAFT = f".{_FINGERPRINT}.tmp"
@@ -46,7 +46,7 @@ class WorkingFolder:
     def __init__(self, folder: Path, text: str, fingerprint: str, *, force: bool = False) -> None:
         import_pyarrow()
         self.folder = folder
-        self.recordings = folder / "runs"
+        self.recordings: Path = folder / "runs"
         self._text, self._fingerprint = text, fingerprint
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)

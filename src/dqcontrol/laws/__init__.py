@@ -2,11 +2,11 @@
 
 from dqcontrol.laws.cascade import Cascade
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
+from dqcontrol.laws.classic_whole_body import ClassicWholeBody
 from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
-from dqcontrol.laws.guided import GuidedProportional
 from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
 from dqcontrol.laws.law import Law, PreparedLaw
@@ -18,10 +18,10 @@ from dqcontrol.laws.null_space import (
     ManipulabilityAscent,
     Posture,
 )
-from dqcontrol.laws.own import OwnLaw
+from dqcontrol.laws.own_law import OwnLaw
+from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
-from dqcontrol.laws.whole_body import ClassicWholeBody
 
 __all__ = [
     "BestHeading",

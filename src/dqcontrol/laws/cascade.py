@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.linearization import DRIVES, PERIOD, linearize
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.sideways import drive_table, turn_rates
+from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:

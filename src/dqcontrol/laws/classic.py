@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.algebra.kernels import multiply
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import multiply
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_pose_rate
 from dqcontrol.laws.law import LAW, SCRATCH, Law
@@ -15,7 +15,7 @@ from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
-from dqcontrol.robots.kernels import fill_pose_jacobian
+from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot

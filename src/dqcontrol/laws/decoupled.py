@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.kernels import quaternion_product, rotate, translation
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
+from dqcontrol.compiled.compile import Kernel, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import (
@@ -25,7 +25,7 @@ from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
-from dqcontrol.robots.kernels import fill_pose_jacobian
+from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -244,7 +244,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     inverse: Inverse = FilteredInverse()
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the part."""
         if self.part not in _PARTS:
             raise unknown_name("part", str(self.part), _PARTS)

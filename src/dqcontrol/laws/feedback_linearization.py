@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, get_args
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, work_size
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.linearization import (
@@ -25,7 +25,7 @@ from dqcontrol.laws.linearization import (
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
 from dqcontrol.laws.pose_law import parameter_head
-from dqcontrol.laws.sideways import drive_table, feasible_inputs, turn_rates
+from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:

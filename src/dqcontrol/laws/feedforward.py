@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dqcontrol.algebra.kernels import conjugate_multiply, multiply
-from dqcontrol.compile import kernel
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multiply
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, solve_left_error

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.kernels import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     body_translation,
     conjugate,
@@ -16,7 +16,7 @@ from dqcontrol.algebra.kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compile import inlined, kernel
+from dqcontrol.compiled.compile import Kernel, inlined, kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.inverses import (
@@ -33,7 +33,7 @@ from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
-from dqcontrol.robots.kernels import position
+from dqcontrol.robots.kinematics_kernels import position
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -155,7 +155,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the form."""
         if self.form not in _KERNELS:
             raise unknown_name("form", str(self.form), _KERNELS)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_law import GAIN, PoseLaw

@@ -8,11 +8,11 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
-from dqcontrol.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
+from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kernels import hand_jacobian, position
+from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 ELSEWHERE = -1  # not a failure: the law must solve with its own matrix

@@ -11,16 +11,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.command_kernel import LAW_FAILED, plan_of, step
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
-from dqcontrol.laws.step import LAW_FAILED, plan_of, step
 from dqcontrol.limits.command_limits import CommandLimits, unlimited
-from dqcontrol.limits.position_limit import LAW as LAW
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.kernels import twist_kinematics
+from dqcontrol.robots.kinematics_kernels import twist_kinematics
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _MOST_STEPS = 10_000_000
 class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
 
-    kernel: ClassVar[Kernel | InterpretedKernel]
+    kernel: ClassVar[Kernel]
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -117,14 +117,18 @@ class PreparedLaw:
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
     """
 
+    work: Array
+    preferred: Array
+    pose: Array
+
     def __init__(self, law: Law, robot: Robot, parameters: Array, dt: float, limits: CommandLimits) -> None:
-        self.kernel = law.kernel
+        self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
         self._law, self._limits = law, limits
         none, m, position = np.zeros(0), robot.input_size, limits.position
         self._memory_size = position.memory(robot) if position else 0
-        self.state_size = law.state_size(robot) + self._memory_size
+        self.state_size: int = law.state_size(robot) + self._memory_size
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
@@ -147,6 +151,10 @@ class PreparedLaw:
         self.parameters: Array = views[3].reshape(parameters.shape)
         self._views = views
         self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
+
+    def with_limits(self, limits: CommandLimits) -> PreparedLaw:
+        """Return the same law with something else done to its commands before they leave."""
+        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, limits)
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""

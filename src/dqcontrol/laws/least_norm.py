@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 
 @inlined

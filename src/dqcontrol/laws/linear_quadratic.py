@@ -9,8 +9,14 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol import algebra
-from dqcontrol.algebra.kernels import adjoint_twist, conjugate, half_angle, multiply, translation
-from dqcontrol.compile import kernel
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    adjoint_twist,
+    conjugate,
+    half_angle,
+    multiply,
+    translation,
+)
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.h_infinity import solve_twist

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from dqcontrol.algebra.kernels import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     conjugate,
     conjugate_multiply,
@@ -14,14 +14,14 @@ from dqcontrol.algebra.kernels import (
     rotate,
     translation,
 )
-from dqcontrol.compile import inlined
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS
-from dqcontrol.laws.sideways import twist_jacobian_with_sideways
-from dqcontrol.robots.kernels import hand_jacobian
+from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
+from dqcontrol.robots.kinematics_kernels import hand_jacobian
 
 VelocityState = Literal["realised", "commanded", "realised-unconstrained"]
 Logarithm = Literal["body", "inertial"]

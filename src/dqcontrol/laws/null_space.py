@@ -10,13 +10,13 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.intrinsics import as_matrix
-from dqcontrol.laws.heading import turn_to_best_heading
+from dqcontrol.laws.best_heading import turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
-from dqcontrol.robots.kernels import HEADING
+from dqcontrol.robots.kinematics_kernels import HEADING
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dqcontrol.algebra.kernels import conjugate_multiply, rotated
-from dqcontrol.compile import inlined
-from dqcontrol.intrinsics import as_matrix
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_pose_rate
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist
-from dqcontrol.robots.kernels import fill_pose_jacobian
+from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 
 
 @inlined

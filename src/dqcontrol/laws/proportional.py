@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, solve_left_error

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import OK, READ2, STATUS, WRITE, WRITE2, inlined, kernel, types
+from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inlined, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 Array = NDArray[np.float64]

@@ -2,9 +2,9 @@
 
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.command_limits import CommandLimits
-from dqcontrol.limits.interventions import Intervention, list_interventions
-from dqcontrol.limits.prepared_supervisor import PreparedSupervisor
 from dqcontrol.limits.supervisor import Supervisor, WorkspaceBox
+from dqcontrol.limits.supervisor.interventions import Intervention, list_interventions
+from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 
 __all__ = [

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compile import OK, inlined, kernel
+from dqcontrol.compiled.compile import OK, inlined, kernel
+from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
-    call_law,
     position_limits,
 )
 

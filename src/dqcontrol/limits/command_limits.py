@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, OK, READ, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.intrinsics import as_matrix
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.driving import drive_speeds
@@ -64,12 +64,13 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     ----------
     velocity
         True: where an input exceeds the robot's velocity limit, or the rim of a drive's wheel its rim speed, the whole
-        command is scaled down, so that the hand keeps its direction and only slows.
+        command is scaled down, so that the hand keeps its direction and only slows. If omitted, the plant decides (see
+        `dqcontrol.plants.limits_before`); a law prepared without a plant leaves the command as it is.
     position
         How joints are kept within their position limits, before that; not at all if omitted.
     """
 
-    velocity: Annotated[bool, Meta(description="scale commands to the velocity limits")] = False
+    velocity: Annotated[bool | None, Meta(description="scale commands to the velocity limits")] = None
     position: AnyPositionLimit | None = None
 
     def prepare(self, robot: Robot) -> tuple[Kernel, NDArray[np.float64]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 # The gradient grows without bound towards a limit; nearer than this share of R, and beyond, it is what it is there.
 NEAREST = 1e-5

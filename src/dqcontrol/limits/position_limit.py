@@ -8,19 +8,12 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
+from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.intrinsics import ADDRESS, caller
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
-
-# q, pose, room for a pose Jacobian, twist Jacobian, sample, parameters, state, work, out; work begins with the motion z
-# that is preferred in the null space (m numbers), and the law answers u = z + J⁺(y − Jz). A law that needs the pose
-# Jacobian fills its room by `fill_pose_jacobian`: most do not, and it is a tenth of a step.
-LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
-
-call_law = caller(LAW)
 
 # law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
 # the limit's memory; twist Jacobian and preferred motion may be overwritten

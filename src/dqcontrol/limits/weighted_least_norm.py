@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.compile import kernel
+from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
-    call_law,
     position_limits,
 )
 

@@ -111,7 +111,7 @@ class Clock:
             raise ValueRangeError(f"clock.priority: must be 1 … 99, got {priority!r}")
         self._now, self._sleep, self._overrun, self._priority = now, sleep, overrun, priority
         self._period, self._origin, self._start, self._steps = 0.0, 0.0, 0.0, 0
-        self.overran = ""
+        self.overran: str = ""
         self._begin = self._computation = self._idle = np.empty(0)
         self._late = np.empty(0, dtype=bool)
 

@@ -9,23 +9,23 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import Kernel
+from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.prepared_supervisor import STOP
-from dqcontrol.limits.supervisor_step import supervise
+from dqcontrol.limits.supervisor.prepared_supervisor import STOP
+from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
@@ -43,7 +43,7 @@ def close_loop(
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
     supervision: Supervision | None = None,
-    recording: RecordStream | None = None,
+    recording: SampleSink | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -190,7 +190,7 @@ def _interpret(
     progress: Callable[[int, int], None] | None,
     clock: Clock | None,
     supervision: Supervision | None,
-    recording: RecordStream | None,
+    recording: SampleSink | None,
 ) -> Trace:
     records = empty_records(law, samples)
     q, measured, command = records
@@ -214,7 +214,8 @@ def _interpret(
             if supervision and supervision.step(
                 k, row[-1], measured[k], command[k], aged.age if aged else 0.0
             ):
-                halted, failure = (recording and recording.failure) or supervision.why(done), None
+                lost = recording.failure if recording else ""
+                halted, failure = lost or supervision.why(done), None
             if recording:
                 code = supervision.codes[k] if supervision else 0.0
                 recording.take(row, q[k], measured[k], command[k], code)

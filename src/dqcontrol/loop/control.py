@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.prepared_supervisor import END, GO, STOP
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import TIME
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 
@@ -48,9 +49,17 @@ class Control:
         What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
     """
 
+    law: PreparedLaw
+    target: Target
+    supervisor: PreparedSupervisor
+    wanted: Array
+    command: Array
+    phase: Phase
+    reason: str
+
     def __init__(self, law: PreparedLaw, target: Target, supervisor: PreparedSupervisor) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
-        self.robot = law.robot
+        self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
         self.wanted, self.command = np.zeros(m), np.zeros(m)
@@ -58,7 +67,7 @@ class Control:
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
         self._law_state = self._state = np.zeros(0)
-        self.is_commanding = False
+        self.is_commanding: bool = False
 
     @property
     def position(self) -> Array:
@@ -150,7 +159,7 @@ class Control:
         rests = self.supervisor.step(self.measured, self.wanted, self._state, age, request, self.command)
         self._follow_supervisor(rests)
 
-    def record(self, recording: RecordStream, time: float, q: Array) -> None:
+    def record(self, recording: SampleSink, time: float, q: Array) -> None:
         """Hand the last step over to a recording, and stop the robot if that cannot be written.
 
         Parameters

@@ -10,7 +10,7 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.loop.stream import RecordStream
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import ByTwist, Speeds
 from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
@@ -74,6 +74,10 @@ class Jog:
         If a joint is beyond its limits.
     """
 
+    speeds: Speeds
+    share: float
+    of_hand: bool
+
     def __init__(
         self,
         law: PreparedLaw,
@@ -89,7 +93,7 @@ class Jog:
         self._control.activate(plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt
         self.share, self.of_hand, self._ending = 0.5, False, False
-        self.recording: RecordStream | None = None
+        self.recording: SampleSink | None = None
 
     @property
     def period(self) -> float:

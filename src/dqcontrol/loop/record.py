@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.algebra.kernels import conjugate_multiply
-from dqcontrol.compile import READ2, WRITE2, kernel, types
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
+from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE

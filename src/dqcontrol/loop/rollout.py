@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.kernels import conjugate_multiply
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
-from dqcontrol.intrinsics import ADDRESS, caller
-from dqcontrol.laws.step import LAW_FAILED, PLAN, ask, unpack
-from dqcontrol.limits.supervisor_layout import AT_REST, GO, NOW
-from dqcontrol.limits.supervisor_step import SUPERVISOR
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
+from dqcontrol.compiled.intrinsics import ADDRESS, caller
+from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, ask, unpack
+from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, GO, NOW
+from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
 

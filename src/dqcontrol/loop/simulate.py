@@ -13,12 +13,12 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command
-from dqcontrol.loop.stream import RecordStream
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.plant import Plant, command_mode
+from dqcontrol.plants.plant import Plant, command_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
@@ -62,7 +62,7 @@ def simulate(
     duration
         s; as long as the reference if omitted.
     limits
-        What is done to commands before they leave.
+        What is done to commands before they leave; see `dqcontrol.plants.limits_before`.
     stop
         When to end early.
     disturbance
@@ -108,7 +108,7 @@ def simulate(
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
     return follow(
-        law.prepare(robot, reference, period, limits),
+        law.prepare(robot, reference, period, limits_before(plant, limits, robot)),
         plant,
         q0,
         samples,
@@ -134,7 +134,7 @@ def follow(
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
-    recording: RecordStream | None = None,
+    recording: SampleSink | None = None,
     watch: Watch | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.

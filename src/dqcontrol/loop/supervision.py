@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.limits.interventions import reasons
-from dqcontrol.limits.prepared_supervisor import END, GO, PreparedSupervisor
+from dqcontrol.limits.supervisor.interventions import reasons
+from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, PreparedSupervisor
 from dqcontrol.loop.signals import Signal
 
 Array = NDArray[np.float64]
@@ -32,8 +32,8 @@ class Supervision:
 
     def __init__(self, supervisor: PreparedSupervisor, q: ArrayLike, watch: Watch | None = None) -> None:
         self.supervisor = supervisor
-        self.state = supervisor.start(q)
-        self.request = GO
+        self.state: Array = supervisor.start(q)
+        self.request: int = GO
         self.codes: Array = np.zeros(0)
         self._watch = watch
 

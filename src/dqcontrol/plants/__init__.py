@@ -2,6 +2,9 @@
 
 from dqcontrol.plants.camera import Camera, FiducialLoss
 from dqcontrol.plants.compliant import CompliantPlant
+from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
+from dqcontrol.plants.compliant.obstacle import Obstacle
+from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.coppeliasim import CoppeliaPlant
 from dqcontrol.plants.disturbance import (
     BandLimitedTwist,
@@ -10,19 +13,16 @@ from dqcontrol.plants.disturbance import (
     SinusoidalTwist,
     WorstCase,
 )
-from dqcontrol.plants.gripper import Gripper, GripperEvent
 from dqcontrol.plants.integrator import Integrator
-from dqcontrol.plants.loads import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.mobile import MobilePlant
+from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
+from dqcontrol.plants.mobile.odometry import Odometry
+from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
+from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
-from dqcontrol.plants.obstacle import Obstacle
-from dqcontrol.plants.odometry import Odometry
-from dqcontrol.plants.own import OwnPlant
-from dqcontrol.plants.payload_compensation import PayloadCompensation
-from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
-from dqcontrol.plants.scene import Basket, Cube, Scene
+from dqcontrol.plants.own_plant import OwnPlant
+from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant, limits_before
 from dqcontrol.plants.servo import Servo
-from dqcontrol.plants.wheeled_base import WheeledBase
 
 __all__ = [
     "BandLimitedTwist",
@@ -55,4 +55,5 @@ __all__ = [
     "WheeledBase",
     "WorstCase",
     "WristFault",
+    "limits_before",
 ]

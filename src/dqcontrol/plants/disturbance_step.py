@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra.kernels import rotated
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
-from dqcontrol.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.inverses import (
     ELSEWHERE,
     FilteredInverse,
@@ -16,9 +16,9 @@ from dqcontrol.laws.inverses import (
     solve_hand_twist,
     work_size,
 )
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kernels import call_chain, hand_jacobian
+from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian
 
 Array = NDArray[np.float64]
 
@@ -81,9 +81,9 @@ class LiveDisturbance:
 
     def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
-        self.rows = np.ascontiguousarray(rows)
-        self.parameters = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
-        self.work = np.zeros(14 + 22 * input_size + work_size())
+        self.rows: Array = np.ascontiguousarray(rows)
+        self.parameters: Array = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
+        self.work: Array = np.zeros(14 + 22 * input_size + work_size())
 
     def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
         """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).

@@ -1,8 +1,9 @@
 """Desired motions: pose, twist and twist rate over time."""
 
 from dqcontrol.references.circle import Circle, Spiral
+from dqcontrol.references.curve import Curve
 from dqcontrol.references.drawing import Drawing
-from dqcontrol.references.drawing_file import DrawingFile, load_drawing, parse_drawing
+from dqcontrol.references.drawing.drawing_file import DrawingFile, load_drawing, parse_drawing
 from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
@@ -23,6 +24,7 @@ __all__ = [
     "Arc",
     "Circle",
     "CornerStops",
+    "Curve",
     "Drawing",
     "DrawingFile",
     "DriveTo",

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.references.planar import PlanarReference
-from dqcontrol.references.plane import Plane, plane_across, plane_axes
+from dqcontrol.references.plane import Axis, Plane, plane_across, plane_axes
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Trace
+from dqcontrol.references.yaml_form import Metres, Positive, Seconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +53,14 @@ class Circle(PlanarReference):
     [0.035, -0.035]
     """
 
+    kind = "circle"
+
     start: ArrayLike
     _: KW_ONLY
-    radius: float
-    duration: float
+    radius: Metres
+    duration: Seconds
     plane: Plane = "xz"
-    turns: float = 1.0
+    turns: Positive = 1.0
     clockwise: bool = True
     corners: NDArray[np.float64] = field(init=False, repr=False)
 
@@ -102,13 +107,15 @@ class Spiral(PlanarReference):
     [0.0, 0.035, 0.0]
     """
 
+    kind = "spiral"
+
     start: ArrayLike
     _: KW_ONLY
-    radius: float
-    length: float
-    duration: float
-    axis: str | ArrayLike = "y"
-    turns: float = 3.0
+    radius: Metres
+    length: Annotated[float, Meta(description="m")]
+    duration: Seconds
+    axis: Axis = "y"
+    turns: Positive = 3.0
     clockwise: bool = True
     corners: NDArray[np.float64] = field(init=False, repr=False)
 

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
+from dqcontrol.references.yaml_form import Vector, Yaml
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 PLANES = ("xy", "xz", "yz")
 
-Plane = str | ArrayLike
+Plane = Annotated[
+    str | ArrayLike,
+    Yaml(
+        Annotated[
+            Literal["xy", "xz", "yz"] | tuple[Vector, Vector],
+            Meta(description="base axes, or two perpendicular vectors: to the right and up"),
+        ]
+    ),
+]
+Axis = Annotated[str | ArrayLike, Yaml(Literal["x", "y", "z"] | Vector)]
 
 
 def plane_axes(field: str, plane: Plane) -> NDArray[np.float64]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import READ, WRITE, kernel, types
+from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 
@@ -51,8 +52,11 @@ class Reference(ABC):
     corners
         Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
         to rest there by itself; the start is not.
+    kind
+        Its name in specs, if its parameters in a spec are those of its constructor: a dataclass with a field ``start``.
     """
 
+    kind: ClassVar[str] = ""
     duration: float
     corners: Array
 

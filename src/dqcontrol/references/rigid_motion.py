@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import adjoint_twist, multiply, translation
 from dqcontrol.algebra.conversions import as_unit_quaternion
-from dqcontrol.algebra.kernels import set_pose
-from dqcontrol.compile import READ2, WRITE2, kernel, types
+from dqcontrol.algebra.elementary import set_pose
+from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
 

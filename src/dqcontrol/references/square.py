@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Line, Trace
+from dqcontrol.references.yaml_form import Metres, Positive, Seconds, Yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +51,13 @@ class Square(PlanarReference):
     [12.5, 20.0, 32.5, 40.0]
     """
 
+    kind = "square"
+
     start: ArrayLike
     _: KW_ONLY
-    side: float
-    duration: float
-    shares: ArrayLike = (1.0, 1.0, 1.0, 1.0)
+    side: Metres
+    duration: Seconds
+    shares: Annotated[ArrayLike, Yaml(tuple[Positive, Positive, Positive, Positive])] = (1.0, 1.0, 1.0, 1.0)
     plane: Plane = "xz"
     clockwise: bool = True
     corners: NDArray[np.float64] = field(init=False, repr=False)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import READ, READ2, WRITE, WRITE2, kernel, types
+from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, kernel, types
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 
 Array = NDArray[np.float64]

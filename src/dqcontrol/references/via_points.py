@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
-from dqcontrol.compile import READ, WRITE, WRITE2, inlined, kernel, types
+from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inlined, kernel, types
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.points import as_path
 from dqcontrol.references.reference import Array, Reference, corners_between

@@ -1,9 +1,10 @@
 """Robots: chains, their Jacobians, and where they come from."""
 
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
-from dqcontrol.robots.load import Description, JointRow, describe, load_robot, robot_names
+from dqcontrol.robots.load import load_robot, robot_names
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm

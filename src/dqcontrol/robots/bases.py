@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,6 +42,8 @@ class HolonomicBase:
     >>> dqc.WholeBody([dqc.HolonomicBase(), dqc.load_robot("panda")]).input_names[:3]
     ('x', 'y', 'phi')
     """
+
+    kind: ClassVar[str] = "holonomic"
 
     speed: float = math.inf
     turn_rate: float = math.inf
@@ -92,6 +95,8 @@ class DifferentialDrive:
     >>> dqc.WholeBody([base]).limits.velocity.round(3).tolist()
     [0.5, 3.876]
     """
+
+    kind: ClassVar[str] = "differential drive"
 
     wheel_radius: float
     half_track: float

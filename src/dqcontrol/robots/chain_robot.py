@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.compile import OK, WRONG_SIZE, Kernel
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots import kernels
+from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.jacobian_rates import batch as rates_batch
 from dqcontrol.robots.jacobian_rates import jacobian_rates
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,28 +14,26 @@ from dqcontrol.robots.dh import compose, rotation_x, shift
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import inverse7, pose7
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # at run time the class comes as an argument: its module imports this one
     from dqcontrol.robots.serial_arm import SerialArm
 
 Array = NDArray[np.float64]
 
 
-def join(parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:
+def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:
     """Return one arm of several in a row; see `SerialArm.join`."""
-    from dqcontrol.robots.serial_arm import SerialArm
-
     arms: list[SerialArm] = []
     fixed = [shift()]
     for i, part in enumerate(parts):
-        if isinstance(part, SerialArm):
+        if isinstance(part, arm_class):
             arms.append(part)
             fixed[-1] = compose(fixed[-1], part.chain[0, :7])
             fixed.extend(part.chain[1:, :7])
         else:
-            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", part))
+            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", cast(ArrayLike, part)))
     if not arms:
         raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
-    return SerialArm(
+    return arm_class(
         np.array(fixed),
         [kind for arm in arms for kind in arm.joint_types],
         limits=_joined_limits([arm.limits for arm in arms]),
@@ -45,10 +43,8 @@ def join(parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:
     )
 
 
-def up_to(arm: SerialArm, joint: str | int) -> SerialArm:
+def up_to(arm_class: type[SerialArm], arm: SerialArm, joint: str | int) -> SerialArm:
     """Return the arm that ends after a joint; see `SerialArm.up_to`."""
-    from dqcontrol.robots.serial_arm import SerialArm
-
     n = arm.configuration_size
     if isinstance(joint, str):
         if joint not in arm.joint_names:
@@ -59,7 +55,7 @@ def up_to(arm: SerialArm, joint: str | int) -> SerialArm:
     else:
         raise ValueRangeError(f"joint: must be the name of a joint or a number from 1 to {n}, got {joint!r}")
     inertia = arm.inertia
-    return SerialArm(
+    return arm_class(
         np.vstack([arm.chain[:count, :7], shift()]),
         arm.joint_types[:count],
         limits=_limits_at(arm.limits, slice(count)),
@@ -69,18 +65,16 @@ def up_to(arm: SerialArm, joint: str | int) -> SerialArm:
     )
 
 
-def reverse(arm: SerialArm) -> SerialArm:
+def reverse(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
     """Return the arm seen from its tool; see `SerialArm.reversed`.
 
     The conjugate of a screw by q is one by −q; a half turn about x makes that one by q again.
     """
-    from dqcontrol.robots.serial_arm import SerialArm
-
     back = [inverse7(row) for row in arm.chain[::-1, :7]]
     turn = rotation_x(np.pi)
     fixed = [compose(inverse7(turn), pose, turn) for pose in back]
     fixed[0], fixed[-1] = compose(back[0], turn), compose(inverse7(turn), back[-1])
-    return SerialArm(
+    return arm_class(
         np.array(fixed),
         arm.joint_types[::-1],
         limits=_limits_at(arm.limits, slice(None, None, -1)),

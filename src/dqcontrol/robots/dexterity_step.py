@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.symmetric import cholesky, diagonalise, inverse_trace
-from dqcontrol.compile import inlined
+from dqcontrol.compiled.compile import inlined
 
 
 @inlined

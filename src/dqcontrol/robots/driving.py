@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inlined, kernel, types
+from dqcontrol.compiled.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inlined, kernel, types
 
 # drives, configurations (N × n), inputs (N × m or N × n), period, out
 INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)

@@ -9,9 +9,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compile import NOT_FINITE, OK, READ, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, inlined, kernel
-from dqcontrol.intrinsics import as_matrix
-from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _screw, halves
+from dqcontrol.compiled.compile import (
+    NOT_FINITE,
+    OK,
+    READ,
+    READ2,
+    STATUS,
+    WRITE,
+    WRITE2,
+    WRONG_SIZE,
+    inlined,
+    kernel,
+)
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _screw, halves
 from dqcontrol.robots.limits import Inertia
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)

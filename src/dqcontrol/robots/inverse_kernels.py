@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.kernels import half_angle, quaternion_product, translation
-from dqcontrol.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
-from dqcontrol.intrinsics import as_matrix
-from dqcontrol.robots.kernels import REVOLUTE, _axis, _fixed, _half, _screw
+from dqcontrol.algebra.dual_quaternion_kernels import half_angle, quaternion_product, translation
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _half, _screw
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start
 # report of a pose: position error (m), orientation error (rad), iterations, starts

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
-from dqcontrol.compile import INPUT, NOT_FINITE, OK, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, inlined, kernel
-from dqcontrol.intrinsics import ADDRESS, as_matrix, caller
-from dqcontrol.robots.kernels import HEADING, SIDEWAYS, all_kinematics, split
+from dqcontrol.compiled.compile import (
+    INPUT,
+    NOT_FINITE,
+    OK,
+    READ2,
+    STATUS,
+    WRITE,
+    WRITE2,
+    WRONG_SIZE,
+    inlined,
+    kernel,
+)
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
+from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS, all_kinematics, split
 
 RATES = STATUS(READ2, INPUT, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)

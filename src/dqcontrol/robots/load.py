@@ -1,14 +1,10 @@
-"""Robots by name or file, and what to print about one."""
+"""Robots by name or file."""
 
 from __future__ import annotations
 
 import importlib.metadata
-import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from dqcontrol.errors import (
     FileFormatError,
@@ -19,14 +15,12 @@ from dqcontrol.errors import (
     suggest,
     unknown_name,
 )
-from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf import load_urdf
-from dqcontrol.robots.whole_body import WholeBody, placed
 from dqcontrol.robots.whole_body_file import whole_body_from
-from dqcontrol.yaml_file import parse_yaml, read_text
 
 EXAMPLES = "example-robot-data"
 
@@ -139,95 +133,3 @@ def _example(inner: str) -> Path:
             f"{EXAMPLES}: unknown file '{inner}'{near} (allowed: {', '.join(sorted(known))})"
         )
     return known[inner]
-
-
-@dataclass(frozen=True)
-class JointRow:
-    """One coordinate in a table: limits in degrees or m, velocity in degrees/s or m/s, effort in N·m or N.
-
-    ``input`` names the input that moves it; velocity and effort are that input's, None where there is none.
-    """
-
-    name: str
-    type: str
-    lower: float
-    upper: float
-    input: str
-    velocity: float | None
-    effort: float | None
-
-
-@dataclass(frozen=True)
-class Description:
-    """What to print about a robot.
-
-    Attributes
-    ----------
-    name
-        The robot's name.
-    bases
-        Its mobile bases, ``"differential drive"`` or ``"holonomic"``, joined by ``+``; empty without.
-    joints
-        One row a coordinate.
-    reach
-        Length of the stretched arm in m, from its first axis (that of the part after the last base) to the tool:
-        nothing beyond can be reached.
-    mass
-        Mass of all moving bodies in kg; None if unknown.
-    """
-
-    name: str
-    bases: str
-    joints: tuple[JointRow, ...]
-    reach: float
-    mass: float | None
-
-
-def describe(robot: Robot) -> Description:
-    """Return what to print about a robot.
-
-    Examples
-    --------
-    >>> import dqcontrol as dqc
-    >>> from dqcontrol.robots import describe
-    >>> round(describe(dqc.load_robot("iiwa7")).reach, 3)
-    0.926
-    """
-    limits = robot.limits
-    inputs = {int(i): j for j, i in enumerate(robot.input_coordinates)}
-    rows = []
-    for i, (name, kind) in enumerate(zip(robot.joint_names, robot.joint_types, strict=True)):
-        unit = np.pi / 180 if kind == "revolute" else 1.0
-        lower, upper, j = float(limits.lower[i] / unit), float(limits.upper[i] / unit), inputs.get(i)
-        if j is None:
-            rows.append(JointRow(name, kind, lower, upper, "", None, None))
-            continue
-        velocity, effort = float(limits.velocity[j] / unit), float(limits.effort[j])
-        rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
-    mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
-    bases = " + ".join(kind for _, kind in _bases(robot))
-    return Description(robot.name, bases, tuple(rows), _reach(robot), mass)
-
-
-_BASES = {DifferentialDrive: "differential drive", HolonomicBase: "holonomic"}
-
-
-def _bases(robot: Robot) -> list[tuple[int, str]]:
-    """Return the index of each base's first coordinate, and its kind."""
-    parts = robot.parts if isinstance(robot, WholeBody) else ()
-    return [(first, _BASES[type(part)]) for first, part in placed(parts) if not isinstance(part, SerialArm)]
-
-
-def _reach(robot: Robot) -> float:
-    """Return the sum of the largest distances between neighbouring joint frames, from the first joint on."""
-    total, first = 0.0, max((first + 3 for first, _ in _bases(robot)), default=0)
-    for i in range(first, robot.configuration_size):
-        step = robot.chain[i + 1, 4:7].copy()
-        if robot.joint_types[i] == "prismatic":
-            ends = (robot.limits.lower[i], robot.limits.upper[i])
-            total += max(math.hypot(step[0], step[1], step[2] + q) for q in ends)
-            continue
-        if i == first:
-            step[2] = 0.0  # along the first axis: measured from the point nearest to the next joint
-        total += float(np.linalg.norm(step))
-    return total

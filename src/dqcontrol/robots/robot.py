@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
+from dqcontrol.robots.description import describe
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
@@ -46,6 +47,11 @@ class Robot(InverseKinematics):
     input_coordinates: NDArray[np.intp]
     inertia: Inertia | None
     drives: Array
+
+    @property
+    def bases(self) -> tuple[tuple[int, str], ...]:
+        """Index of the first coordinate of each mobile base, and its kind."""
+        return ()
 
     def integrate(self, q: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """Return where constant inputs move the robot in a time.
@@ -126,8 +132,6 @@ class Robot(InverseKinematics):
 
     def _repr_markdown_(self) -> str:
         """Return what notebooks show: a table of the coordinates with their limits."""
-        from dqcontrol.robots.load import describe
-
         about = describe(self)
         mass = "" if about.mass is None else f", moving mass {about.mass:.3g} kg"
         lines = ["| joint | type | lower | upper | velocity |", "|:--|:--|--:|--:|--:|"]

@@ -12,6 +12,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
 from dqcontrol.robots.dh import (
     chain_from_denso,
@@ -24,7 +25,6 @@ from dqcontrol.robots.dh import (
 )
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.yaml_file import convert, parse_yaml, read_text
 
 Array = NDArray[np.float64]
 

@@ -60,6 +60,9 @@ class SerialArm(Robot):
     [2.0, 0.0, 0.0]
     """
 
+    input_names: tuple[str, ...]
+    input_types: tuple[str, ...]
+
     def __init__(
         self,
         fixed: ArrayLike,
@@ -83,19 +86,19 @@ class SerialArm(Robot):
         chain[:, :4] /= norms[:, None]
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
         self.urdf: tuple[Path, str] | None = None
-        self.name = name or "arm"
+        self.name: str = name or "arm"
         self._keep_chain(chain)
-        self.joint_types = tuple(joint_types)
-        self.joint_names = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
+        self.joint_types: tuple[str, ...] = tuple(joint_types)
+        self.joint_names: tuple[str, ...] = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
         if not isinstance(limits, Limits | None):
             raise ShapeError(f"limits: expected Limits or None, got {limits!r:.80}")
-        self.limits = limits if limits is not None else Limits.none(n)
+        self.limits: Limits = limits if limits is not None else Limits.none(n)
         self.inertia = inertia
         self.configuration_size = n
         self.input_size = n
         self.input_names, self.input_types = self.joint_names, self.joint_types
-        self.input_coordinates = np.arange(n)
-        self.drives = np.zeros((0, 4))
+        self.input_coordinates: NDArray[np.intp] = np.arange(n)
+        self.drives: Array = np.zeros((0, 4))
         for field, size in (
             ("joint_names", len(self.joint_names)),
             ("limits", len(self.limits.lower)),
@@ -209,7 +212,7 @@ class SerialArm(Robot):
         >>> dqc.SerialArm.join([arm, dqc.DualQuaternion.from_translation([0, 0, 0.1]), arm]).joint_names[7]
         '2/joint_1'
         """
-        return chains.join(parts, name)
+        return chains.join(SerialArm, parts, name)
 
     def up_to(self, joint: str | int) -> SerialArm:
         """Return the arm that ends after a joint: its `fkm` and Jacobians are those of that joint's frame.
@@ -230,7 +233,7 @@ class SerialArm(Robot):
         >>> dqc.load_robot("iiwa7").up_to("joint_4").fkm([0.1, 0.2, 0.3, 0.4]).shape
         (8,)
         """
-        return chains.up_to(self, joint)
+        return chains.up_to(SerialArm, self, joint)
 
     def reversed(self) -> SerialArm:
         """Return the arm seen from its tool: fkm is the conjugate of this one's, joints come in reverse order.
@@ -245,7 +248,7 @@ class SerialArm(Robot):
         >>> bool((back * dqc.DualQuaternion(arm.fkm([0.1] * 7))).isclose(dqc.DualQuaternion.identity()))
         True
         """
-        return chains.reverse(self)
+        return chains.reverse(SerialArm, self)
 
 
 def _with_ends(fixed: list[Array], base: ArrayLike | None, tool: ArrayLike | None) -> Array:

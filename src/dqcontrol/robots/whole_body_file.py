@@ -11,11 +11,11 @@ from msgspec import Meta
 
 from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, naming
+from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
 from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Form, WholeBody
-from dqcontrol.yaml_file import convert
 
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
 

@@ -1,0 +1,45 @@
+"""The numbers beside the scene, as HTML."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+import numpy as np
+
+from dqcontrol.browser.run_view_model import Reading
+from dqcontrol.figures.style import LIMIT
+
+_BAD = f"color:{LIMIT};font-weight:bold"
+
+
+def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
+    """Return the read-outs of some runs, given by label, colour and numbers, as HTML."""
+    return "".join(_block(*reading) for reading in readings)
+
+
+def _block(label: str, css: str, reading: Reading) -> str:
+    scale, unit = (180 / np.pi, "°") if reading.unit == "rad" else (1e3, " mm")
+    rows = [
+        ("Position error", f"{1e3 * reading.position_error:.3f} mm", False),
+        ("Orientation error", f"{np.degrees(reading.orientation_error):.3f}°", False),
+    ]
+    if np.isfinite(reading.margin):
+        rows.append(
+            (f"To the limit of {reading.joint}", f"{scale * reading.margin:.1f}{unit}", reading.margin < 0)
+        )
+    if np.isfinite(reading.speed):
+        rows.append(
+            (f"Of the speed limit of {reading.input}", f"{100 * reading.speed:.0f} %", reading.speed > 1)
+        )
+    if reading.stopped:
+        rows.append(("Ended by", reading.stopped, False))
+    cells = "".join(
+        f"<tr><td>{html.escape(name)}</td>"
+        f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
+        for name, value, bad in rows
+    )
+    return (
+        f"<div style='border-left:4px solid {css};margin:8px 12px;padding-left:8px;font-size:0.85em'>"
+        f"<b>{html.escape(label)}</b><table style='width:100%;font-variant-numeric:tabular-nums'>{cells}</table></div>"
+    )

@@ -1,0 +1,276 @@
+"""The page: a scene and its controls, drawn by viser in a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
+from dqcontrol.browser.numbers import numbers
+from dqcontrol.browser.run_view_model import Track
+from dqcontrol.browser.shapes import Colour, robot_shapes, tinted
+from dqcontrol.errors import MissingExtraError
+from dqcontrol.figures.style import COLOURS, DESIRED
+
+Array = NDArray[np.float64]
+
+HOST = "127.0.0.1"  # nobody else's machine: there is no password
+SPEEDS = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")
+
+_TICK = 1 / 30  # s
+_NEWS = 0.2  # s between looks for new samples of a run that goes on
+_GHOST = 0.35  # opacity of all but the first of runs in one place
+
+
+def import_viser() -> Any:
+    """Return the viser package.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("viser")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"view: needs viser, which cannot be imported ({error}); pip install 'dqcontrol[view]'"
+        ) from None
+
+
+class Page:
+    """A browser page that shows runs; `serve` keeps it going.
+
+    Parameters
+    ----------
+    tracks
+        At least one run.
+    port
+        Of this machine; the next free one if it is taken.
+    news
+        Called some times a second while runs go on: gives their tracks longer records and tells whether they still go.
+
+    Raises
+    ------
+    MissingExtraError
+        If viser is not installed.
+    """
+
+    tracks: list[Track]
+
+    def __init__(
+        self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
+    ) -> None:
+        viser = import_viser()
+        self.tracks, self._news = list(tracks), news
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+        self._box = extent(tracks)
+        self._set_stage()
+        self._runs = [
+            _DrawnRun(self.server, i, track, self._box.size, alone=len(tracks) == 1)
+            for i, track in enumerate(tracks)
+        ]
+        self._add_controls()
+        self._seen: object = None
+        self._last = self._asked = time.monotonic()
+        self.tick()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.server.get_port()}"
+
+    @property
+    def time(self) -> float:
+        """What the slider shows, s."""
+        return float(self._time.value)
+
+    def serve(self) -> None:
+        """Keep the page going until interrupted."""
+        try:
+            while True:
+                self.tick()
+                time.sleep(_TICK)
+        finally:
+            self.server.stop()
+
+    def tick(self) -> None:
+        """Let the time pass, and draw what has changed."""
+        now = time.monotonic()
+        passed, self._last = now - self._last, now
+        fresh = self._look_for_news(now)
+        if self._playing and not self._is_live:
+            self._time.value = min(
+                self._time.value + passed * float(self._speed.value.split()[0]), self._time.max
+            )
+            if self._time.value >= self._time.max:
+                self._set_playing(False)
+        wanted = (
+            self._time.value,
+            self._joint_frames.value,
+            self._beside.value,
+            tuple(box.value for box in self._visible),
+        )
+        if fresh or wanted != self._seen:
+            self._draw()
+            self._seen = wanted
+
+    def _set_stage(self) -> None:
+        server, box = self.server, self._box
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.scene.set_up_direction("+z")
+        position, looked_at = viewpoint(self.tracks, box)
+        self._apart = places(len(self.tracks), box, position - looked_at)
+        server.initial_camera.position, server.initial_camera.look_at = position, looked_at
+        server.initial_camera.fov = FIELD
+        self._farther = step_back(self._apart, box, position - looked_at)
+        side = float(np.ceil(4 * box.size))
+        server.scene.add_grid(
+            "/floor",
+            side,
+            side,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(228, 230, 234),
+            section_color=(196, 200, 206),
+            shadow_opacity=0.25,
+            position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
+        )
+
+    def _add_controls(self) -> None:
+        gui = self.server.gui
+        self._playing, many = False, len(self.tracks) > 1
+        end, period = (
+            self._end(),
+            float(np.median(np.diff(self.tracks[0].record.time)) if len(self.tracks[0].record) > 1 else 0.01),
+        )
+        self._time = gui.add_slider("Time [s]", 0.0, end, max(round(period, 6), 1e-4), 0.0)
+        self._button = gui.add_button("Play")
+        self._button.on_click(lambda _: self._set_playing(not self._playing))
+        self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1 ×")
+        self._live = gui.add_checkbox("Live", self._news is not None, visible=self._news is not None)
+        self._beside = gui.add_checkbox("Side by side", False, visible=many)
+        self._beside.on_update(
+            lambda _: self._step(self._farther if self._beside.value else 1 / self._farther)
+        )
+        self._joint_frames = gui.add_checkbox("Frames of all joints", False)
+        self._visible = [gui.add_checkbox(track.label, True, visible=many) for track in self.tracks]
+        self._numbers = gui.add_html("")
+
+    def _end(self) -> float:
+        return max(float(track.record.time[-1]) for track in self.tracks) or 1e-3
+
+    @property
+    def _is_live(self) -> bool:
+        return self._news is not None and self._live.value
+
+    def _set_playing(self, playing: bool) -> None:
+        if playing and self._time.value >= self._time.max:
+            self._time.value = 0.0
+        self._playing = playing
+        self._button.label = "Pause" if playing else "Play"
+
+    def _step(self, farther: float) -> None:
+        """Let all viewers, and those to come, stand so many times as far off."""
+        cameras = [client.camera for client in self.server.get_clients().values()]
+        for camera in (self.server.initial_camera, *(c for c in cameras if c.update_timestamp)):
+            looked_at = camera.look_at
+            camera.position = looked_at + farther * (camera.position - looked_at)
+            camera.look_at = looked_at  # which viser moves along
+
+    def _look_for_news(self, now: float) -> bool:
+        """Take over new samples; say whether there were any."""
+        if self._news is None or now - self._asked < _NEWS:
+            return False
+        self._asked = now
+        goes_on = self._news()
+        if self._end() > self._time.max:
+            self._time.max = self._end()
+        if self._live.value:
+            self._time.value = self._time.max
+        for run in self._runs:
+            run.redraw_paths()
+        if not goes_on:
+            self._news, self._live.value, self._live.visible = None, False, False
+        return True
+
+    def _draw(self) -> None:
+        moved = self._apart if self._beside.value else np.zeros_like(self._apart)
+        readings, first = [], True
+        with self.server.atomic():
+            for run, place, box in zip(self._runs, moved, self._visible, strict=True):
+                k = run.track.index(self._time.value)
+                run.show(k, place, visible=box.value, joint_frames=self._joint_frames.value)
+                run.set_opacity(1.0 if first or self._beside.value else _GHOST)
+                first = first and not box.value
+                if box.value:
+                    readings.append((run.track.label, run.css, run.track.reading(k)))
+            self._numbers.content = numbers(readings)
+
+
+class _DrawnRun:
+    """The nodes of one run in the scene."""
+
+    def __init__(self, server: Any, i: int, track: Track, size: float, *, alone: bool) -> None:
+        self.track, self.css = track, COLOURS[i % len(COLOURS)]
+        self._scene, self._name, self._thickness = server.scene, f"/run{i}", 0.0022 * size
+        self._colour = _rgb(self.css)
+        self._root = self._scene.add_frame(self._name, show_axes=False)
+        length = min(0.09 * size, 0.12)
+        axes = {"axes_length": length, "axes_radius": 0.03 * length, "origin_radius": 0.0}
+        self._frames = [
+            self._scene.add_frame(f"{self._name}/frame{j}", show_axes=False, **axes)
+            for j in range(len(track.frames(0)))
+        ]
+        self._hand = track.robot.configuration_size
+        self._frames[self._hand].show_axes = True
+        self._desired = self._scene.add_frame(
+            f"{self._name}/desired", **axes | {"axes_radius": 0.015 * length}
+        )
+        self._meshes = []
+        for j, (carrier, vertices, faces, colour) in enumerate(robot_shapes(track.robot)):
+            parent = self._name if carrier < 0 else f"{self._name}/frame{carrier}"
+            shown = colour if alone else tinted(colour, self._colour)
+            mesh = self._scene.add_mesh_simple(f"{parent}/shape{j}", vertices, faces, color=shown)
+            self._meshes.append(mesh)
+        self._opacity = 1.0
+        self.redraw_paths()
+
+    def redraw_paths(self) -> None:
+        """Draw the paths of the record as it is now."""
+        for name, path, colour, thickness in (
+            ("desired_path", self.track.desired_path(), _rgb(DESIRED), 0.7 * self._thickness),
+            ("hand_path", self.track.hand_path(), self._colour, self._thickness),
+        ):
+            if len(path):
+                self._scene.add_line_segments(f"{self._name}/{name}", path, colour, thickness=thickness)
+
+    def show(self, k: int, place: Array, *, visible: bool, joint_frames: bool) -> None:
+        """Show a sample."""
+        self._root.position, self._root.visible = place, visible
+        for j, (node, pose) in enumerate(zip(self._frames, self.track.frames(k), strict=True)):
+            node.wxyz, node.position = pose[:4], pose[4:]
+            node.show_axes = j == self._hand or (joint_frames and j < self._hand)
+        pose = self.track.desired(k)
+        self._desired.wxyz, self._desired.position = pose[:4], pose[4:]
+
+    def set_opacity(self, opacity: float) -> None:
+        """Let what is behind show through, if below 1."""
+        if opacity != self._opacity:
+            for mesh in self._meshes:
+                mesh.opacity = None if opacity == 1.0 else opacity
+            self._opacity = opacity
+
+
+def _rgb(css: str) -> Colour:
+    r, g, b = (int(css[i : i + 2], 16) for i in (1, 3, 5))
+    return r, g, b

@@ -1,0 +1,155 @@
+"""A run as what a scene needs of it at any time: frames, paths, read-outs. Nothing here draws."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.loop.record import Record
+from dqcontrol.robots import Robot
+from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.poses import pose7
+
+Array = NDArray[np.float64]
+
+_PIECES = 800  # of a path, at most
+_DASH = 0.02  # m
+
+
+class Reading(NamedTuple):
+    """What the numbers beside the scene say of one sample.
+
+    ``margin`` is the distance of the joint nearest to a position limit, rad or m as ``unit`` says, infinite without
+    limits; ``speed`` is the largest share of a velocity limit that is commanded, NaN if none is known.
+    """
+
+    time: float
+    position_error: float
+    orientation_error: float
+    joint: str
+    margin: float
+    unit: str
+    input: str
+    speed: float
+    stopped: str
+
+
+class Track:
+    """One run on a robot, to be looked at; a run that goes on gives it ever longer records.
+
+    Parameters
+    ----------
+    label
+        Name of the run.
+    robot
+        The arm or whole body.
+    record
+        Its samples.
+    planned
+        Positions that the hand shall pass, shape (M, 3), m, if more is known than the record shows.
+
+    Examples
+    --------
+    >>> track = Track("first", run.robot, run.record)  # doctest: +SKIP
+    >>> track.frames(track.index(1.5)).shape  # doctest: +SKIP
+    (8, 7)
+    """
+
+    label: str
+    robot: Robot
+
+    def __init__(self, label: str, robot: Robot, record: Record, planned: Array | None = None) -> None:
+        self.label, self.robot, self._planned = label, robot, planned
+        self.take(record)
+
+    def take(self, record: Record) -> None:
+        """Show this record from now on."""
+        self.record = record
+        finite = np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1)
+        # A run that diverged keeps its last pose.
+        self._shown = np.maximum.accumulate(np.where(finite, np.arange(len(record)), 0))
+        self._wheels = wheel_angles(self.robot, record.q)
+
+    def index(self, time: float) -> int:
+        """Return the number of the sample at a time, s: the last one before it, or the first."""
+        return max(int(np.searchsorted(self.record.time, time + 1e-9, side="right")) - 1, 0)
+
+    def frames(self, k: int) -> Array:
+        """Return poses [quaternion, position] of all joint frames, of the hand, and of the wheels, inertial frame.
+
+        Rows are those of `Robot.frames`, then the right and the left wheel of each differential drive.
+        """
+        k = int(self._shown[k])
+        if not np.isfinite(self.record.q[k]).all():
+            return np.tile(shift(), (self.robot.configuration_size + 1 + self._wheels.shape[1], 1))
+        poses = [pose7("frame", frame) for frame in self.robot.frames(self.record.q[k])]
+        for j, (first, _, radius, half_track) in enumerate(self.robot.drives):
+            for side, y in enumerate((-half_track, half_track)):
+                half = self._wheels[k, 2 * j + side] / 2
+                axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
+                poses.append(compose(poses[int(first) + 2], axle))
+        return np.array(poses)
+
+    def desired(self, k: int) -> Array:
+        """Return the desired pose of the hand, [quaternion, position]."""
+        return pose7("desired", self.record.desired_pose[k])
+
+    @property
+    def target(self) -> Array:
+        """Desired positions of the hand, shape (M, 3), m."""
+        return self.record.desired_position if self._planned is None else self._planned
+
+    def hand_path(self) -> Array:
+        """Return the hand's path as pieces, shape (M, 2, 3), m."""
+        return pieces(self.record.position)
+
+    def desired_path(self) -> Array:
+        """Return the desired path as dashes, shape (M, 2, 3), m; none where it rests."""
+        path = pieces(self.target)
+        middle = np.cumsum(np.linalg.norm(path[:, 1] - path[:, 0], axis=1))
+        return path[middle % _DASH < 0.6 * _DASH]
+
+    def reading(self, k: int) -> Reading:
+        """Return the numbers of a sample."""
+        record, limits = self.record, self.robot.limits
+        margins = np.minimum(record.q[k] - limits.lower, limits.upper - record.q[k])
+        near = int(np.argmin(np.where(np.isnan(margins), np.inf, margins)))
+        shares = np.abs(record.command[k]) / limits.velocity
+        known = np.isfinite(limits.velocity) & np.isfinite(shares)
+        fastest = int(np.argmax(np.where(known, shares, -1.0)))
+        return Reading(
+            float(record.time[k]),
+            float(record.position_error[k]),
+            float(record.orientation_error[k]),
+            record.joint_names[near],
+            float(margins[near]),
+            "rad" if self.robot.joint_types[near] == "revolute" else "m",
+            record.input_names[fastest] if record.input_names else "",
+            float(shares[fastest]) if known.any() else np.nan,
+            record.stopped if k == len(record) - 1 else "",
+        )
+
+
+def pieces(points: Array) -> Array:
+    """Return a path through points (N, 3) as pieces (M, 2, 3) that are not empty, at most some hundreds."""
+    points = points[np.isfinite(points).all(axis=1)]
+    kept = points[np.linspace(0, len(points) - 1, min(len(points), _PIECES + 1)).astype(int)]
+    pairs = np.stack([kept[:-1], kept[1:]], axis=1)
+    return pairs[np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) > 1e-9]
+
+
+def wheel_angles(robot: Robot, q: Array) -> Array:
+    """Return how far the right and the left wheel of each drive have rolled since the first sample, (N, 2 k), rad.
+
+    Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
+    """
+    angles = np.zeros((len(q), 2 * len(robot.drives)))
+    for j, (first, _, radius, half_track) in enumerate(robot.drives):
+        x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
+        turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
+        ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
+        for side, sign in enumerate((1.0, -1.0)):
+            angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
+    return angles

@@ -1,0 +1,163 @@
+"""Bodies to draw: meshes that move with the frames of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
+from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
+from dqcontrol.robots.dh import compose
+from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.whole_body import base_coordinates, placed
+
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+
+SHELL, JOINT, DARK, TYRE = (236, 238, 241), (213, 94, 0), (64, 69, 77), (32, 33, 36)
+_SHARP = 0.6  # rad; edges between faces that meet at a larger angle stay edges
+_PLATFORM = 0.08  # m; height of a base, at most
+_SPOKE = 0.3  # of a wheel's radius
+
+
+class Shape(NamedTuple):
+    """A mesh that moves with a frame.
+
+    ``carrier`` is the row of `Track.frames` that it moves with, −1 for one that stands still; ``vertices`` (V, 3), m,
+    are in that frame, ``faces`` (F, 3) are indices of vertices, ``colour`` is red, green and blue, 0 … 255.
+    """
+
+    carrier: int
+    vertices: Array
+    faces: NDArray[np.int64]
+    colour: Colour
+
+
+def robot_shapes(robot: Robot) -> list[Shape]:
+    """Return the bodies of a robot: the meshes of its URDF file if there are any, rods and drums otherwise; and bases.
+
+    Parameters
+    ----------
+    robot
+        An arm or a whole body. The wheels of its differential drives, right and left, are carried by rows that follow
+        those of `Robot.frames`.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> {shape.carrier for shape in robot_shapes(dqc.load_robot("iiwa7"))}
+    {0, 1, 2, 3, 4, 5, 6, -1}
+    """
+    drawn: list[tuple[int, Any, Colour]] = []
+    own: set[int] = set()  # joints whose links have meshes
+    for first, part in placed(robot.parts if isinstance(robot, WholeBody) else [robot]):
+        if isinstance(part, SerialArm) and part.urdf is not None:
+            found = urdf_shapes(*part.urdf, part)
+            mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
+            for carrier, mesh, colour in found:
+                drawn.append((first + carrier, mesh.apply_transform(mount) if carrier < 0 else mesh, colour))
+            own |= set(range(first, first + part.configuration_size)) if found else set()
+    drawn += _chassis(robot)
+    drawn += _rods(robot, own)
+    return list(_merged(drawn))
+
+
+def tinted(colour: Colour, tint: Colour) -> Colour:
+    """Return a colour mixed with that of a run."""
+    r, g, b = (round(0.45 * c + 0.55 * t) for c, t in zip(colour, tint, strict=True))
+    return r, g, b
+
+
+def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[Shape]:
+    """Yield one shape for each frame and colour: fewer and larger ones are quicker to draw."""
+    import trimesh
+
+    groups: dict[tuple[int, Colour], list[Any]] = {}
+    for carrier, mesh, colour in drawn:
+        groups.setdefault((carrier, colour), []).append(mesh)
+    for (carrier, colour), meshes in groups.items():
+        bare = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes])
+        mesh = trimesh.graph.smooth_shade(bare, angle=_SHARP)
+        yield Shape(carrier, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour)
+
+
+def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
+    """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
+    n, points = robot.configuration_size, robot.chain[:, 4:7]
+    reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
+    radii = reach * np.linspace(0.048, 0.026, n + 1)
+    bases = base_coordinates(robot)
+    for i in range(n + 1):
+        if i in own or (i == n and n - 1 in own):
+            continue
+        if i == 0 and not bases[0]:
+            yield -1, rod(np.zeros(3), np.array([0, 0, 0.2 * radii[0]]), 1.7 * radii[0]), DARK
+        if not (i < n and bases[i]):
+            radius = 0.85 * radii[i]
+            if np.linalg.norm(points[i]) > 0.5 * radius:
+                yield i - 1, rod(np.zeros(3), points[i], radius, round_ends=i < n), SHELL if i else DARK
+        if i < n and not bases[i] and robot.joint_types[i] == "prismatic":
+            yield from _rail(robot, i, 0.4 * radii[i])
+        if i < n and not bases[i]:
+            below = (
+                0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0
+            )  # the first stands on the floor
+            yield i, rod(*_along_z(-1.02 * below * radii[i], 1.02 * radii[i]), 1.15 * radii[i]), SHELL
+            yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
+
+
+def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Any, Colour]]:
+    """Yield the way along which joint i slides, if it has ends."""
+    way = np.array([robot.limits.lower[i], robot.limits.upper[i]])
+    if np.isfinite(way).all() and np.ptp(way) > 0:
+        start, end = robot.chain[i, 4:7] + way[:, None] * pose_matrix(robot.chain[i, :7])[:3, 2]
+        yield i - 1, rod(start, end, radius, round_ends=True), DARK
+
+
+def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
+    """Yield the bases; the wheels of the k-th differential drive are carried by rows n + 1 + 2 k and one more."""
+    import trimesh
+
+    row = robot.configuration_size + 1
+    for first, part in placed(robot.parts if isinstance(robot, WholeBody) else ()):
+        carrier = first + 2
+        mount = robot.chain[min(first + 3, robot.configuration_size), 4:7]
+        if isinstance(part, DifferentialDrive):
+            radius, track = part.wheel_radius, part.half_track
+            body = _along_z(0.4 * radius, max(0.7 * mount[2], radius))
+            yield carrier, rod(*body, max(track - 0.02, 0.5 * track)), DARK
+            for _ in range(2):
+                yield row, rod(np.array([0, -0.012, 0]), np.array([0, 0.012, 0]), radius), TYRE
+                spoke = trimesh.creation.box([1.5 * radius, 0.028, _SPOKE * radius])
+                yield row, spoke, SHELL
+                row += 1
+        elif isinstance(part, HolonomicBase):
+            height = min(mount[2], _PLATFORM) if mount[2] > 0 else _PLATFORM
+            half = max(1.25 * float(np.abs(mount[:2]).max()), 0.2)
+            box = trimesh.creation.box([2 * half, 1.3 * half, height])
+            box.apply_translation([0, 0, 0.5 * height + 0.03])
+            yield carrier, box, DARK
+            for x in (-0.75 * half, 0.75 * half):
+                for y in (-0.68 * half, 0.68 * half):
+                    ends = np.array([[x, y - 0.03, 0.05], [x, y + 0.03, 0.05]])
+                    yield carrier, rod(ends[0], ends[1], 0.05), TYRE
+
+
+def rod(start: Array, end: Array, radius: float, *, round_ends: bool = False) -> Any:
+    """Return the mesh of a cylinder between two points, or of a capsule about them."""
+    import trimesh
+
+    mesh = trimesh.creation.cylinder(radius=radius, segment=[start, end], sections=40)
+    balls = []
+    for point in (start, end) if round_ends else ():
+        ball = trimesh.creation.icosphere(subdivisions=3, radius=radius)
+        ball.apply_translation(point)
+        balls.append(ball)
+    return trimesh.util.concatenate([mesh, *balls])
+
+
+def _along_z(low: float, high: float) -> tuple[Array, Array]:
+    return np.array([0, 0, low]), np.array([0, 0, high])

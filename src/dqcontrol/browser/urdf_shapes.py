@@ -1,0 +1,158 @@
+"""What a URDF file says its links look like."""
+
+from __future__ import annotations
+
+import functools
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import FileFormatError
+from dqcontrol.files.input_file import read_whole
+from dqcontrol.robots import SerialArm
+from dqcontrol.robots.poses import pose7
+from dqcontrol.robots.urdf import UrdfTree, origin_matrix
+from dqcontrol.robots.urdf_xml import CheckedXml
+
+Array = NDArray[np.float64]
+Drawn = tuple[int, Any, tuple[int, int, int]]
+
+_PLAIN = (200, 203, 208)
+_MESHES = ("dae", "stl", "obj", "ply", "off", "glb")  # none that is an archive, which may hold any amount
+_LARGEST_MESH = 200_000_000  # bytes
+
+
+def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
+    """Return the row of `SerialArm.frames` that carries each visual, −1 for the base, its mesh there, and its colour.
+
+    Joints that are not the arm's rest at zero. Without any visuals, or if a file of a mesh is missing, there are none.
+
+    Parameters
+    ----------
+    path
+        The URDF file.
+    base_link
+        Link in whose frame the arm's poses are.
+    arm
+        The chain that was read from it.
+    """
+    tree = UrdfTree(CheckedXml(path))
+    frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
+    homes = [np.eye(4), *(pose_matrix(pose7("frame", frame)) for frame in frames)]
+    places = _places(tree, tree.root, np.eye(4), 0, arm.joint_names)
+    links = {link: (place, carrier) for link, place, carrier in places}
+    to_base = np.linalg.inv(links[base_link][0])
+    drawn: list[Drawn] = []
+    for link, (place, carrier) in links.items():
+        for visual in tree.links[link].visuals:
+            at = np.linalg.inv(homes[carrier]) @ to_base @ place @ origin_matrix(visual)
+            try:
+                pieces = list(_geometry(path, visual))
+            except FileNotFoundError:
+                return []
+            for mesh, colour in pieces:
+                drawn.append((carrier - 1, mesh.copy().apply_transform(at), colour))
+    return drawn
+
+
+def _places(
+    tree: UrdfTree, link: str, place: Array, carrier: int, moving: tuple[str, ...]
+) -> Iterator[tuple[str, Array, int]]:
+    """Yield the pose of each link with all joints at zero, and how many joints of the chain carry it."""
+    yield link, place, carrier
+    for joint in tree.children[link]:
+        number = moving.index(joint.name) + 1 if joint.name in moving else carrier
+        yield from _places(tree, joint.child, place @ origin_matrix(joint), number, moving)
+
+
+def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, tuple[int, int, int]]]:
+    """Yield the pieces of a visual, and their colours."""
+    import trimesh
+
+    shape, colour = visual.geometry, _material(visual)
+    if shape.box is not None:
+        yield trimesh.creation.box(shape.box.size), colour or _PLAIN
+    elif shape.cylinder is not None:
+        cylinder = trimesh.creation.cylinder(shape.cylinder.radius, shape.cylinder.length, sections=40)
+        yield cylinder, colour or _PLAIN
+    elif shape.sphere is not None:
+        yield trimesh.creation.icosphere(3, shape.sphere.radius), colour or _PLAIN
+    elif shape.mesh is not None:
+        scale = np.ones(3) if shape.mesh.scale is None else np.broadcast_to(shape.mesh.scale, 3)
+        for mesh, own in _loaded(mesh_file(urdf, shape.mesh.filename)):
+            yield mesh.copy().apply_transform(np.diag([*scale, 1.0])), colour or own
+
+
+def _material(visual: Any) -> tuple[int, int, int] | None:
+    colour = visual.material.color if visual.material is not None else None
+    if colour is None or colour.rgba is None:
+        return None
+    r, g, b = (round(255 * float(c)) for c in colour.rgba[:3])
+    return r, g, b
+
+
+def mesh_file(urdf: Path, name: str) -> Path:
+    """Return the file that a URDF file names: ``package://``, ``file://`` or a path from its folder.
+
+    A package is a folder above the URDF file or beside one of those, or in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    """
+    if not name.startswith("package://"):
+        places = [urdf.parent / name.removeprefix("file://")]
+    else:
+        package, _, inner = name.removeprefix("package://").partition("/")
+        above = [folder for folder in urdf.resolve().parents if folder.name == package]
+        beside = [folder / package for folder in urdf.resolve().parents]
+        ament = [Path(p) / "share" / package for p in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if p]
+        ros = [Path(p) / package for p in os.environ.get("ROS_PACKAGE_PATH", "").split(":") if p]
+        places = [folder / inner for folder in (*above, *beside, *ament, *ros)]
+    for place in places:
+        if place.is_file():
+            return place
+    raise FileNotFoundError(name)
+
+
+@functools.cache
+def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
+    """Return the meshes of a file with their colours."""
+    import trimesh
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in _MESHES:
+        raise FileFormatError(f"{path}: is no mesh that is read here (allowed: {', '.join(_MESHES)})")
+    data = read_whole(path, _LARGEST_MESH)
+    if kind == "dae" and any(
+        word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")
+    ):
+        raise FileFormatError(f"{path}: declares a document type or entities, refused for safety")
+    try:
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind)
+    except Exception as error:  # readers of damaged files raise anything
+        raise FileFormatError(f"{path}: cannot be read as a mesh: {error}") from None
+    return [(mesh, _own_colour(mesh)) for mesh in scene.dump() if hasattr(mesh, "faces")]
+
+
+def _own_colour(mesh: Any) -> tuple[int, int, int]:
+    if not mesh.visual.defined:
+        return _PLAIN
+    material = getattr(mesh.visual, "material", None)
+    r, g, b = (material if material is not None else mesh.visual).main_color[:3]
+    return int(r), int(g), int(b)
+
+
+def pose_matrix(pose: Array) -> Array:
+    """Return the homogeneous matrix of a pose (7,), [quaternion, position]."""
+    from trimesh.transformations import quaternion_matrix
+
+    matrix = quaternion_matrix(pose[:4])
+    matrix[:3, 3] = pose[4:]
+    return matrix

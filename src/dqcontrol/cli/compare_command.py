@@ -1,0 +1,65 @@
+"""Compare saved runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.screen import print_table
+from dqcontrol.errors import Error
+
+
+def compare(*folders: Path, out: Out = None, force: Force = False, by: str | None = None) -> None:
+    """Compare saved runs: one table; with --out plots and a report. Of studies with repeats, a table of means.
+
+    Of parameter studies (sweeps), and of studies with --by, the table lists the best points.
+
+    Parameters
+    ----------
+    folders
+        Folders of runs, or of studies for all their runs.
+    out
+        New folder for table and plots.
+    force
+        Replace an earlier folder of results.
+    by
+        Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
+    """
+    from dqcontrol.experiments import load_rows, load_runs, rank, summary
+    from dqcontrol.experiments.load_results import is_study, is_sweep
+    from dqcontrol.experiments.ranking import BEST_BY
+    from dqcontrol.experiments.results_folder import MARK, new_folder
+    from dqcontrol.experiments.run_comparison import MEANS, write_table
+    from dqcontrol.measures import means_table
+    from dqcontrol.reports import write_report
+    from dqcontrol.reports.compared_runs import write_comparison_figures
+    from dqcontrol.reports.provenance import AGAIN, command, origins
+
+    if not folders:
+        raise Error("compare: give at least one folder of a run")
+    if by is not None or any(map(is_sweep, folders)):
+        runs, table = {}, rank(folders, by or BEST_BY).table()
+    elif any(map(is_study, folders)):
+        runs, table = {}, means_table(load_rows(folders), MEANS, "comparison")
+    else:
+        runs = load_runs(folders)
+        table = summary(runs, "comparison")
+    if out is not None:
+        with new_folder(out, force=force) as new:
+            (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
+            write_table(table, new, "table")
+            records = {label: run.record for label, run in runs.items()}
+            figures = write_comparison_figures(records, new)
+            places = [str(folder.resolve()) for folder in folders]
+            write_report(
+                new,
+                "Comparison",
+                facts=", ".join(map(str, folders)),
+                command=command("compare", *places, by=by, out=AGAIN),
+                tables=[table],
+                figures=figures,
+                origins=origins({}),
+            )
+    print_table(table)
+    if out is not None:
+        print(f"results: {out}")

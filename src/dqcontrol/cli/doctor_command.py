@@ -1,0 +1,28 @@
+"""Check the environment."""
+
+from __future__ import annotations
+
+import sys
+
+from dqcontrol.cli.screen import print_table
+
+UNFIT = 1
+
+
+def doctor() -> None:
+    """Check versions, extras, the compiler's cache, OpenGL, ROS 2 and ports, and say what to do.
+
+    Ends with 1 if there is a problem; something optional that is missing is none.
+    """
+    import dqcontrol
+    from dqcontrol.cli.environment import PROBLEM, examine
+    from dqcontrol.measures.tables import Column, Table
+
+    findings = examine()
+    rows = [[one.what, one.found, one.verdict, one.cure or None] for one in findings]
+    columns = (Column("what"), Column("found"), Column("verdict"), Column("what to do"))
+    print_table(Table(columns, rows, f"dqcontrol {dqcontrol.__version__}"))
+    problems = sum(one.verdict == PROBLEM for one in findings)
+    print(f"{problems} problem{'s' * (problems != 1)}" if problems else "no problems")
+    if problems:
+        sys.exit(UNFIT)

@@ -1,0 +1,91 @@
+"""Measure a user's own log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.screen import print_table
+
+
+def evaluate(
+    log: Path,
+    /,
+    *,
+    robot: str | None = None,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    reference: Path | None = None,
+    reference_topic: str | None = None,
+    joints: str | None = None,
+    joint_topic: str | None = None,
+    command_topic: str | None = None,
+    angles: Literal["rad", "deg"] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    settle: float | None = None,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Measure your own joint log against a reference: table, and plots and report if --out is given.
+
+    Parameters
+    ----------
+    log
+        Table (CSV), MCAP file, ROS 1 or ROS 2 bag, or folder of a run; see docs/own-data.md.
+    robot
+        Name, .yaml or .urdf file, or example-robot-data:PATH; recordings of dqcontrol name theirs.
+    base_link
+        Start of the chain in a URDF file.
+    tip_link
+        End of the chain in a URDF file.
+    reference
+        YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
+    reference_topic
+        Topic of PoseStamped with the desired poses, in --reference or else in the log.
+    joints
+        Names of the robot's joints in the log, if it has others: a,b,c in the robot's order.
+    joint_topic
+        Topic of JointState with the positions.
+    command_topic
+        Topic of JointState or Float64MultiArray with the commanded velocities.
+    angles
+        Unit of columns of a table that do not name theirs.
+    start
+        When the reference begins, s after the log's first sample.
+    duration
+        How many seconds from there on are judged.
+    settle
+        Length of the start that the settled errors leave out, s.
+    out
+        New folder for record, metrics, plots and report.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.experiments.results_folder import check_new
+    from dqcontrol.logs.evaluation import evaluate_log
+    from dqcontrol.measures import summary_table
+
+    if out is not None:
+        check_new(out, force=force)
+    result = evaluate_log(
+        log,
+        robot,
+        reference,
+        base_link=base_link,
+        tip_link=tip_link,
+        reference_topic=reference_topic,
+        joints=[name.strip() for name in joints.split(",")] if joints is not None else None,
+        joint_topic=joint_topic,
+        command_topic=command_topic,
+        angles=angles,
+        start=start,
+        duration=duration,
+        settle=settle,
+    )
+    if out is not None:
+        result.save(out, force=force)
+    print_table(summary_table(result.metrics, result.label))
+    if out is not None:
+        print(f"results: {out}")

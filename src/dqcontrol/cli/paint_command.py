@@ -1,0 +1,67 @@
+"""Paint a drawing with light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.cli.options import Force, Out
+
+
+def paint(
+    drawing: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    robot: str = "panda",
+    start: str | None = None,
+    width: float | None = None,
+    speed: float = 0.1,
+    plane: str = "xz",
+) -> None:
+    """Paint a drawing with a lamp in the hand: a picture as a long exposure shows it, a clip and the recording.
+
+    Parameters
+    ----------
+    drawing
+        SVG file, or a drawing file (.txt).
+    out
+        New folder for the results; default: results/NAME, NAME from the file.
+    force
+        Replace an earlier folder of results.
+    robot
+        Name, .yaml or .urdf file, or example-robot-data:PATH; other robots than panda need --start.
+    start
+        Configuration with the hand in the middle of the paper, as 0,0.6,0 (rad or m).
+    width
+        Of the drawing, m; default: as wide as the arm reaches, up to 0.45 m.
+    speed
+        Of the lamp, m/s.
+    plane
+        xy, xz or yz: how the paper lies.
+    """
+    import yaml
+
+    from dqcontrol.errors import ValueRangeError
+    from dqcontrol.experiments.painting import paint as painted
+    from dqcontrol.experiments.results_folder import check_new, new_folder
+    from dqcontrol.films.light_painting import light_painting, painting_clip
+    from dqcontrol.measures import evaluate
+    from dqcontrol.recording import save_record
+
+    folder = out or Path("results") / drawing.stem
+    check_new(folder, force=force)
+    try:
+        q = [float(word) for word in start.split(",")] if start else None
+    except ValueError:
+        raise ValueRangeError(f"start: expected numbers with commas, got '{start}'") from None
+    source = str(Path(robot).resolve()) if Path(robot).is_file() else robot  # for `dqcontrol view`
+    done = painted(drawing, robot, q, width=width, speed=speed, plane=plane)
+    with new_folder(folder, force=force) as new:
+        light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
+        painting_clip(done.record, new / "painting.gif", done.lit)
+        save_record(done.record, new / "record.mcap", yaml.safe_dump({"robot": source}))
+    across, up = (1e3 * side for side in done.size)
+    print(f"{done.robot.name}: {across:.0f} × {up:.0f} mm in {done.record.duration:.0f} s")
+    print(f"RMS error of the hand: {evaluate(done.record).position.rms:.2f} mm")
+    print(f"results: {folder}")

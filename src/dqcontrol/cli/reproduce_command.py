@@ -1,0 +1,71 @@
+"""Run published experiments again."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.screen import print_table, progress_bar
+
+
+def reproduce(
+    name: str | None = None,
+    /,
+    *,
+    plant: str | None = None,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    samples: int | None = None,
+    repeats: int | None = None,
+) -> None:
+    """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
+
+    Parameters
+    ----------
+    name
+        As pereira2016/spiral, or pereira2016 for all; without it the experiments are listed.
+    plant
+        What stands for the source's robot, one of those listed; default: the first.
+    out
+        New folder for the results; default: results/NAME, or results/NAME-PLANT with a plant.
+    force
+        Replace earlier folders of results.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    samples
+        Of each run in real time; default: 500.
+    repeats
+        At most so many of each run; default: as many as were printed.
+    """
+    from dqcontrol import reproductions as published
+    from dqcontrol.errors import TaskWarning
+    from dqcontrol.experiments.results_folder import check_new
+
+    warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
+    warnings.simplefilter("ignore", TaskWarning)  # its verdicts say what was reached, as it was published
+    if name is None:
+        print_table(published.catalogue_table())
+        return
+    names = published.names(name)
+    for each in names:
+        published.chosen_plant(each, plant)  # says at once if there is none
+    top = out or Path("results") / (f"{name}-{plant}" if plant else name)
+    folders = {each: top / each.rpartition("/")[2] if len(names) > 1 else top for each in names}
+    for folder in folders.values():
+        check_new(folder, force=force)
+    for each, folder in folders.items():
+        with progress_bar() as progress:
+            done = published.reproduce(
+                each,
+                plant=plant,
+                jobs=jobs,
+                samples=published.SAMPLES if samples is None else samples,
+                repeats=repeats,
+                progress=lambda label, count, total, show=progress: show(count, total, label),
+            )
+        done.save(folder, force=force)
+        for table in done.tables:
+            print_table(table)
+        print(f"results: {folder}")

@@ -1,0 +1,155 @@
+"""Controllers and simulated robots as ROS 2 nodes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter, validators
+
+from dqcontrol.cli.options import Force, Out
+
+ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
+
+Interface = Annotated[
+    Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
+]
+Network = Annotated[
+    bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
+]
+Priority = Annotated[
+    int | None,
+    Parameter(validator=validators.Number(gte=1, lte=99), help="1 … 99: ask for real-time scheduling."),
+]
+RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
+
+
+@ros2.command
+def controller(
+    spec: Path,
+    /,
+    *ros_arguments: RosArguments,
+    name: str = "dqcontrol",
+    follow: Literal["spec", "pose", "twist"] = "spec",
+    interface: Interface = "velocity",
+    autostart: bool = False,
+    out: Out = None,
+    force: Force = False,
+    network: Network = False,
+    priority: Priority = None,
+) -> None:
+    """Drive a robot behind ROS 2 topics; see docs/ros2.md.
+
+    Parameters
+    ----------
+    spec
+        YAML file of one run: its robot, law and reference.
+    name
+        Of the node.
+    follow
+        What the hand follows: the spec's reference, poses or twists from topics.
+    autostart
+        Start with the first joint states; end when the reference has ended or the robot was stopped.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.loop.interrupts import counted_interrupts
+
+    with counted_interrupts() as interrupts:  # from now on: what follows takes seconds
+        from dqcontrol.errors import Error
+        from dqcontrol.experiments import read_spec
+        from dqcontrol.experiments.results_folder import check_new
+        from dqcontrol.ros2 import middleware
+
+        middleware.check_installed()
+        read_spec(spec)  # a wrong file is to be known now, not when somebody configures
+        if out:
+            check_new(out, force=force)
+        with middleware.ros(ros_arguments, [name], network=network):
+            from dqcontrol.ros2.controller_node import ControllerNode
+
+            node = ControllerNode(
+                spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
+            )
+            interrupts.only_count()
+            node.serve(interrupts, priority)
+        if node.recorder:
+            print(f"results: {node.recorder.save()}")
+        if node.outcome not in ("", "duration", "interrupted"):
+            raise Error(f"stopped: {node.outcome}")
+
+
+@ros2.command
+def robot(
+    spec: Path,
+    /,
+    *ros_arguments: RosArguments,
+    name: str = "robot",
+    interface: Interface = "velocity",
+    wrench_node: str | None = None,
+    network: Network = False,
+    priority: Priority = None,
+) -> None:
+    """Simulate a robot behind ROS 2 topics; see docs/ros2.md.
+
+    Parameters
+    ----------
+    spec
+        YAML file of one run: its robot, start and plant.
+    name
+        Of the node.
+    wrench_node
+        Name of another node that publishes the wrench, of plants that have one.
+    """
+    from dqcontrol.loop.interrupts import counted_interrupts
+
+    with counted_interrupts() as interrupts:
+        from dqcontrol.ros2 import middleware
+        from dqcontrol.ros2.loading import load
+
+        middleware.check_installed()
+        loaded = load(spec)
+        names = [name, *([wrench_node] if wrench_node else [])]
+        with middleware.ros(ros_arguments, names, network=network):
+            from dqcontrol.ros2.robot_node import RobotNode
+
+            node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
+            interrupts.only_count()
+            middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=priority)
+
+
+@ros2.command
+def pereira2016(
+    robot: Annotated[Literal["meka", "kuka"], Parameter(show_default=True)] = "meka",
+    *,
+    law: str = "K",
+    plant: Literal["servo", "meka-physics"] = "meka-physics",
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Launch the ROS graph of Pereira 2016: its nodes and topics, controller and robot in processes of their own.
+
+    Parameters
+    ----------
+    robot
+        The Meka draws the spiral; the Kuka in the simulator, a circle.
+    law
+        As the published experiment calls it.
+    plant
+        What the Meka is; in physics it has its force sensor.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.reproductions.pereira2016.nodes import launch
+    from dqcontrol.ros2 import middleware
+
+    middleware.check_installed()
+    options = [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]
+    code = launch(robot, law, plant, options)
+    if code:
+        sys.exit(code)

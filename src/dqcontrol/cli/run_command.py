@@ -1,0 +1,72 @@
+"""Run an experiment."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.screen import print_table, progress_bar
+
+RealTime = Annotated[bool, Parameter(negative=())]
+
+
+def run(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    real_time: RealTime = False,
+) -> None:
+    """Run an experiment and write its table, recordings and plots; interrupted, the same command goes on.
+
+    Parameters
+    ----------
+    spec
+        YAML file; its keys are described in docs/experiments.md.
+    out
+        New folder for the results; default: results/NAME, NAME from the spec.
+    force
+        Replace an earlier folder of results, and discard an unfinished study of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    real_time
+        One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
+    """
+    from dqcontrol.experiments import read_spec, run_study_to
+    from dqcontrol.experiments.working_folder import working_folder
+
+    folder = out or Path("results") / read_spec(spec)[0].name
+    if real_time:
+        _in_real_time(spec, folder, force=force)
+        return
+    try:
+        with progress_bar() as progress:
+            study = run_study_to(spec, folder, force=force, jobs=jobs, progress=progress)
+    except KeyboardInterrupt:
+        kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
+        raise KeyboardInterrupt(kept) from None
+    print_table(study.table())
+    for line in study.failures():
+        print(line)
+    print(f"results: {folder}")
+
+
+def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
+    from dqcontrol.experiments import run_in_real_time, summary
+    from dqcontrol.figures import timing_table
+
+    def watch(time: float, reasons: tuple[str, ...]) -> None:
+        print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
+
+    done = run_in_real_time(spec, folder, force=force, watch=watch)
+    print_table(summary({done.label: done}))
+    if done.timing:
+        print_table(timing_table(done.timing))
+    print(f"ended: {done.record.stopped}")
+    print(f"results: {folder}")

@@ -1,0 +1,97 @@
+"""Look at runs in a browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter, validators
+
+from dqcontrol.errors import Error, ValueRangeError
+
+if TYPE_CHECKING:
+    from dqcontrol.browser import GrowingRecording, LiveRun, Track
+
+Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
+
+
+def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
+    """Look at runs in a browser: robots, paths, frames, errors and limits over time; Ctrl+C ends it.
+
+    Parameters
+    ----------
+    runs
+        Folders of runs, also of those that go on, or of studies for all their runs; or recordings (.mcap).
+    live
+        A spec of one run, which is run in real time meanwhile and not saved.
+    port
+        Of this machine, where only its own users reach it; the next free one if it is taken.
+    """
+    from dqcontrol.browser import LiveRun, Page, Track, growing_recording
+    from dqcontrol.browser.page import import_viser
+    from dqcontrol.experiments import load_runs
+
+    if not runs and live is None:
+        raise Error("view: give at least one folder of a run, a recording, or --live SPEC")
+    import_viser()  # before the work: it may be missing
+    recordings = {path: file for path in runs if (file := growing_recording(path))}
+    saved = load_runs([path for path in runs if path not in recordings])
+    tracks = [Track(label, run.robot, run.record) for label, run in saved.items()]
+    running = LiveRun(live) if live is not None else None
+    try:
+        growing = [_follow(file, str(path), tracks) for path, file in recordings.items()]
+        if running is not None:
+            growing.append(_follow_run(running, tracks))
+        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None)
+        print(f"view: {page.url} (Ctrl+C ends)", flush=True)
+        page.serve()
+    finally:
+        if running is not None:
+            running.close()
+
+
+def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
+    """Add the track of a recording that may grow."""
+    from dqcontrol.browser import GrowingRecording, Track
+    from dqcontrol.experiments.spec import RobotSpec
+    from dqcontrol.files.yaml_file import convert
+    from dqcontrol.logs.evaluation import about_log
+    from dqcontrol.recording import load_metadata
+    from dqcontrol.robots import load_robot
+
+    load_metadata(path)  # or say that it is none
+    about = about_log(path)
+    if "robot" not in about:
+        raise ValueRangeError(
+            f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'"
+        )
+    chosen = convert(path, about["robot"], RobotSpec)
+    robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
+    growing = GrowingRecording(path, robot)
+    tracks.append(Track(label, robot, growing.first()))
+    return growing, tracks[-1]
+
+
+def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
+    """Add the track of a run that goes on here."""
+    from dqcontrol.browser import GrowingRecording, Track
+
+    growing = GrowingRecording(running.path, running.robot)
+    try:
+        first = growing.first()
+    except Error as error:
+        raise running.failure or error from None
+    tracks.append(Track(running.label, running.robot, first, running.planned))
+    return growing, tracks[-1]
+
+
+def _take_news(growing: list[tuple[GrowingRecording, Track]], running: LiveRun | None) -> bool:
+    """Give tracks their new samples; tell whether any recording still grows."""
+    if running is not None and running.failure is not None:
+        raise running.failure
+    goes_on = [recording.goes_on for recording, _ in growing]  # before the last look
+    for recording, track in growing:
+        record = recording.record()
+        if record is not None:
+            track.take(record)
+    return any(goes_on)

@@ -1,0 +1,1 @@
+"""Numba: kernels, what they share, and the folder that keeps their machine code."""

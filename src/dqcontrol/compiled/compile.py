@@ -1,0 +1,225 @@
+"""Numba's options, in one place.
+
+A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use,
+not when it is imported, and its machine code is cached. From Python it is called like a function; other
+compiled code receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the
+interpreted loop runs the very same machine code. Small functions that kernels share are marked `inlined`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import llvmlite.binding
+import numba
+from numba import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.errors import NumbaError
+from numba.extending import register_jitable
+
+from dqcontrol.compiled import kernel_cache
+from dqcontrol.errors import InterpretedWarning
+
+# Kernels allocate nothing, so they do without Numba's reference counts (`_nrt=False`), which would cost a third of
+# their time; a user's own function may allocate.
+FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
+
+INPUT = types.Array(types.float64, 1, "A", readonly=True)  # any layout, for arrays that users hand in
+READ = types.Array(types.float64, 1, "C", readonly=True)
+READ2 = types.Array(types.float64, 2, "C", readonly=True)
+WRITE = types.Array(types.float64, 1, "C")
+WRITE2 = types.Array(types.float64, 2, "C")
+STATUS = types.intp
+
+OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
+
+
+def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) -> Any:
+    dispatcher = numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
+        fastmath=fastmath,
+        nogil=True,
+        error_model="numpy",
+        _nrt=not cached,
+        no_cfunc_wrapper=True,
+    )(function)
+    if cached and kernel_cache.root() is not None:
+        dispatcher._cache = kernel_cache.KernelCache(function)
+    return dispatcher
+
+
+class _Part(JITCodeLibrary):
+    """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        """Hand the engine no code, only the variable that Numba sets for each function."""
+        code = self._final_module
+        names = (variable.name for variable in code.global_variables)
+        variables = [f'@"{name}" = common global i8* null' for name in names if "NumbaEnv" in name]
+        self._final_module = llvmlite.binding.parse_assembly("\n".join(variables))
+        super()._finalize_final_module()
+        self._final_module = code
+
+
+class _PartCompiler(Compiler):
+    """Compile a function into a `_Part`; otherwise every caller would optimise all below it again."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+def inlined(
+    function: Callable[..., Any], fastmath: set[str] | bool = FAST, *, everywhere: bool = True
+) -> Any:
+    """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python."""
+    return register_jitable(
+        fastmath=fastmath,
+        error_model="numpy",
+        _nrt=False,
+        pipeline_class=_PartCompiler,
+        no_cfunc_wrapper=True,
+        forceinline=everywhere,  # between functions every array is seven numbers on the stack
+    )(function)
+
+
+def attached(function: Callable[..., Any]) -> Any:
+    """Mark a large function that kernels call seldom: each has it once, however often it calls, and compiles fast."""
+    return inlined(function, everywhere=False)
+
+
+def strictly_inlined(function: Callable[..., Any]) -> Any:
+    """Mark a small function whose sums may not be taken in another order, whatever its callers allow."""
+    return inlined(function, fastmath=False)
+
+
+class Kernel:
+    """A function with one signature, compiled on first use.
+
+    Parameters
+    ----------
+    function
+        The Python function.
+    signature
+        Its Numba signature.
+    strict
+        True for IEEE arithmetic without reassociation.
+    cached
+        False for functions that are not this package's: their changes would go unnoticed.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], signature: Any, *, strict: bool = False, cached: bool = True
+    ) -> None:
+        self.function = function
+        self._signature = signature
+        self._strict = strict
+        self._cached = cached
+        self.__doc__ = function.__doc__
+        self.__name__: str = function.__name__
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        return self.compiled(*arguments)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """The Numba dispatcher, compiled for the one signature; calling it saves 0.2 µs of calling the kernel."""
+        fastmath = False if self._strict else FAST
+        if self._cached:
+            return _compile(self.function, self._signature, fastmath)
+        return _compiled(self.function, self._signature, fastmath, cached=False)
+
+    @cached_property
+    def pointer(self) -> int:
+        """The address of the same machine code, for other kernels, which call it by `caller`."""
+        result = self.compiled.get_compile_result(self._signature)
+        return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+
+
+def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:
+    """Make a function a `Kernel` with this signature."""
+    return lambda function: Kernel(function, signature, strict=strict)
+
+
+def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
+    kernel_cache.announce(function)
+    try:
+        return _compiled(function, signature, fastmath)
+    except Exception:
+        if not kernel_cache.clear(function.__module__):
+            raise
+        # An index cut short by a full disk or a crash raises whatever unpickling it raises. If the fault is
+        # not the cache's, the second attempt raises it again.
+        return _compiled(function, signature, fastmath)
+
+
+def _compiled(
+    function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
+) -> Any:
+    dispatcher = _jit(function, fastmath, cached)
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+class InterpretedKernel:
+    """A user's function that does not compile, called in its place; it has no pointer.
+
+    Attributes
+    ----------
+    reason
+        Why it does not compile.
+    """
+
+    def __init__(self, function: Callable[..., Any], reason: str) -> None:
+        self.function = function
+        self.reason = reason
+        self.__name__: str = function.__name__
+
+    def __call__(self, *arguments: Any) -> int:
+        """Call the function and return the status."""
+        return self.function(*arguments)
+
+
+def compile_own(
+    function: Callable[..., Any],
+    checked: Callable[[Callable[..., Any]], Callable[..., int]],
+    guarded: Callable[[Callable[..., int]], Callable[..., int]],
+    signature: Any,
+) -> Kernel | InterpretedKernel:
+    """Compile a user's function, or warn and wrap it to be interpreted.
+
+    Parameters
+    ----------
+    function
+        Plain Python.
+    checked
+        Makes of it (compiled or not) a function of the signature that also returns a status.
+    guarded
+        Makes of the compiled one a function that returns a status where that one raises: an exception does not pass
+        through compiled loops.
+    signature
+        What to compile for.
+    """
+    try:
+        compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
+        own = Kernel(guarded(compiled), signature, strict=True, cached=False)
+        _ = own.compiled
+    except NumbaError as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
+        warnings.warn(
+            f"{getattr(function, '__name__', function)}: does not compile ({reason[:160]}); "
+            "the loop runs it interpreted",
+            InterpretedWarning,
+            stacklevel=4,
+        )
+        return InterpretedKernel(checked(function), reason)
+    return own

@@ -1,0 +1,189 @@
+"""The folder that keeps the machine code of kernels between processes.
+
+A module's kernels lie in a folder named after the module and after a hash of its source and of all that it imports from
+this package, of Numba, Python and the processor: an edit recompiles the kernels that it can change, and no others.
+Numba's own check of staleness sees only the file of the function itself, not those of its callees. Nothing is read,
+made or deleted before the first kernel is needed.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import re
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+
+from dqcontrol.errors import CacheWarning
+
+_PACKAGE = Path(__file__).parent.parent
+_KEPT = 8  # versions of a module's kernels
+_IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
+_AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
+_ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
+
+
+def _file(module: str) -> Path | None:
+    """Return where the source of a module or package of ours lies, None if there is no such module."""
+    base = _PACKAGE.joinpath(*module.split(".")[1:])
+    candidates = base.with_suffix(".py"), base / "__init__.py"
+    return next((path for path in candidates if path.is_file()), None)
+
+
+@functools.cache
+def _imports(module: str, lazily: bool) -> frozenset[str]:
+    """Return the modules of ours that a module names in imports, in those inside functions too if ``lazily``."""
+    path = _file(module)
+    assert path is not None
+    found = set()
+    for origin, names, whole in (_ANYWHERE if lazily else _AT_IMPORT).findall(
+        path.read_text(encoding="utf-8")
+    ):
+        if whole:
+            found.add(whole)
+            continue
+        for name in re.findall(r"(\w+)(?: +as +\w+)?", re.sub("#.*", "", names)):
+            submodule = f"{origin}.{name}"
+            found.add(submodule if _file(submodule) else origin)
+    return frozenset(found)
+
+
+def _environment() -> str:
+    processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()  # type: ignore[attr-defined]
+    return f"{numba.__version__} {sys.version} {processor}"
+
+
+@functools.cache
+def source_hash(module: str, *, lazily: bool = False) -> str:
+    """Return a hash of all that a module's results depend on.
+
+    Parameters
+    ----------
+    module
+        A module of this package; its source counts, and that of all that it imports from this package.
+    lazily
+        Whether imports inside functions count; compiled functions have none.
+    """
+    found, waiting = set(), [module]
+    while waiting:
+        if (name := waiting.pop()) not in found:
+            found.add(name)
+            waiting += _imports(name, lazily)
+    digest = hashlib.sha256(_environment().encode())
+    for name in sorted(found):
+        path = _file(name)
+        assert path is not None
+        digest.update(name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _root() -> Path:
+    if chosen := os.environ.get("DQCONTROL_CACHE"):
+        return Path(chosen)
+    if sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local"))
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "dqcontrol"
+
+
+@functools.cache
+def root() -> Path | None:
+    """Return the folder of the cache, None if it cannot be written."""
+    try:
+        folder = _root()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except (OSError, RuntimeError):  # RuntimeError: no home folder
+        return None
+
+
+def _folder(module: str) -> Path:
+    """Return the folder of a module's kernels, and make it if it is new; the oldest of other versions go."""
+    folder = (root() or _root()) / module / source_hash(module)
+    if not folder.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        versions = (p for p in folder.parent.iterdir() if re.fullmatch("[0-9a-f]{16}", p.name) and p.is_dir())
+        for old in sorted(versions, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+    return folder
+
+
+class _Locator(_CacheLocator):  # Numba's methods, being abstract, are taken to return None
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._module, self._line = function.__module__, function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        return cls(py_func)
+
+    def get_cache_path(self) -> str:  # type: ignore[override]
+        return str(_folder(self._module))
+
+    def get_source_stamp(self) -> str:  # type: ignore[override]
+        return source_hash(self._module)
+
+    def get_disambiguator(self) -> str:  # type: ignore[override]
+        return str(self._line)
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = [_Locator]
+
+
+class KernelCache(FunctionCache):
+    """Numba's cache of one function, in the folder of the function's module."""
+
+    _impl_class = _Implementation
+
+
+def state() -> tuple[Path, bool, int]:
+    """Return the cache folder, whether it can be written, and how many kernels lie in it."""
+    folder = root()
+    return folder or _root(), folder is not None, len(list(folder.glob("*/*/*.nbi"))) if folder else 0
+
+
+def clear(module: str) -> bool:
+    """Remove a module's kernels; return whether there is a cache."""
+    if root() is None:
+        return False
+    folder = _folder(module)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    return True
+
+
+def announce(function: Callable[..., Any]) -> None:
+    """Say, once in a process, that a kernel is compiled, or that the cache cannot keep it."""
+    global _warned, _announced
+    if root() is None:
+        if not _warned:
+            _warned = True
+            warnings.warn(
+                f"cannot write to {_root()}: kernels are compiled anew in each process; "
+                "set DQCONTROL_CACHE to a writable folder",
+                CacheWarning,
+                stacklevel=5,
+            )
+    elif not _announced and not any(_folder(function.__module__).glob(f"*{function.__name__}-*.nbi")):
+        _announced = True
+        print(
+            "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
+        )
+
+
+_warned = False
+_announced = False

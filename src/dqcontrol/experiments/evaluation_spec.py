@@ -1,0 +1,50 @@
+"""What ``spec.yaml`` says of an evaluated log, and its run read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.spec import RobotSpec
+from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.files.text_file import read_text
+from dqcontrol.files.yaml_file import convert, parse_yaml
+from dqcontrol.loop import Record
+from dqcontrol.robots import load_robot
+
+
+class EvaluationSpec(Part, frozen=True, kw_only=True):
+    """What was evaluated, as ``spec.yaml`` of its results holds it; see `dqcontrol.logs.evaluate_log`."""
+
+    log: str
+    robot: RobotSpec
+    reference: str | None = None
+    reference_topic: str | None = None
+    joints: list[str] | None = None
+    joint_topic: str | None = None
+    command_topic: str | None = None
+    angles: Literal["rad", "deg"] | None = None
+    start: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
+    settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
+
+
+class _SavedEvaluation(Part, frozen=True, kw_only=True):
+    evaluation: EvaluationSpec
+
+
+def saved_evaluation(spec: Path, record: Record) -> Run:
+    """Return what `Run.save` has written of an evaluation: the content of ``spec.yaml`` and its record.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is none of an evaluation.
+    """
+    text = read_text(spec)
+    what = convert(spec, parse_yaml(spec, text), _SavedEvaluation).evaluation
+    robot = load_robot(what.robot.source, what.robot.base_link, what.robot.tip_link)
+    return Run(text, robot, record, what.settle, Path(what.log).stem)

@@ -1,0 +1,140 @@
+"""Runs and studies read back from their folders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.experiments.evaluation_spec import saved_evaluation
+from dqcontrol.experiments.results_folder import MARK
+from dqcontrol.experiments.row_file import Row, read_rows
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.spec import read_data, read_spec
+from dqcontrol.experiments.study import ROWS, Study
+from dqcontrol.files.yaml_file import read_text
+from dqcontrol.recording import load_record
+from dqcontrol.robots import load_robot
+
+
+def load_run(folder: str | Path) -> Run:
+    """Return a saved run.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds no run.
+    """
+    path = Path(folder)
+    if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
+        raise FileFormatError(_why_no_run(path))
+    text = read_text(path / MARK)
+    if "evaluation:" in text.splitlines():
+        return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
+    spec, _ = read_spec(path / MARK)
+    if not spec.is_single:
+        raise FileFormatError(f"{path / MARK}: describes several runs")
+    (robot,), (law,), (plant,) = spec.robot_by_label.values(), spec.law_by_label, spec.plant_by_label
+    return Run(
+        text,
+        load_robot(robot.source, robot.base_link, robot.tip_link),
+        load_record(path / "record.mcap"),
+        spec.settle,
+        f"{law} · {plant}",
+        spec.judged,
+    )
+
+
+def _why_no_run(path: Path) -> str:
+    if not path.exists():
+        return f"{path}: does not exist"
+    if runs := [run.name for run in _run_folders(path) if run != path]:
+        return f"{path}: is no folder of a run, but holds runs: give {path / runs[0]}" + " or another" * (
+            len(runs) > 1
+        )
+    return f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
+
+
+def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
+    """Return saved runs by label; a folder of a study, or of its repeats, stands for all its runs.
+
+    Raises
+    ------
+    FileFormatError
+        If a folder holds no run.
+    """
+    runs: dict[str, Run] = {}
+    seen: set[Path] = set()
+    for folder in map(Path, folders):
+        for path in _run_folders(folder):
+            if path.resolve() in seen:
+                raise Error(f"{path}: given twice")
+            seen.add(path.resolve())
+            name = f"{path.parent.name} · {path.name}" if path.name.isdecimal() else path.name
+            runs[name if name not in runs else str(path)] = load_run(path)
+    return runs
+
+
+def _run_folders(folder: Path) -> list[Path]:
+    if (folder / "record.mcap").exists():
+        return [folder]
+    inner = [path.parent for path in folder.glob("*/record.mcap")]
+    return sorted(inner, key=lambda path: (len(path.name) * path.name.isdecimal(), path.name)) or [folder]
+
+
+def load_rows(folders: Sequence[str | Path]) -> list[Row]:
+    """Return the trials of saved studies with ``runs.parquet``, and saved runs, as rows of one table.
+
+    Returns
+    -------
+    Rows as those of a `Study`, and ``study``, its folder or empty; a run has its label for ``law``.
+
+    Raises
+    ------
+    FileFormatError
+        If a folder holds neither.
+    Error
+        If one is given twice.
+    """
+    rows: list[Row] = []
+    names: dict[str, Path] = {}
+    for folder in map(Path, folders):
+        if not is_study(folder):
+            continue
+        if folder.resolve() in (path.resolve() for path in names.values()):
+            raise Error(f"{folder}: given twice")
+        name = folder.name if folder.name not in names else str(folder)
+        names[name] = folder
+        rows += [{"study": name, **row} for row in load_study(folder).rows]
+    for label, run in load_runs([folder for folder in folders if not is_study(folder)]).items():
+        place: Row = {"study": "", "robot": "", "law": label, "set": "", "plant": "", "repeat": 0, "seed": 0}
+        rows.append({**place, "stopped": run.record.stopped, **run.metrics.flat()})
+    return rows
+
+
+def is_study(folder: str | Path) -> bool:
+    """Tell whether a folder holds a study with ``runs.parquet``."""
+    return (Path(folder) / ROWS).is_file()
+
+
+def is_sweep(folder: str | Path) -> bool:
+    """Tell whether a folder holds a parameter study."""
+    return is_study(folder) and "sweep:" in read_text(Path(folder) / MARK).splitlines()
+
+
+def load_study(folder: str | Path) -> Study:
+    """Return a saved study with the rows of its trials, without their records.
+
+    Raises
+    ------
+    FileFormatError
+        If the folder holds no study with ``runs.parquet``.
+    MissingExtraError
+        If pyarrow is not installed.
+    """
+    path = Path(folder)
+    for name in (MARK, ROWS):
+        if not (path / name).is_file():
+            raise FileFormatError(f"{path}: is no folder of a study with metrics ({name} is missing)")
+    _, data, _ = read_data(path / MARK)
+    return Study(str(data["name"]), read_text(path / MARK), {}, read_rows(path / ROWS))

@@ -1,0 +1,282 @@
+"""A spec made ready: everything it names loaded, checked and prepared before anything moves."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+import numpy as np
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from dqcontrol.compiled.kernel_cache import source_hash
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.experiments.reach import check_reach
+from dqcontrol.experiments.results_folder import folder_names
+from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
+from dqcontrol.experiments.spec.parameter_sets import Variant
+from dqcontrol.extensions import user_code
+from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.closed_loop import check_disturbed
+from dqcontrol.loop.simulate import step_count
+from dqcontrol.measures.stability import LoopGain, loop_gains
+from dqcontrol.plants import CompiledPlant
+from dqcontrol.references import Reference
+from dqcontrol.robots import Robot, load_robot
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+_KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
+_MOST_TRIALS = 10_000_000
+_MOST_KNOWN = 16  # robots and scenes
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A robot where it starts, and the motion that it is to follow, sampled."""
+
+    robot: Robot
+    start: Array
+    reference: Reference
+    samples: Array
+
+
+class Names(NamedTuple):
+    """Labels of one combination of robot, law, parameter set and plant; empty where there is but one."""
+
+    robot: str
+    law: str
+    set: str
+    plant: str
+
+    @property
+    def label(self) -> str:
+        """Those that are not empty, in one text."""
+        return " · ".join(name for name in self if name)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One combination of robot, law, parameter set and plant.
+
+    Attributes
+    ----------
+    names, scene, variant, plant
+        What is combined.
+    limits
+        What is done to the commands before they leave.
+    is_compiled
+        Whether the whole loop is.
+    prepared
+        The law ready to run, if it was kept.
+    """
+
+    names: Names
+    scene: Scene
+    variant: Variant[AnyLaw]
+    plant: AnyPlant
+    limits: CommandLimits
+    is_compiled: bool
+    prepared: PreparedLaw | None
+    gains: tuple[LoopGain, ...] | None
+
+    def prepare_law(self, spec: Spec) -> PreparedLaw:
+        """Return the law ready to run, prepared when the spec was checked or now."""
+        if self.prepared is not None:
+            return self.prepared
+        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, self.limits)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A spec, the folder of its relative file names, and all that it combines, in the order that it runs in."""
+
+    spec: Spec
+    folder: Path
+    scenes: dict[str, Scene]
+    cases: tuple[Case, ...]
+
+    @property
+    def scene(self) -> Scene:
+        """The first robot's."""
+        return next(iter(self.scenes.values()))
+
+    def only_case(self, source: object, otherwise: str) -> Case:
+        """Return the case of a spec of one run; ``otherwise`` says why there may not be several."""
+        if not self.spec.is_single:
+            raise ShapeError(f"{source}: describes several runs ({self.spec.several}); {otherwise}")
+        return self.cases[0]
+
+    @property
+    def text(self) -> str:
+        """The spec as YAML with all defaults."""
+        return spec_text(self.spec, self.folder)
+
+    def single_text(self, case: Case, repeat: int) -> str:
+        """Return the spec of one trial as YAML."""
+        chosen = self.spec.robot_by_label[case.names.robot]
+        robot = self.spec.robot if self.spec.robots is UNSET else chosen.without_start()
+        one = msgspec.structs.replace(
+            self.spec,
+            robot=robot,
+            start=chosen.start,
+            robots=UNSET,
+            law=case.variant.law,
+            laws=UNSET,
+            sets=None,
+            grids=None,
+            plant=case.plant,
+            plants=UNSET,
+            limits=case.limits,
+            repeats=1,
+            seed=self.spec.seed + repeat,
+            record=None,
+        )
+        return spec_text(one, self.folder)
+
+    def fingerprint(self) -> str:
+        """Return a hash of what trials depend on beside the spec's text: the files that it names, and this program."""
+        digest = hashlib.sha256(program().encode())
+        for scene in self.scenes.values():
+            robot = scene.robot
+            limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
+            masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
+            for array in (robot.chain, *limits, *masses, scene.samples):
+                digest.update(np.ascontiguousarray(array).tobytes())
+        for content in user_code.sources(msgspec.to_builtins(self.spec)):
+            digest.update(content)
+        return digest.hexdigest()
+
+
+def sources() -> str:
+    """Return a hash of the sources that results of trials depend on; pictures and pages are not among them."""
+    return source_hash("dqcontrol.experiments.trials", lazily=True)
+
+
+def program() -> str:
+    """Return a hash of this program, and the versions of the libraries that draw the noise and move the joints."""
+    found = [sources()]
+    for name in ("numpy", "mujoco"):
+        with suppress(PackageNotFoundError):
+            found.append(f"{name} {version(name)}")
+    return " ".join(found)
+
+
+def prepare(source: str | Path | dict[str, Any]) -> Setting:
+    """Load everything that a spec names and check that it fits together, before anything moves.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed, does not fit or is out of reach.
+    """
+    spec, folder = read_spec(source)
+    with nullcontext() if isinstance(source, dict) else naming(str(source)):
+        return prepare_spec(spec, folder, {})
+
+
+def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
+    """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again."""
+    variants, plants = spec.variants, spec.plant_by_label
+    robots = spec.robot_by_label
+    trials = len(robots) * len(variants) * len(plants) * spec.repeats
+    if trials > _MOST_TRIALS:
+        raise ShapeError(f"spec: describes {trials:,} trials; at most {_MOST_TRIALS:,}")
+    names = [
+        Names(robot, variant.label, variant.set, plant)
+        for robot in robots
+        for plant in plants
+        for variant in variants
+    ]
+    folder_names(each.label for each in names)
+    scenes, cases = {}, []
+    for label, robot in robots.items():
+        with naming(f"robots.{label}") if label else nullcontext():
+            parts = spec.reference, spec.period, spec.duration, spec.settle, robot
+            scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
+            limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
+            different = {each.velocity: each for each in limits.values()}
+            laws = list(_prepared_laws(spec, variants, scenes[label], different))
+            compiled = _checked_plants(spec, plants, scenes[label])
+        for name, plant in plants.items():
+            for variant, (versions, gains) in zip(variants, laws, strict=True):
+                place = Names(label, variant.label, variant.set, name)
+                law = versions[limits[name].velocity]
+                cases.append(
+                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], law, gains)
+                )
+    return Setting(spec, folder, scenes, tuple(cases))
+
+
+def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
+    """Return what is known under a key, or make it; all is forgotten when it becomes too much."""
+    text = msgspec.json.encode(key)
+    if text not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
+        known[text] = make()
+    return known[text]
+
+
+def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> Scene:
+    near = folder / chosen.source
+    source = near if near.is_file() else chosen.source
+    ends = chosen.base_link, chosen.tip_link
+    robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
+    start = as_array("start", chosen.start, (robot.configuration_size,))
+    outside = (start < robot.limits.lower) | (start > robot.limits.upper)
+    if outside.any():
+        i = int(outside.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
+            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
+        )
+    reference = spec.reference.build(robot.fkm(start), folder)
+    reference = spec.reference.of_robot(reference, robot, start)
+    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
+    if spec.settle > samples[-1, -1]:
+        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
+    check_reach(robot, start, samples)
+    return Scene(robot, start, reference, samples)
+
+
+def _prepared_laws(
+    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, different: dict[bool | None, CommandLimits]
+) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
+    """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
+    room = _KEPT_BYTES
+    for variant in variants:
+        with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
+            first = variant.law.prepare(
+                scene.robot, scene.reference, spec.period, next(iter(different.values()))
+            )
+        room -= len(different) * first.parameters.nbytes
+        kept = {
+            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            for i, (velocity, limits) in enumerate(different.items())
+        }
+        yield kept, loop_gains(variant.law, first)
+
+
+def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:
+    """Check that every plant can start, and tell which are compiled."""
+    compiled = {}
+    for label, plant in plants.items():
+        if supervisor := spec.supervisor_of(plant):
+            supervisor.prepare(scene.robot, spec.period).start(scene.start)
+        with naming(f"plant {label}"):
+            live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
+            if spec.disturbance is not None:
+                check_disturbed(live)
+        compiled[label] = isinstance(live, CompiledPlant)
+    if spec.disturbance is not None:
+        spec.disturbance.start(scene.robot, spec.period, 1, spec.seed)
+    return compiled

@@ -1,0 +1,76 @@
+"""Runs side by side: their table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dqcontrol.measures.tables import Column, Table
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.run import Run
+
+COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
+    "position.settled_mean": Column("mean", "mm", ".3g"),
+    "position.settled_rms": Column("RMS", "mm", ".3g"),
+    "position.settled_peak": Column("max", "mm", ".3g"),
+    "orientation.settled_rms": Column("RMS", "°", ".3g"),
+    "orientation.settled_peak": Column("max", "°", ".3g"),
+    "effort": Column("effort", "rad/√s", ".3g"),
+    "control.peak": Column("peak |u|", "rad/s", ".3g"),
+    "hand_speed.peak": Column("peak speed", "m/s", ".3g"),
+    "hand_acceleration.peak": Column("peak acc.", "m/s²", ".3g"),
+    "limit_margin": Column("limit margin", "rad", ".3g"),
+}
+
+TOUCHED = {  # shown where an obstacle is
+    "peak_contact": Column("peak contact", "N", ".3g"),
+    "recovery_time": Column("recovery", "s", ".3g"),
+}
+
+DRIVEN = {"outside_range": Column("outside range of J", "", ".2g")}  # shown where a differential drive is
+
+SATURATED = {"saturation": Column("at velocity limits", "of time", ".2g")}  # shown where some command was
+TASK = {"task": Column("task")}  # shown where a reference ends at rest, or was not followed
+
+MEANS = (
+    "position.settled_rms",
+    "position.settled_peak",
+    "orientation.settled_rms",
+    "error.integral",
+    "control.integral",
+    "effort",
+)
+"""What tables of means show."""
+
+MOST_CURVES = 12  # in one figure
+
+
+def summary(runs: Mapping[str, Run], title: str = "") -> Table:
+    """Return one row a run; errors in mm and degrees are those after the start that the spec excludes."""
+    rows = ((label, {**run.metrics.flat(), "stopped": run.record.stopped}) for label, run in runs.items())
+    return summary_of(rows, title)
+
+
+def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -> Table:
+    """Return the same of labels with rows as of `Study.rows`."""
+    rows = list(rows)
+    columns = dict(COMPARED)
+    for some in (TOUCHED, DRIVEN):
+        if any(row.get(key) is not None for key in some for _, row in rows):
+            columns |= some
+    if any(row.get("saturation") for _, row in rows):
+        columns |= SATURATED
+    if any(row.get("task") not in (None, "followed", "failed") for _, row in rows):
+        columns |= TASK  # by how much one was not followed is in the columns of its errors
+        cut = {label: str(row["task"]).partition(": errs")[0] for label, row in rows if row.get("task")}
+        rows = [(label, {**row, "task": cut.get(label)}) for label, row in rows]
+    lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
+    return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
+
+
+def write_table(table: Table, folder: Path, name: str) -> None:
+    """Write a table as Markdown, CSV and LaTeX."""
+    for suffix in (".md", ".csv", ".tex"):
+        table.write(folder / f"{name}{suffix}")

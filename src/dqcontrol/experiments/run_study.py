@@ -1,0 +1,143 @@
+"""Running the trials of a study, and keeping those that are finished."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from dqcontrol.errors import DivergedError
+from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.journal import Journal
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.processes import checked_jobs
+from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
+from dqcontrol.experiments.study import Study, by_label
+from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
+from dqcontrol.experiments.working_folder import working_folder
+
+StudyProgress = Callable[[float, int], None]  # trials done, with parts of the one that runs; trials in all
+
+
+def run_study(
+    source: str | Path | dict[str, Any],
+    *,
+    jobs: int | None = None,
+    progress: StudyProgress | None = None,
+    journal: str | Path | None = None,
+) -> Study:
+    """Run every robot, law, parameter set and plant of a spec, as often as it says.
+
+    The same spec gives the same rows to the last bit, whatever the number of jobs.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a dictionary; see `dqcontrol.experiments.Spec`.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, or one if there is little to do.
+    progress
+        Called with the number of trials done, with parts of the one that runs, and of trials in all.
+    journal
+        Working folder that keeps finished trials, so that the same call goes on after an interruption; it stays there
+        when the study is complete. Needs pyarrow.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed, does not fit or is out of reach; before anything moves.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> study = dqc.run_study({
+    ...     "name": "noise", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
+    ...     "reference": {"kind": "circle", "radius": 0.07, "duration": 2},
+    ...     "law": {"kind": "proportional", "gain": 10}, "plant": {"kind": "servo", "encoder_noise": 1e-4},
+    ...     "repeats": 3,
+    ... })
+    >>> [row["seed"] for row in study.rows]
+    [0, 1, 2]
+    """
+    setting = prepare(source)
+    if journal is None:
+        return _run(setting, checked_jobs(jobs), progress, None)
+    with Journal(Path(journal), setting) as kept:
+        return _run(setting, checked_jobs(jobs), progress, kept)
+
+
+def run_study_to(
+    source: str | Path | dict[str, Any],
+    folder: str | Path,
+    *,
+    force: bool = False,
+    jobs: int | None = None,
+    progress: StudyProgress | None = None,
+) -> Study:
+    """Run a study and save it; after an interruption the same call goes on with the trials that are left.
+
+    Finished trials are kept in ``.NAME.part`` beside the folder NAME until the study is complete; only a study that
+    keeps all records of single runs does without.
+
+    Parameters
+    ----------
+    source, jobs, progress
+        As for `run_study`.
+    folder
+        A new folder; a spec of one run makes a folder of a run.
+    force
+        Replace the folder, if it holds earlier results, and discard the finished trials of another spec or version.
+
+    Raises
+    ------
+    Error
+        As for `run_study`, or if the folder must not be written.
+    """
+    setting, target = prepare(source), Path(folder)
+    check_new(target, force=force)
+    jobs = checked_jobs(jobs)
+    if setting.spec.keeps_records and setting.spec.repeats == 1:
+        study = _run(setting, jobs, progress, None)
+        if not study.runs:
+            raise DivergedError(str(study.rows[0]["stopped"]))
+        (next(iter(study.runs.values())) if setting.spec.is_single else study).save(target, force=force)
+        return study
+    with Journal(working_folder(target), setting, force=force) as journal:
+        study = _run(setting, jobs, progress, journal)
+        study.save(target, force=force)
+        journal.discard()
+    return study
+
+
+def _run(
+    setting: Setting, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
+) -> Study:
+    expected = {check.names: check for check in warn_unstable(setting, stacklevel=3)}
+    spec = setting.spec
+    rows = journal.finished() if journal else {}
+    taken_over = len(rows)
+    recordings = journal.recordings if journal and spec.keeps_records else None
+    batches, order = [], []
+    for case in setting.cases:
+        trials = [Trial(case.names, repeat) for repeat in range(spec.repeats)]
+        order += trials
+        if left := [trial.repeat for trial in trials if trial not in rows]:
+            batches.append(Batch(setting, case, left, recordings))
+    report = progress or (lambda done, total: None)
+    report(taken_over, len(order))
+    runs: dict[Trial, Run] = {}
+    jobs = sensible_jobs(batches) if jobs is None else jobs
+    for outcome in outcomes(batches, jobs, lambda done, all_: report(len(rows) + done / all_, len(order))):
+        rows[outcome.trial] = outcome.row
+        if outcome.run is not None:
+            runs[outcome.trial] = replace(outcome.run, expected=expected[outcome.trial.names])
+        if journal:
+            journal.add(outcome)
+        report(len(rows), len(order))
+    metrics = by_label(rows[trial] for trial in order)
+    warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
+    labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
+    return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)

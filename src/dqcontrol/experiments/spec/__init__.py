@@ -1,0 +1,27 @@
+"""What an experiment's YAML says."""
+
+from dqcontrol.experiments.spec.spec import (
+    AnyLaw,
+    AnyPlant,
+    Judged,
+    RobotSpec,
+    Spec,
+    StartedRobotSpec,
+    as_spec,
+    read_data,
+    read_spec,
+    spec_text,
+)
+
+__all__ = [
+    "AnyLaw",
+    "AnyPlant",
+    "Judged",
+    "RobotSpec",
+    "Spec",
+    "StartedRobotSpec",
+    "as_spec",
+    "read_data",
+    "read_spec",
+    "spec_text",
+]

@@ -1,0 +1,69 @@
+"""What can be named by its kind: our own classes, and those that installed packages offer by entry points."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib.metadata import entry_points
+from typing import Any, TypeVar, Union
+
+import msgspec
+
+from dqcontrol.errors import FileFormatError
+
+T = TypeVar("T")
+S = TypeVar("S", bound=msgspec.Struct)
+
+
+def registered(base: type[T], group: str) -> list[type[T]]:
+    """Return all subclasses of a class that have been imported, after those of installed packages were.
+
+    Parameters
+    ----------
+    base
+        The class.
+    group
+        Entry points of this name give the subclasses that other packages offer.
+
+    Raises
+    ------
+    FileFormatError
+        If an entry point cannot be loaded or is no such subclass.
+    """
+    for point in entry_points(group=group):
+        try:
+            offered = point.load()
+        except Exception as error:
+            raise FileFormatError(
+                f"entry point {group}: {point.name} = {point.value} cannot be loaded: {error}"
+            ) from None
+        if not (isinstance(offered, type) and issubclass(offered, base)):
+            raise FileFormatError(f"entry point {group}: {point.value} is no subclass of {base.__name__}")
+    return list(dict.fromkeys(_subclasses(base)))
+
+
+def union_of(base: type[S], group: str = "") -> Any:
+    """Return the union of all kinds of a structure, for a field of a spec: its subclasses with a tag in lower case.
+
+    Raises
+    ------
+    FileFormatError
+        If an entry point is wrong, see `registered`, or two kinds have one tag.
+    """
+    kinds: dict[str, type[S]] = {}
+    for kind in registered(base, group):
+        tag = str(kind.__struct_config__.tag)
+        if not re.fullmatch("[a-z][a-z0-9-]*", tag):
+            continue  # what several kinds share
+        if tag in kinds:
+            raise FileFormatError(
+                f"kind '{tag}': offered by {kinds[tag].__module__} and by {kind.__module__}; rename one"
+            )
+        kinds[tag] = kind
+    return Union[tuple(kinds.values())]  # noqa: UP007
+
+
+def _subclasses(base: type[T]) -> Iterator[type[T]]:
+    for kind in base.__subclasses__():
+        yield kind
+        yield from _subclasses(kind)

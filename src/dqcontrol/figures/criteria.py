@@ -1,0 +1,121 @@
+"""What the published comparisons show of several runs of one task: evaluation criteria and pose over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.figures.style import (
+    DESIRED,
+    DOUBLE,
+    ERROR,
+    FLOOR,
+    at_least,
+    legend_below,
+    line_style,
+    line_widths,
+    logarithmic,
+    new_figure,
+    panels_across,
+    styled,
+)
+from dqcontrol.loop.record import Record, row_norms
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_DECADES = 5  # of the criteria below their peak that are shown
+
+_LABELS = (
+    ERROR,
+    "control [rad/s or m/s]",
+    "joint step [rad or m]",
+    "hand speed [m/s]",
+    "hand acc. [m/s²]",
+)
+
+
+@styled
+def compare_criteria(records: Mapping[str, Record]) -> Figure:
+    """Plot the criteria of several runs of one task, and their poses over the desired one [P16 5.2, Figures 5.2–5.4].
+
+    The criteria are the norms of error, control signal, joint step from sample to sample, velocity and acceleration of
+    the hand, on logarithmic axes that hold both the first peak and what follows; the pose is the hand's position and
+    its orientation as a quaternion.
+
+    Parameters
+    ----------
+    records
+        Runs by label. The desired pose shown is that of the longest.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+
+    Examples
+    --------
+    >>> compare_criteria({"K": first.record, "LQR": second.record})  # doctest: +SKIP
+    """
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    across = max(2, panels_across(3))
+    figure = new_figure(DOUBLE, 1.6 * 12 / across)
+    grid = figure.subplots(12 // across, across, sharex=True)
+    panels = grid.T.ravel()
+    criteria, coordinates, coefficients = panels[:5], panels[5:8], panels[8:]
+    widths = line_widths(len(records))
+    for i, ((label, record), width) in enumerate(zip(records.items(), widths, strict=True)):
+        style = line_style(i) | {"label": label, "lw": width}
+        for axes, (time, values, held) in zip(criteria, _criteria(record), strict=True):
+            axes.plot(time, np.maximum(values, FLOOR), drawstyle="steps-post" if held else "default", **style)
+        for axes, values in zip(coordinates, record.position.T, strict=True):
+            axes.plot(record.time, values, **style)
+        for axes, values in zip(coefficients, _quaternions(record)[0].T, strict=True):
+            axes.plot(record.time, values, **style)
+    longest = max(records.values(), key=lambda record: record.duration)
+    desired = np.hstack([longest.desired_position, _quaternions(longest)[1]])
+    names = [*(f"${name}$ [m]" for name in "xyz"), *(f"orientation ${name}$" for name in "wijk")]
+    for axes, values, name in zip(panels[5:], desired.T, names, strict=True):
+        axes.plot(longest.time, values, color=DESIRED, ls=(0, (5, 3)), lw=0.9, label="desired")
+        axes.set_ylabel(name)
+        at_least(axes, 1e-3)
+    for axes, label in zip(criteria, _LABELS, strict=True):
+        axes.set_ylabel(label)
+        logarithmic(axes, _DECADES)
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    figure.align_ylabels()
+    figure.set_layout_engine("constrained", wspace=0.05)
+    legend_below(figure, coordinates[0])
+    return figure
+
+
+def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:
+    """Return time and value of each criterion, and whether it is held from sample to sample."""
+    time, intervals = record.time, np.diff(record.time)
+    with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
+        velocity = np.diff(record.position, axis=0) / intervals[:, None]
+        acceleration = np.diff(velocity, axis=0) / ((intervals[1:] + intervals[:-1]) / 2)[:, None]
+        return [
+            (time, record.error, False),
+            (time[:-1], row_norms(record.command[:-1]), True),  # the last one moves nothing
+            (time[:-1], row_norms(np.diff(record.q, axis=0)), True),
+            (time[:-1], row_norms(velocity), True),
+            (time[1:-1], row_norms(acceleration), False),
+        ]
+
+
+def _quaternions(record: Record) -> tuple[Array, Array]:
+    """Return the quaternions of hand and desired pose, with signs that do not jump and are the same for all runs."""
+    hand, desired = record.pose[:, :4], record.desired_pose[:, :4]
+    with np.errstate(invalid="ignore", over="ignore"):
+        flips = np.where((desired[1:] * desired[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+        desired = desired * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+        return hand * np.where((hand * desired).sum(axis=1) < 0, -1.0, 1.0)[:, None], desired

@@ -1,0 +1,54 @@
+"""What a disturbance did to the hand, over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.figures.style import DOUBLE, legend_below, line_style, new_figure, styled
+from dqcontrol.loop.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@styled
+def disturbance(record: Record) -> Figure:
+    """Plot the rotation ω and the velocity of the hand ṗ = v − p × ω that the disturbance gave it, inertial axes.
+
+    Parameters
+    ----------
+    record
+        A run with a disturbance.
+
+    Raises
+    ------
+    ShapeError
+        If it had none.
+
+    Examples
+    --------
+    >>> disturbance(run.record).savefig("disturbance.png")  # doctest: +SKIP
+    """
+    if record.disturbance is None:
+        raise ShapeError("record: holds no disturbance")
+    omega = record.disturbance[:, :3]
+    with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
+        velocity = record.disturbance[:, 3:] - np.cross(record.position, omega)
+    figure = new_figure(DOUBLE, 3.8)
+    panels = figure.subplots(2, 1, sharex=True)
+    for axes, values, label in zip(
+        panels, (omega, velocity), ("rotation [rad/s]", "velocity of hand [m/s]"), strict=True
+    ):
+        for i, name in enumerate("xyz"):
+            axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **line_style(i))
+        axes.set_ylabel(label)
+        low, high = axes.get_ylim()
+        if high - low < 1e-6:  # nothing but round-off
+            axes.set_ylim(-1e-3, 1e-3)
+    panels[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
+    legend_below(figure, panels[0])
+    return figure

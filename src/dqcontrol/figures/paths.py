@@ -1,0 +1,174 @@
+"""Figures of the hand's path in space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError
+from dqcontrol.figures.style import (
+    DESIRED,
+    DOUBLE,
+    NEUTRAL,
+    PANE,
+    legend_below,
+    line_style,
+    new_figure,
+    panels_across,
+    styled,
+)
+from dqcontrol.loop.record import Record
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_FLAT = 0.05  # a path counts as planar if it is this many times thinner than long
+_NAMES = "xyz"
+
+
+@styled
+def path_3d(record: Record) -> Figure:
+    """Plot the hand's path over the desired one; beside it a front view if the desired path is planar.
+
+    Axes have one scale. Start and end of the hand are marked, and the target if the desired pose rests.
+
+    Parameters
+    ----------
+    record
+        The run; samples that are not finite are left out.
+
+    Examples
+    --------
+    >>> path_3d(run.record).savefig("path.pdf")  # doctest: +SKIP
+    """
+    return _paths({"hand": record})
+
+
+@styled
+def compare_paths(records: Mapping[str, Record]) -> Figure:
+    """Plot the hand's paths of several runs by label, over the first run's desired path; see `path_3d`.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+    """
+    return _paths(records)
+
+
+def _paths(records: Mapping[str, Record]) -> Figure:
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator
+
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    hands = {label: _finite(record.position) for label, record in records.items()}
+    desired = _finite(next(iter(records.values())).desired_position)
+    everything = np.concatenate([desired, *hands.values()])
+    moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
+    plane = path_plane(desired) if moving else None
+
+    rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
+    figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
+    space: Any = figure.add_subplot(rows, across, 1, projection="3d")
+    _draw(space, desired, hands, np.eye(3), moving)
+    _frame_space(space, everything, plane, 0.88 if across == 2 or not plane else 0.8)
+    if plane:
+        axes_of_plane, labels = plane
+        front = figure.add_subplot(rows, across, 2)
+        _draw(front, desired, hands, axes_of_plane, moving)
+        front.set_aspect("equal", adjustable="datalim")
+        front.set_xlabel(labels[0])
+        front.set_ylabel(labels[1])
+        front.margins(0.08)
+        for axis in (front.xaxis, front.yaxis):
+            axis.set_major_locator(MaxNLocator(6))
+        figure.set_layout_engine("constrained", wspace=0.12)
+    marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
+    legend_below(figure, space, marks)
+    return figure
+
+
+def _draw(axes: Any, desired: Array, hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
+    """Draw all paths, projected onto the rows of a matrix."""
+    for i, (label, hand) in enumerate(hands.items()):
+        points = (hand @ onto.T).T
+        style = line_style(i)
+        axes.plot(*points, label=label, **style)
+        for kind, at in (("start", slice(0, 1)), ("end", slice(-1, None))):
+            axes.plot(*points[:, at], **_mark(kind, style["color"]))
+    points = (desired @ onto.T).T
+    if moving:
+        axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label="desired")
+    else:
+        axes.plot(*points[:, :1], color=DESIRED, marker="+", ms=10, mew=1.6, ls="", label="target")
+
+
+def _mark(kind: str, colour: str) -> dict[str, Any]:
+    """Return the style of the mark at the start (an open circle) or end (a square) of a path."""
+    face = "white" if kind == "start" else colour
+    return {
+        "ls": "",
+        "marker": "o" if kind == "start" else "s",
+        "ms": 6,
+        "mew": 1.4,
+        "mec": colour,
+        "mfc": face,
+    }
+
+
+def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] | None, zoom: float) -> None:
+    """Give a 3-D view one scale, room for its ticks, and an oblique view onto the path's plane."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = max(float((high - low).max()), 1e-3)
+    size = np.maximum(1.1 * (high - low), 0.6 * longest)
+    middle = (low + high) / 2
+    for name, centre, extent in zip(_NAMES, middle, size, strict=True):
+        getattr(axes, f"set_{name}lim")(centre - extent / 2, centre + extent / 2)
+        getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=2)
+        axis = getattr(axes, f"{name}axis")
+        axis.set_major_locator(MaxNLocator(4 if extent > 0.8 * size.max() else 3))
+        axis.set_pane_color(PANE)
+    axes.set_box_aspect(size, zoom=zoom)
+    axes.tick_params(pad=0)
+    elevation, azimuth = 24.0, -58.0
+    if plane:
+        normal = np.cross(*plane[0])
+        if abs(normal[2]) > 0.8:
+            elevation = 42.0
+        else:  # look at the front side, from 32° beside it
+            azimuth = np.degrees(np.arctan2(normal[1], normal[0])) + 32.0
+    axes.view_init(elev=elevation, azim=azimuth)
+
+
+def path_plane(points: Array) -> tuple[Array, tuple[str, str]] | None:
+    """Return two axes that span the plane of the points and their labels, or None if they lie in no plane."""
+    if len(points) < 3:
+        return None
+    extents = np.ptp(points, axis=0)
+    centred = points - points.mean(axis=0)
+    _, spread, directions = np.linalg.svd(centred, full_matrices=False)
+    if spread[2] > _FLAT * spread[0] or spread[1] < _FLAT * spread[0]:
+        return None
+    across = int(extents.argmin())
+    if extents[across] <= _FLAT * extents.max():
+        first, second = (i for i in range(3) if i != across)
+        return np.eye(3)[[first, second]], (f"{_NAMES[first]} [m]", f"{_NAMES[second]} [m]")
+    normal = directions[2]
+    right = np.cross([0, 0, 1.0], normal)  # horizontal; the normal is not vertical, or z were the thin axis
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(normal, right)]), (
+        "horizontal in the plane [m]",
+        "upwards in the plane [m]",
+    )
+
+
+def _finite(points: Array) -> Array:
+    return points[np.isfinite(points).all(axis=1)]

@@ -1,0 +1,164 @@
+"""The figures of one run, and those of several runs together; and these written to files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from dqcontrol.figures.base_paths import base_path, has_base, superimposed
+from dqcontrol.figures.criteria import compare_criteria
+from dqcontrol.figures.disturbances import disturbance
+from dqcontrol.figures.figure_files import check_figure_files, save_figures
+from dqcontrol.figures.lyapunov_plot import lyapunov
+from dqcontrol.figures.paths import compare_paths, path_3d
+from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
+from dqcontrol.figures.readings import has_margins, has_readings, limit_margins, readings
+from dqcontrol.figures.task_range_plot import range_condition
+from dqcontrol.figures.timing_plot import timing_histogram
+from dqcontrol.loop.clock import Timing
+from dqcontrol.loop.record import Record
+from dqcontrol.measures.task_range import RANGE, TaskRange
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from dqcontrol.measures.lyapunov import Certificate
+
+Draw = Callable[[], "Figure"]
+
+
+def run_figures(
+    record: Record,
+    limits: Limits | None = None,
+    *,
+    joint_units: Sequence[str] | None = None,
+    input_units: Sequence[str] | None = None,
+    robot: Robot | None = None,
+    timing: Timing | None = None,
+    certificate: Certificate | None = None,
+) -> dict[str, Draw]:
+    """Return what draws each figure of a run, by name: ``path``, ``errors``, ``pose``, ``joints``.
+
+    And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces),
+    ``range`` (the range condition), ``lyapunov`` and ``timing``; of a robot that drives also ``base``, where its base
+    went, and ``motion``, the robot at several times.
+
+    Parameters
+    ----------
+    record
+        The run.
+    limits, joint_units
+        As for `joint_angles`.
+    input_units
+        As for `control_signals`.
+    robot
+        Of whom the run is; needed for ``base`` and ``motion``.
+    timing
+        How a run in real time kept time.
+    certificate
+        Of its Lyapunov function.
+    """
+    draw: dict[str, Draw] = {"path": lambda: path_3d(record)}
+    if robot is not None and has_base(robot):
+        moved = cast(Robot, robot)
+        draw["base"] = lambda: base_path(moved, {"": record})
+        draw["motion"] = lambda: superimposed(moved, {"": record})
+    draw |= {
+        "errors": lambda: errors(record),
+        "pose": lambda: pose_coefficients(record),
+        "joints": lambda: joint_angles(record, limits, joint_units),
+    }
+    if limits is not None and has_margins(limits):
+        draw["margins"] = lambda: limit_margins(record, limits)
+    if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
+        draw["inputs"] = lambda: control_signals(record, input_units)
+    if record.disturbance is not None:
+        draw["disturbance"] = lambda: disturbance(record)
+    if has_readings(record):
+        draw["readings"] = lambda: readings(record)
+    if RANGE in record.readings:
+        draw["range"] = lambda: range_condition(TaskRange.recorded(record), record.error)
+    if certificate is not None:
+        draw["lyapunov"] = lambda: lyapunov(certificate)
+    if timing is not None and len(timing.begin) > 1:
+        draw["timing"] = lambda: timing_histogram(timing)
+    return draw
+
+
+def save_plots(
+    record: Record,
+    folder: str | Path,
+    limits: Limits | None = None,
+    *,
+    joint_units: Sequence[str] | None = None,
+    input_units: Sequence[str] | None = None,
+    formats: Sequence[str] = ("png",),
+    robot: Robot | None = None,
+) -> list[Path]:
+    """Write all figures of a run, as `run_figures` draws them.
+
+    Parameters
+    ----------
+    record, limits, joint_units, input_units, robot
+        As for `run_figures`.
+    folder
+        Made if missing; must not hold files of these names.
+    formats
+        Any of ``"png"``, ``"svg"``, ``"pdf"``.
+
+    Returns
+    -------
+    The files.
+
+    Raises
+    ------
+    ExistsError
+        If a file exists; then none is written.
+    UnknownNameError, ShapeError
+        If a format or unit does not exist, or something does not fit the record.
+
+    Examples
+    --------
+    >>> save_plots(run.record, "out", robot.limits, formats=["png", "svg"])  # doctest: +SKIP
+    """
+    draw = run_figures(record, limits, joint_units=joint_units, input_units=input_units, robot=robot)
+    check_figure_files(list(draw), Path(folder), formats)
+    return save_figures({name: each() for name, each in draw.items()}, folder, formats)
+
+
+def comparison_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
+    """Return what draws the figures of several runs together, by name: ``paths``, ``errors`` and ``criteria``."""
+    return {
+        "paths": lambda: compare_paths(records),
+        "errors": lambda: compare_errors(records),
+        "criteria": lambda: compare_criteria(records),
+    }
+
+
+def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[Path]:
+    """Write the figures that show several runs together, as `comparison_figures` draws them, as PNG.
+
+    Parameters
+    ----------
+    records
+        Runs by label.
+    folder
+        Made if missing; must not hold files of these names.
+
+    Returns
+    -------
+    The files.
+
+    Raises
+    ------
+    ExistsError
+        If a file exists; then none is written.
+    """
+    draw = comparison_figures(records)
+    check_figure_files(list(draw), Path(folder), ["png"])
+    return save_figures({name: each() for name, each in draw.items()}, folder)

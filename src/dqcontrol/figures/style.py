@@ -1,0 +1,197 @@
+"""The look that all figures share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+from dqcontrol.errors import unknown_name
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+P = ParamSpec("P")
+
+WIDTHS = {"single": 3.5, "double": 7.16}  # in; one and both columns of a journal's page
+DOUBLE = WIDTHS["double"]
+# Okabe and Ito's colours, told apart by every kind of colour vision, with Tol's wine for their pale yellow.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255")
+DESIRED, LIMIT, NEUTRAL = "#222222", "#B2182B", "#555555"
+PANE = (0.97, 0.97, 0.97, 1.0)  # the walls of figures in space
+FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
+LINES = ("-", "--", "-.", ":")
+ERROR = r"$|1 - x^{*} x_d|$"  # label of the norm of an error, which has no unit
+MARKERS = ("o", "s", "^", "D", "v")
+
+_width = ContextVar("width", default=DOUBLE)
+
+_STYLE: Any = {
+    "axes.labelsize": "medium",
+    "axes.titlesize": "medium",
+    "xtick.labelsize": "medium",
+    "ytick.labelsize": "medium",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#666666",
+    "axes.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.use_mathtext": True,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.7,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": "medium",
+    "figure.facecolor": "white",
+}
+
+
+@contextmanager
+def column_width(name: str) -> Iterator[None]:
+    """Draw figures for one column of a journal's page or, as they are without it, for both.
+
+    Parameters
+    ----------
+    name
+        ``"single"`` (3.5 in) or ``"double"`` (7.16 in).
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such width.
+
+    Examples
+    --------
+    >>> with column_width("single"):  # doctest: +SKIP
+    ...     errors(run.record).savefig("errors.pdf")
+    """
+    if name not in WIDTHS:
+        raise unknown_name("width", name, WIDTHS)
+    token = _width.set(WIDTHS[name])
+    try:
+        yield
+    finally:
+        _width.reset(token)
+
+
+def styled(function: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Make a figure in the common style, whatever the user's settings are."""
+
+    @wraps(function)
+    def wrapper(*arguments: P.args, **options: P.kwargs) -> Figure:
+        import matplotlib
+
+        style = _STYLE | {"font.size": 9 if _width.get() == DOUBLE else 8}
+        with matplotlib.rc_context(matplotlib.rcParamsDefault), matplotlib.rc_context(style):
+            figure = function(*arguments, **options)
+            _simplify_ticks(figure)
+        for axes in figure.axes:  # ticks come into being later, outside the context
+            axes.tick_params(
+                which="both", labelsize=style["font.size"] - 1, color="#666666", labelcolor="#444444"
+            )
+            axes.tick_params(grid_color="#e4e4e4", grid_linewidth=0.7)
+        return figure
+
+    return wrapper
+
+
+def _simplify_ticks(figure: Figure) -> None:
+    """Let plain numbers at axes be plain text: as formulas, which look the same, they take most of the drawing time."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Plain(ScalarFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+
+    for axes in figure.axes:
+        for axis in axes._axis_map.values():
+            if type(axis.get_major_formatter()) is ScalarFormatter:
+                axis.set_major_formatter(Plain())
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of this size, in, but no wider than its column, outside pyplot's global state."""
+    from dqcontrol.figures.notebook_figure import NotebookFigure
+
+    return NotebookFigure(figsize=(min(width, _width.get()), height), dpi=160, layout="constrained")
+
+
+def panels_across(most: int) -> int:
+    """Return how many of so many panels stand side by side in the column that figures are drawn for."""
+    return max(1, round(most * _width.get() / DOUBLE - 0.3))
+
+
+def line_style(index: int) -> dict[str, Any]:
+    """Return colour and dashes of the n-th curve; 28 differ, and neighbours in both, for prints without colours."""
+    return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINES[index % len(LINES)]}
+
+
+def line_widths(count: int) -> Sequence[float]:
+    """Return widths for curves that may coincide: each is thinner than those it is drawn over."""
+    return [2.0 - i / max(count - 1, 1) for i in range(count)]
+
+
+def mark_style(index: int) -> dict[str, Any]:
+    """Return colour and form of the n-th kind of points; 35 differ, and neighbours in both."""
+    colour = COLOURS[index % len(COLOURS)]
+    return {
+        "linestyle": "",
+        "marker": MARKERS[index % len(MARKERS)],
+        "ms": 4,
+        "mec": colour,
+        "mfc": "white",
+        "mew": 1.0,
+    }
+
+
+def legend_below(figure: Figure, axes: Axes, extra: Sequence[Artist] = ()) -> None:
+    """Put the legend of the axes, and of more artists, under the figure, never over data nor beyond the paper."""
+    handles = [*axes.get_legend_handles_labels()[0], *extra]
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    most = max(int(figure.get_figwidth() / (0.6 + 0.075 * longest)), 1)  # in: line and gap, a letter
+    rows = -(-len(handles) // most)
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=-(-len(handles) // rows),  # none much shorter than the others
+        handlelength=2.8,
+    )
+
+
+def at_least(axes: Axes, span: float) -> None:
+    """Widen an axis that shows little more than round-off."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - span / 2, middle + span / 2)
+
+
+def logarithmic(axes: Axes, decades: float = math.inf) -> None:
+    """Make the y axis of drawn curves logarithmic, with labels that do not crowd.
+
+    Parameters
+    ----------
+    axes
+        With all its curves.
+    decades
+        What lies farther below the highest value is cut off.
+    """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    low = max(low, high * 10.0**-decades)
+    axes.set_ylim(bottom=low)
+    if high < 10 * low:
+        fine = high > 2.5 * low
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if fine else (1, 1.2, 1.5, 2, 3, 4, 5, 6, 8)))
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}".replace("-", "−"))
+    axes.yaxis.set_minor_formatter(NullFormatter())

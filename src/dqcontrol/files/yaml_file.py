@@ -1,0 +1,238 @@
+"""YAML files read strictly into typed structures, with errors that name the file and the field."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from itertools import compress
+from pathlib import Path
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+import msgspec
+import yaml
+from yaml.composer import ComposerError
+from yaml.constructor import ConstructorError
+
+from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.files.input_file import read_whole
+
+T = TypeVar("T")
+
+LARGEST_YAML = (
+    2_000_000  # bytes; the largest that people write have some kB, and reading takes 10 s for each MB
+)
+_MERGED = "aliases are not read here; write the value out"
+
+
+def read_yaml(path: str | Path, schema: type[T]) -> T:
+    """Read a YAML file into a structure.
+
+    Parameters
+    ----------
+    path
+        UTF-8 file.
+    schema
+        A `msgspec.Struct` class; give it ``forbid_unknown_fields=True``.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, is no YAML, repeats a key, or does not fit the schema: ``path: field: …``.
+    """
+    return convert(path, parse_yaml(path, read_text(path)), schema)
+
+
+def read_text(path: str | Path) -> str:
+    """Return the text of a UTF-8 file."""
+    try:
+        return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from None
+
+
+def parse_yaml(path: str | Path, text: str) -> Any:
+    """Return the plain data of one YAML document; ``path`` is for the messages.
+
+    Only finite numbers are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a number and ``OFF``, ``no``
+    and the like are text; YAML 1.1 has it the other way round.
+    """
+    try:
+        data = yaml.load(text, Loader=_StrictLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f":{mark.line + 1}" if mark else ""
+        raise FileFormatError(f"{path}{line}: {error.problem or error.context}") from None
+    except yaml.YAMLError as error:  # a character that YAML excludes
+        raise FileFormatError(f"{path}: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise FileFormatError(f"{path}: is nested too deeply") from None
+    except ValueError as error:  # a date or integer that Python cannot hold
+        raise FileFormatError(f"{path}: {error}") from None
+    for field, number in _numbers(data):
+        if not math.isfinite(number):
+            raise FileFormatError(f"{path}: {field}: must be finite, got {number}")
+    return data
+
+
+def convert(path: str | Path, data: Any, schema: type[T]) -> T:
+    """Return plain data as a structure; ``path`` is for the messages."""
+    try:
+        return msgspec.convert(data, schema)
+    except msgspec.ValidationError as error:
+        raise FileFormatError(f"{path}: {_reworded(str(error), data, schema)}") from None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Safe loading without repeated keys and without aliases, which can grow a small file to any size."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            raise ComposerError(None, None, _MERGED, self.peek_event().start_mark)
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen = set()
+        for key_node, _ in node.value:
+            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else None
+            if key in seen:
+                raise ConstructorError(None, None, f"key '{key}' appears twice", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_BOOL = "tag:yaml.org,2002:bool"
+_StrictLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in found if tag != _BOOL]
+    for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_StrictLoader.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
+    list("-+0123456789"),
+)
+
+
+def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _numbers(value, f"{field}.{key}" if field else str(key))
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from _numbers(value, f"{field}[{i}]")
+    elif isinstance(data, float):
+        yield field, data
+
+
+def _reworded(message: str, data: Any, schema: Any) -> str:
+    """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?"."""
+    text, _, place = message.partition(" - at ")
+    text = text.replace("`", "'")
+    field, kinds, around = "", [schema], []
+    for key, index in re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.strip("`")):
+        if index and index != "...":
+            field, data = f"{field}[{index}]", data[int(index)]
+            continue
+        if index:
+            kinds = [inner for kind in kinds for inner in _values(kind)]
+            step = _unfit(kinds, data)
+        else:
+            step, around = key, list(_structs(kinds))
+            hints = [get_type_hints(struct, include_extras=True) for struct in _chosen(around, data)]
+            kinds = [hint[key] for hint in hints if key in hint]
+        field = f"{field}.{step}" if field else str(step)
+        data = data.get(step) if isinstance(data, dict) else None
+    prefix = f"{field}: " if field and not text.startswith(f"{field}.") else ""
+    if place.startswith("`key` in") and text.startswith("Expected 'str', got"):
+        odd = next(key for key in data if not isinstance(key, str))
+        return f"{prefix}names are text; put {odd!r} in quotes"
+    if text == "Expected 'bool', got 'str'":
+        return f"{prefix}expected true or false, got {data!r:.80}"
+    if match := re.fullmatch(r"Object contains unknown field '(.*)'", text):
+        allowed = _keys(_chosen(list(_structs(kinds)), data))
+        return f"{prefix}unknown key '{match[1]}'{_instead(match[1], allowed)}"
+    if match := re.fullmatch(r"Object missing required field '(.*)'", text):
+        return f"{prefix}missing key '{match[1]}'"
+    if match := re.fullmatch(r"Invalid value '(.*)'", text):
+        tags = [str(struct.__struct_config__.tag) for struct in around]
+        return f"{prefix}unknown name '{match[1]}'{_instead(match[1], tags)}"
+    if match := re.fullmatch(r"Invalid enum value '(.*)'", text):
+        return f"{prefix}unknown name '{match[1]}'{_instead(match[1], list(_literals(kinds)))}"
+    if " matching regex " in text:
+        text = f"Expected {next(_patterns(kinds), text)}"
+        data = _unfit_label(kinds, data) if place.startswith("`key`") else data
+    text = text[:1].lower() + text[1:]
+    return prefix + text if ", got " in text else f"{prefix}{text}, got {data!r:.80}"
+
+
+def _instead(name: str, allowed: list[str]) -> str:
+    allowed = list(dict.fromkeys(allowed))
+    return f"{suggest(name, allowed)} (allowed: {', '.join(allowed)})"
+
+
+def _chosen(structs: list[Any], data: Any) -> list[Any]:
+    """Return those structures that the data's tag names, or all."""
+    tagged = [s.__struct_config__ for s in structs]
+    fits = (isinstance(data, dict) and data.get(c.tag_field) == c.tag for c in tagged)
+    return list(compress(structs, fits)) or structs
+
+
+def _keys(structs: list[Any]) -> list[str]:
+    tags = [s.__struct_config__.tag_field for s in structs if s.__struct_config__.tag_field]
+    return tags + [field.encode_name for s in structs for field in msgspec.structs.fields(s)]
+
+
+def _unfit(kinds: list[Any], data: Any) -> Any:
+    """Return the key of the first entry that cannot be converted, because msgspec does not name it."""
+    for key, value in data.items():
+        try:
+            msgspec.convert(value, Union[tuple(kinds)])  # noqa: UP007
+        except msgspec.ValidationError:
+            return key
+    return "…"
+
+
+def _unfit_label(kinds: list[Any], data: Any) -> Any:
+    """Return the first label that its pattern does not allow."""
+    patterns = [meta.pattern for meta in _metas(kinds) if meta.pattern]
+    return next((label for label in data if not any(re.search(p, str(label)) for p in patterns)), data)
+
+
+def _values(kind: Any) -> Iterator[Any]:
+    """Find the types of the values of all dictionaries in a type."""
+    if get_origin(kind) is dict:
+        yield get_args(kind)[1]
+    else:
+        for inner in get_args(kind):
+            yield from _values(inner)
+
+
+def _structs(kinds: Any) -> Iterator[Any]:
+    """Find all structures in types."""
+    for kind in kinds:
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            yield kind
+        yield from _structs(get_args(kind))
+
+
+def _literals(kinds: Any) -> Iterator[str]:
+    """Find all allowed texts in types."""
+    for kind in kinds:
+        if get_origin(kind) is Literal:
+            yield from (value for value in get_args(kind) if isinstance(value, str))
+        else:
+            yield from _literals(get_args(kind))
+
+
+def _patterns(kinds: Any) -> Iterator[str]:
+    """Find what the patterns of texts in types mean."""
+    yield from (meta.description for meta in _metas(kinds) if meta.pattern and meta.description)
+
+
+def _metas(kinds: Any) -> Iterator[Any]:
+    for kind in kinds:
+        yield from getattr(kind, "__metadata__", ())
+        yield from _metas(get_args(kind))

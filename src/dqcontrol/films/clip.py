@@ -1,0 +1,261 @@
+"""Clips and picture strips of runs, drawn from their recordings by MuJoCo."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import (
+    FileFormatError,
+    ValueRangeError,
+    as_array,
+    as_count,
+    as_positive,
+    writing,
+)
+from dqcontrol.files.whole_file import whole_file
+from dqcontrol.films.clip_file import CLIPS, import_av, write_clip
+from dqcontrol.films.film import Film, frames
+from dqcontrol.films.film_arm import film_arm
+from dqcontrol.films.film_mobile import film_mobile
+from dqcontrol.films.physics_picture import render_run
+from dqcontrol.films.picture_file import check_picture_file
+from dqcontrol.plants.mobile import MobilePlant
+from dqcontrol.robots.serial_arm import SerialArm
+
+if TYPE_CHECKING:
+    from dqcontrol.loop.record import Record
+    from dqcontrol.plants.plant import Plant
+    from dqcontrol.robots.robot import Robot
+
+_MOST_FRAMES = 3000
+_SLOWEST, _FASTEST = 0.1, 100  # frames a second; a GIF counts hundredths of a second
+
+
+def render_clip(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    path: str | Path,
+    *,
+    speed: float = 1.0,
+    rate: float = 25.0,
+    width: int = 640,
+    height: int = 480,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] = lambda drawn, total: None,
+) -> None:
+    """Save a clip of an arm, or of a mobile manipulator that was in physics, with the time in its corner.
+
+    Of an arm also the desired path (dashed, blue), the hand's path so far (red), and the balls in its way.
+
+    Parameters
+    ----------
+    robot, plant, record
+        What moved, in which plant, and what happened; a saved recording will do. An arm needs no plant.
+    path
+        Where to save it: ``.mp4``, ``.webp``, or ``.gif``; the last two play for ever.
+    speed
+        How much faster than it was.
+    rate
+        Frames a second.
+    width, height
+        Pixels; even for ``.mp4``.
+    azimuth, elevation
+        Direction of view, degrees; negative elevations look down. By default from before and above.
+    overwrite
+        True to replace an existing file.
+    progress
+        Told how many frames of how many are drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed, this machine has no OpenGL, or ``.mp4`` is wanted without PyAV.
+    ExistsError, FileFormatError
+        If the file exists, its folder does not, or its ending is another.
+    ShapeError, ValueRangeError
+        If the recording is not of this robot and plant, a number does not fit, or it cannot be drawn.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> run = dqc.run("examples/circle.yaml")  # doctest: +SKIP
+    >>> render_clip(run.robot, None, run.record, "circle.webp")  # doctest: +SKIP
+    """
+    target = _target(path, CLIPS, overwrite)
+    step = as_positive("speed", speed) / as_positive("rate", rate)
+    count = int(record.time[-1] / step + 1e-9) + 1
+    if count > _MOST_FRAMES:
+        raise ValueRangeError(f"rate: makes {count} frames, at most {_MOST_FRAMES} are drawn; or more speed")
+    if not _SLOWEST <= rate <= _FASTEST:
+        raise ValueRangeError(f"rate: must lie in {_SLOWEST} … {_FASTEST} frames a second, got {rate:g}")
+    if target.suffix.lower() == ".mp4":
+        import_av()  # before the work: it may be missing
+        if width % 2 or height % 2:
+            raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
+    moments = np.linspace(0.0, step * (count - 1), count)
+    pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
+    with writing(target), whole_file(target, overwrite=overwrite) as draft:
+        write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
+
+
+def render_whole(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    path: str | Path,
+    *,
+    width: int = 640,
+    height: int = 480,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Save one picture of a whole run as a PNG file.
+
+    An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
+    manipulator there is a strip of six pictures at equal times.
+
+    Parameters
+    ----------
+    robot, plant, record, azimuth, elevation, overwrite
+        As for `render_clip`.
+    path
+        Where to save it, ``.png``.
+    width, height
+        Of each picture, pixels.
+
+    Raises
+    ------
+    Error
+        As `render_clip`.
+    """
+    look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
+    if isinstance(plant, MobilePlant):
+        times = np.linspace(0.0, record.time[-1], 6).tolist()
+        render_strip(robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, **look)
+        return
+    film = _film(robot, plant, record)
+    render_run(
+        robot,
+        record.q,
+        record.pose,
+        record.desired[:, :8],
+        path,
+        azimuth=film.azimuth if azimuth is None else azimuth,
+        elevation=film.elevation if elevation is None else elevation,
+        **look,
+    )
+
+
+def render_strip(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    path: str | Path,
+    times: Sequence[float],
+    *,
+    columns: int = 3,
+    width: int = 480,
+    height: int = 360,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Save pictures of a run at some times, side by side in one PNG file, each with its time.
+
+    Parameters
+    ----------
+    robot, plant, record
+        As for `render_clip`.
+    path
+        Where to save the file, ``.png``.
+    times
+        s.
+    columns
+        Pictures in a row.
+    width, height
+        Of each picture, pixels.
+    azimuth, elevation, overwrite
+        As for `render_clip`.
+
+    Raises
+    ------
+    Error
+        As `render_clip`.
+    """
+    target = _target(path, (".png",), overwrite)
+    moments = as_array("times", times, (None,))
+    if moments.ndim != 1 or not len(moments) or moments.min() < 0 or moments.max() > record.time[-1] + 1e-9:
+        raise ValueRangeError(f"times: must lie in 0 … {record.time[-1]:g} s, got {times}")
+    across = as_count("columns", columns)
+    if not across:
+        raise ValueRangeError("columns: must be ≥ 1, got 0")
+    pictures = list(_pictures(robot, plant, record, moments, (width, height), (azimuth, elevation)))
+    rows = math.ceil(len(pictures) / across)
+    sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
+    for k, picture in enumerate(pictures):
+        sheet.paste(picture, (k % across * width, k // across * height))
+    with writing(target), whole_file(target, overwrite=overwrite) as draft:
+        sheet.save(draft)
+
+
+def _told(pictures: Iterable[Any], count: int, progress: Callable[[int, int], None]) -> Iterator[Any]:
+    """Give pictures on, and tell how many there were."""
+    progress(0, count)
+    for drawn, picture in enumerate(pictures, 1):
+        yield picture
+        progress(drawn, count)
+
+
+def _pictures(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    times: NDArray[np.float64],
+    size: tuple[int, int],
+    view: tuple[float | None, float | None],
+) -> Iterator[Any]:
+    """Give the pictures of a run at some times, with the time in their corner."""
+    if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
+        raise ValueRangeError(f"width, height: must be ≥ 1, got {size[0]} and {size[1]}")
+    for field, angle in zip(("azimuth", "elevation"), view, strict=True):
+        if angle is not None and not math.isfinite(angle):
+            raise ValueRangeError(f"{field}: must be finite, got {angle}")
+    image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
+    samples = np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1)
+    film = _film(robot, plant, record)
+    for time, pixels in zip(times, frames(film, samples, *size, *view), strict=True):
+        picture = image.fromarray(pixels)
+        drawing.Draw(picture).text((12, 8), f"{time:.1f} s", fill=(20, 20, 20), font_size=size[1] / 18)
+        yield picture
+
+
+def _film(robot: Robot, plant: Plant | None, record: Record) -> Film:
+    """Return what a camera needs of a run."""
+    if isinstance(plant, MobilePlant):
+        return film_mobile(robot, plant, record)
+    if isinstance(robot, SerialArm):
+        return film_arm(robot, plant, record)
+    raise ValueRangeError(
+        f"clip: draws arms, and mobile manipulators that were in physics (plant: {{kind: mobile}}); "
+        f"to see {robot.name}: dqcontrol view"
+    )
+
+
+def _target(path: str | Path, endings: Sequence[str], overwrite: bool) -> Path:
+    """Return where to save, or say why that cannot be."""
+    target = Path(path)
+    if target.suffix.lower() not in endings:
+        raise FileFormatError(f"{target}: must end in {' or '.join(endings)}, got '{target.suffix}'")
+    check_picture_file(target, overwrite=overwrite)
+    return target

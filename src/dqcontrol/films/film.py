@@ -1,0 +1,86 @@
+"""Pictures of a run at some of its samples, by MuJoCo without a window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.films.framing import Room
+from dqcontrol.films.offscreen import offscreen, renderer
+from dqcontrol.films.scene_background import add_stage
+from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco
+
+Pixels = NDArray[np.uint8]
+
+_SHADOWS, _SLICES = 2048, 32  # less than for single pictures, as there are many
+
+
+@dataclass(frozen=True)
+class Film:
+    """What a camera needs of a run.
+
+    Attributes
+    ----------
+    spec
+        ``mjSpec`` of all that moves, without floor and light.
+    room
+        Where to look.
+    configurations
+        Gives MuJoCo's coordinates at each sample, shape (N, nq), for the compiled model.
+    azimuth, elevation
+        Direction of view unless another is asked for, degrees.
+    decorate
+        Adds to MuJoCo's scene what belongs to sample k.
+    decorations
+        How many shapes that are at most.
+    """
+
+    spec: Any
+    room: Room
+    configurations: Callable[[Any], NDArray[np.float64]]
+    azimuth: float
+    elevation: float
+    decorate: Callable[[Any, int], None] = lambda scene, k: None
+    decorations: int = 0
+
+
+def frames(
+    film: Film,
+    samples: Sequence[int] | NDArray[np.int_],
+    width: int,
+    height: int,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+) -> Iterator[Pixels]:
+    """Give the pictures of some samples one after the other, shapes (height, width, 3).
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed, or this machine has no OpenGL.
+    """
+    mujoco = import_mujoco()
+    room, towards = film.room, film.azimuth if azimuth is None else azimuth
+    add_stage(mujoco, film.spec, room.reach, room.floor, towards, (width, height))
+    film.spec.visual.quality.shadowsize, film.spec.visual.quality.numslices = _SHADOWS, _SLICES
+    model = compiled(film.spec)
+    data = mujoco.MjData(model)
+    configurations = film.configurations(model)
+    scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100 + film.decorations)
+    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
+    options.geomgroup[4] = 0
+    camera.lookat[:], camera.distance = room.middle, room.distance
+    camera.azimuth, camera.elevation = towards, film.elevation if elevation is None else elevation
+    everything = mujoco.mjtCatBit.mjCAT_ALL.value
+    with offscreen(width, height), renderer(model, width, height) as draw:
+        for k in samples:
+            data.qpos[:] = configurations[k]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_camlight(model, data)
+            mujoco.mjv_updateScene(model, data, options, nobody, camera, everything, scene)
+            film.decorate(scene, int(k))
+            yield draw(scene)

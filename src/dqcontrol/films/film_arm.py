@@ -1,0 +1,71 @@
+"""An arm's run for the camera: the arm, the desired path, the hand's path so far, and what is in its way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dqcontrol.algebra import translation
+from dqcontrol.errors import ShapeError
+from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.film import Film
+from dqcontrol.films.framing import room_of_arm
+from dqcontrol.plants.compliant import CompliantPlant
+from dqcontrol.plants.compliant.obstacle import Obstacle
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
+
+if TYPE_CHECKING:
+    from dqcontrol.loop.record import Record
+    from dqcontrol.plants.plant import Plant
+    from dqcontrol.robots.robot import Robot
+
+_POSTURES = 50  # looked at to find the room of an arm
+_PIECES = 150  # of a path, at most: they take most of the time
+_BALL = (0.55, 0.35, 0.65, 0.6)
+
+
+def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
+    """Return what a camera needs of an arm's run.
+
+    Raises
+    ------
+    ShapeError
+        If the recording is not of this robot.
+    """
+    if record.q.shape[1] != robot.configuration_size:
+        raise ShapeError(
+            f"record: is not of {robot.name}; it has {record.q.shape[1]} joints instead of {robot.configuration_size}"
+        )
+    mujoco = import_mujoco()
+    desired, actual = translation(record.desired[:, :8]), translation(record.pose)
+    some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
+    room = room_of_arm(robot, record.q[some], np.vstack([desired, actual]))
+    obstacles = plant.obstacles if isinstance(plant, CompliantPlant) else []
+
+    def decorate(scene: Any, k: int) -> None:
+        for obstacle in obstacles:
+            _add_ball(mujoco, scene, obstacle, float(record.time[k]))
+        add_desired(mujoco, scene, desired, room.reach, _PIECES)
+        add_actual(mujoco, scene, actual[: k + 1], room.reach, _PIECES)
+
+    return Film(
+        skeleton(robot),
+        room,
+        lambda _: record.q,
+        azimuth=130.0,
+        elevation=-18.0,
+        decorate=decorate,
+        decorations=2 * _PIECES + len(obstacles),
+    )
+
+
+def _add_ball(mujoco: Any, scene: Any, obstacle: Obstacle, time: float) -> None:
+    """Add a ball where it is at a time, while it is there."""
+    if time < obstacle.begin or (obstacle.until is not None and time >= obstacle.until):
+        return
+    center = np.array(obstacle.position) + (time - obstacle.begin) * np.array(obstacle.velocity)
+    size, rgba = np.full(3, obstacle.radius), np.array(_BALL, dtype=np.float32)
+    kind = mujoco.mjtGeom.mjGEOM_SPHERE
+    mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, center, np.eye(3).ravel(), rgba)
+    scene.ngeom += 1

@@ -1,0 +1,162 @@
+"""A picture of a run: the arm, ghosts of it along the way, and the hand's path over the desired one."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.algebra import translation
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
+from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.framing import room_of_arm
+from dqcontrol.films.offscreen import offscreen, render
+from dqcontrol.films.picture_file import check_picture_file
+from dqcontrol.films.scene_background import add_stage
+from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+_GHOST = 0.16  # opacity
+_SUPERSAMPLING = 2
+_PIECES = 400  # of a path, at most
+
+
+def render_run(
+    robot: Robot,
+    q: ArrayLike,
+    pose: ArrayLike,
+    desired_pose: ArrayLike,
+    path: str | Path,
+    *,
+    ghosts: int = 4,
+    width: int = 1280,
+    height: int = 960,
+    azimuth: float = 130.0,
+    elevation: float = -18.0,
+    overwrite: bool = False,
+) -> None:
+    """Draw a run and save it as a PNG file.
+
+    Parameters
+    ----------
+    robot
+        The arm; it needs no inertias.
+    q
+        Configurations over time, shape (N, n), rad or m. The last is drawn in full.
+    pose, desired_pose
+        Hand poses over time, shapes (N, 8) and (M, 8), or positions, shapes (N, 3) and (M, 3), in m; red and
+        blue.
+    path
+        Where to save the picture.
+    ghosts
+        How many earlier configurations show through, equally spaced in time.
+    width, height
+        Pixels.
+    azimuth, elevation
+        Direction of view, degrees; negative elevations look down.
+    overwrite
+        True to replace an existing file.
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed, or this machine has no OpenGL.
+    ExistsError, FileFormatError
+        If the file exists, its folder does not, or its ending is not .png.
+    ShapeError, ValueRangeError
+        If an array does not fit.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> q = np.linspace(0.2, 0.8, 50)[:, None] * np.ones(7)
+    >>> render_run(arm, q, arm.fkm(q), arm.fkm(q), "run.png")  # doctest: +SKIP
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".png":
+        raise FileFormatError(f"{target}: pictures are PNG files, got the ending '{target.suffix}'")
+    check_picture_file(target, overwrite=overwrite)
+    for field, value, least in (("ghosts", ghosts, 0), ("width", width, 1), ("height", height, 1)):
+        if not isinstance(value, int) or value < least:
+            raise ValueRangeError(f"{field}: must be an integer ≥ {least}, got {value}")
+    rows = as_array("q", q, (robot.configuration_size,))
+    if rows.ndim != 2 or not len(rows):
+        raise ShapeError(f"q: expected shape (N, {robot.configuration_size}), got {rows.shape}")
+    actual, desired = _positions("pose", pose), _positions("desired_pose", desired_pose)
+
+    pixels = _picture(
+        robot,
+        rows,
+        actual,
+        desired,
+        ghosts,
+        _SUPERSAMPLING * width,
+        _SUPERSAMPLING * height,
+        azimuth,
+        elevation,
+    )
+    blocks = pixels.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3)
+    importlib.import_module("matplotlib.image").imsave(
+        target, blocks.mean(axis=(1, 3)).round().astype(np.uint8)
+    )
+
+
+def _positions(field: str, value: ArrayLike) -> Array:
+    """Return positions (N, 3) from poses (N, 8) or positions."""
+    rows = as_array(field, value)
+    if rows.ndim != 2 or rows.shape[1] not in (3, 8) or not len(rows):
+        raise ShapeError(f"{field}: expected shape (N, 8) or (N, 3), got {rows.shape}")
+    return rows if rows.shape[1] == 3 else translation(rows)
+
+
+def _picture(
+    robot: Robot,
+    rows: Array,
+    actual: Array,
+    desired: Array,
+    ghosts: int,
+    width: int,
+    height: int,
+    azimuth: float,
+    elevation: float,
+) -> NDArray[np.uint8]:
+    """Return the picture's pixels."""
+    mujoco = import_mujoco()
+    spec = skeleton(robot)
+    shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
+    room = room_of_arm(robot, shown, np.vstack([actual, desired]))
+    reach = room.reach
+    add_stage(mujoco, spec, reach, room.floor, azimuth, (width, height))
+    model = compiled(spec)
+    data = mujoco.MjData(model)
+    scene = mujoco.MjvScene(model, maxgeom=2 * _PIECES + (ghosts + 2) * (model.ngeom + 4))
+    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
+
+    def pose_arm(q: Array) -> None:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_camlight(model, data)
+
+    moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
+    pose_arm(rows[-1])
+    camera.lookat[:], camera.distance = room.middle, room.distance
+    camera.azimuth, camera.elevation = azimuth, elevation
+    mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
+    for k in range(ghosts):
+        pose_arm(rows[k * (len(rows) - 1) // ghosts])
+        first = scene.ngeom
+        mujoco.mjv_addGeoms(model, data, options, nobody, moving, scene)
+        for geom in scene.geoms[first : scene.ngeom]:
+            geom.rgba[3] = _GHOST
+    add_desired(mujoco, scene, desired, reach, _PIECES)
+    add_actual(mujoco, scene, actual, reach, _PIECES)
+    with offscreen(width, height):
+        return render(model, scene, width, height)

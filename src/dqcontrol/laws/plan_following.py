@@ -1,0 +1,128 @@
+"""Proportional control along a planned way: the plan's inputs, and feedback of what is missing."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.errors import Error, as_positive
+from dqcontrol.laws.law import LAW, check_steps
+from dqcontrol.laws.pose_error import left_error, solve_left_error
+from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.unconstrained_drive import drive_table
+from dqcontrol.references.drive_to import DriveTo
+from dqcontrol.robots import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+
+_PULL = GAIN + 8
+_SHARE = GAIN + 9  # then the drives, q_r and u_r
+
+_STEERING = 4.0  # 1/m²: how sharply a drive beside its line turns towards it
+_HANDOVER = 1.0  # s
+
+
+@inlined
+def along_plan(q, planned, inputs, pull, drives, out):
+    """Write what drives and joints add to their planned inputs so as to come back to their plan."""
+    i, k = 0, 0
+    for j in range(out.shape[0]):
+        if k < drives.shape[0] and int(drives[k, 0]) == j:
+            x, y, turn = planned[i] - q[i], planned[i + 1] - q[i + 1], planned[i + 2] - q[i + 2]
+            c, s = math.cos(q[i + 2]), math.sin(q[i + 2])
+            out[j] = pull * (x * c + y * s)
+            out[j + 1] = pull * math.sin(turn) + _STEERING * inputs[j] * (y * c - x * s)
+            i, k = i + 3, k + 1
+        elif k == 0 or int(drives[k - 1, 0]) != j - 1:
+            out[j] = pull * (planned[i] - q[i])
+            i += 1
+
+
+@kernel(LAW)
+def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write u = u_r + z + w N⁺ (K vec8(e) − N z)."""
+    n, m = q.shape[0], out.shape[0]
+    last = parameters.shape[0] - n - m
+    drives = as_matrix(parameters[_SHARE + 1 : last], (last - _SHARE - 1) // 2, 2)
+    inputs, share = parameters[last + n :], parameters[_SHARE]
+    along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
+    own = work[m:]
+    error, target = own[0:8], own[8:16]
+    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    for i in range(8):
+        target[i] = parameters[GAIN + i] * error[i]
+    status = solve_left_error(
+        target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
+    )
+    for i in range(m):
+        out[i] = inputs[i] + share * out[i] + (1.0 - share) * work[i]
+    return status
+
+
+class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proportional"):
+    """K for goals anywhere, along a `DriveTo` reference: u = u_r + z + w N⁺ (K vec8(1 − x*x_d) − N z).
+
+    u_r are the planned inputs of the robot, their means from each sample to the next. z leads back to the planned
+    configuration q_r: α (q_r − q) for joints, and for drives, whose plan is e_x ahead, e_y to the left and turned by
+    e_φ, v = α e_x and ω = α sin e_φ + 4/m² v_r e_y [Kanayama 1990]. w is 0 on the way and grows to 1 in the second
+    after it: then z moves only what the hand leaves free, and the hand's error is removed as by `Proportional`.
+
+    So what is asked of the hand on the way, J (u_r + z), lies in the range of J by construction: singularities are
+    passed as planned, joints stay within their limits, and the command starts from rest, however far the goal. Only the
+    rest of the error, at a goal configuration that was chosen far from singularities, is left to N⁺.
+
+    Choice: laws without a plan are for goals that move, or change while the robot drives. k as for `Proportional`.
+
+    Parameters
+    ----------
+    gain
+        K in 1/s: a number k for kI, or eight diagonal entries.
+    inverse
+        How N is inverted; the default is exact away from singularities.
+    hysteresis
+        How far Re(x*x_d) must pass 0 before the sign of x_d changes.
+    pull
+        α, 1/s.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
+    >>> goal = robot.fkm([-0.5, 1.0, 3.0, 0.5, -0.5, 0.5, 0.5, 0])  # beside and behind
+    >>> way = dqc.references.DriveTo.pose(robot, start, goal)
+    >>> law, plant = dqc.laws.GuidedProportional(gain=1.0), dqc.plants.Integrator()
+    >>> bool(dqc.simulate(robot, way, law, plant, start, period=0.05).error.max() < 1e-3)
+    True
+    """
+
+    kernel = guided_proportional
+    null_space: None = None
+    pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+        """Return inverse, hysteresis, gains, pull, the hand's share, drives, and the plan at each sample.
+
+        Raises
+        ------
+        Error
+            If the reference is no `DriveTo` of this robot.
+        """
+        if not isinstance(reference, DriveTo) or reference.robot.input_names != robot.input_names:
+            raise Error(f"law: guided-proportional follows a drive-to reference, planned for {robot.name}")
+        if self.null_space is not None:
+            raise Error("null_space: leave it out, guided-proportional follows its plan")
+        steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
+        check_steps("plan", steps)
+        times = dt * np.arange(steps)
+        own = self.parameter_rows(robot, times)
+        pull = np.full(steps, as_positive("pull", self.pull))
+        share = np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0)
+        drives = np.tile(drive_table(robot).ravel(), (steps, 1))
+        plan = reference.configurations(times), reference.mean_inputs(times, dt)
+        return np.hstack([np.broadcast_to(own, (steps, own.shape[1])), np.c_[pull, share], drives, *plan])

@@ -1,0 +1,339 @@
+"""Joint states, commands and poses out of MCAP files and ROS bags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest
+from dqcontrol.files.input_file import open_regular
+from dqcontrol.recording.cdr import layout_of
+from dqcontrol.recording.mcap_reader import Messages as Raw
+from dqcontrol.recording.mcap_reader import read_records
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+JOINTS, POSE, NUMBERS = "sensor_msgs/JointState", "geometry_msgs/PoseStamped", "std_msgs/Float64MultiArray"
+_USUAL = "/joint_states"
+_MOST_LAYOUTS = 32  # of messages of one topic in a chunk: who publishes more kinds is read message by message
+_NORM_TOLERANCE = 1e-3  # of quaternions written with few digits; they are then normalised
+
+
+class Messages(NamedTuple):
+    """An open recording.
+
+    Attributes
+    ----------
+    types
+        Type of the messages by topic, as ``"sensor_msgs/JointState"``.
+    read
+        Yields the time of recording (ns) and the message, for all of one topic, in the order of that time.
+    """
+
+    types: dict[str, str]
+    read: Callable[[str], Iterator[tuple[int, Any]]]
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a path names a recording: an MCAP file, a ROS 1 bag, or the folder or database of a ROS 2 bag."""
+    return path.suffix.lower() in (".mcap", ".bag", ".db3") or path.is_dir()
+
+
+def read_joint_states(path: Path, names: Sequence[str], topic: str | None = None) -> tuple[Stamps, Array]:
+    """Return stamps (N,), ns, and the positions (N, n) of the named joints, rad or m.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such topic, a joint is missing, a number is not finite, or the stamps do not increase.
+    MissingExtraError
+        If rosbags is needed and not installed.
+    """
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "joint_topic", (JOINTS,))
+        return _numbers_by_name(path, topic, names, "position", increasing=True) or _series(
+            path, topic, messages, lambda message: _by_name(message, names, "position"), increasing=True
+        )
+
+
+def read_commands(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and commands (K, m) of the named inputs, rad/s or m/s; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "command_topic", (JOINTS, NUMBERS))
+        if messages.types[topic] == JOINTS:
+            return _numbers_by_name(path, topic, names, "velocity") or _series(
+                path, topic, messages, lambda message: _by_name(message, names, "velocity")
+            )
+        return _series(path, topic, messages, lambda message: _in_order(message, names))
+
+
+def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "reference_topic", (POSE,))
+        stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
+    with np.errstate(over="ignore"):  # the check is for damaged numbers, too
+        norms = np.linalg.norm(rows[:, 3:], axis=1)
+    for k in np.flatnonzero(np.abs(norms - 1) > _NORM_TOLERANCE)[:1]:
+        raise FileFormatError(
+            f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.6g}"
+        )
+    return stamps, algebra.pose(rows[:, 3:] / norms[:, None], rows[:, :3])
+
+
+def held(stamps: Stamps, values: Array, at: Stamps) -> Array:
+    """Return the last values at or before each of the stamps; 0 before the first."""
+    before = np.searchsorted(stamps, at, side="right") - 1
+    return np.where(before[:, None] < 0, 0.0, values[np.maximum(before, 0)])
+
+
+@contextmanager
+def open_messages(path: Path) -> Iterator[Messages]:
+    """Open a recording; whatever reading a damaged one raises becomes a `FileFormatError`."""
+    opened = (
+        _open_mcap if path.suffix.lower() == ".mcap" and not path.is_dir() and path.exists() else _open_bag
+    )
+    try:
+        if path.exists() and not path.is_dir():
+            open_regular(path).close()
+        with opened(path) as messages:
+            yield messages
+    except FileFormatError as error:
+        text = str(error)
+        raise FileFormatError(text if text.startswith(f"{path}") else f"{path}: {text}") from None
+    except Error:
+        raise
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except Exception as error:  # decoders of damaged bytes raise anything
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise FileFormatError(f"{path}: is no whole recording ({reason:.200})") from None
+
+
+@contextmanager
+def _open_mcap(path: Path) -> Iterator[Messages]:
+    from mcap_ros2.decoder import DecoderFactory
+
+    channels, schemas = _channels(path)
+    types = {
+        channel.topic: _short(schemas[channel.schema_id].name)
+        for channel in channels.values()
+        if channel.schema_id in schemas
+    }
+
+    def read(topic: str) -> Iterator[tuple[int, Any]]:
+        found: list[tuple[int, Any]] = []
+        for part in _messages(path, channels, topic):
+            channel = channels[part.channel]
+            decode = DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
+            if decode is None:
+                raise FileFormatError(f"{path}: {topic}: holds no ROS 2 messages: {channel.message_encoding}")
+            for time, first, size in zip(part.times.tolist(), part.starts, part.sizes, strict=True):
+                found.append((time, decode(part.data[first : first + size].tobytes())))
+        yield from sorted(found, key=lambda each: each[0])
+
+    yield Messages(types, read)
+
+
+def _channels(path: Path) -> tuple[dict[int, Any], dict[int, Any]]:
+    """Return the channels and schemas of an MCAP file by their numbers; without a summary they are in its chunks."""
+    from mcap.records import Channel, Schema
+
+    for inside in (False, True):
+        with open_regular(path) as stream:
+            records = [
+                each for each in read_records(stream, messages=inside) if isinstance(each, Channel | Schema)
+            ]
+        channels = {each.id: each for each in records if isinstance(each, Channel)}
+        if channels:
+            break
+    return channels, {each.id: each for each in records if isinstance(each, Schema)}
+
+
+def _messages(path: Path, channels: dict[int, Any], topic: str) -> Iterator[Raw]:
+    """Yield the messages of a topic, chunk by chunk."""
+    with open_regular(path) as stream:
+        for part in read_records(stream):
+            if isinstance(part, Raw) and channels[part.channel].topic == topic:
+                yield part
+
+
+def _numbers_by_name(
+    path: Path, topic: str, names: Sequence[str], field: str, *, increasing: bool = False
+) -> tuple[Stamps, Array] | None:
+    """Return stamps and one field of the named joints out of an MCAP file, many messages at once.
+
+    None where not all is as usual: read one by one then, which takes a hundred times as long and names what is wrong.
+    """
+    if path.suffix.lower() != ".mcap":
+        return None
+    channels, _ = _channels(path)
+    stamps, rows = [], []
+    for part in _messages(path, channels, topic):
+        if channels[part.channel].message_encoding != "cdr":
+            return None
+        found = _part_by_name(part, names, field)
+        if found is None:
+            return None
+        stamps.append(found[0])
+        rows.append(found[1])
+    if not rows or not sum(map(len, rows)):
+        return None
+    times, values = np.concatenate(stamps), np.concatenate(rows)
+    if not np.isfinite(values).all() or (increasing and (np.diff(times) <= 0).any()):
+        return None
+    order = np.argsort(times, kind="stable")
+    return times[order], values[order]
+
+
+def _part_by_name(part: Raw, names: Sequence[str], field: str) -> tuple[Stamps, Array] | None:
+    """Return stamps and values of some messages, in the order of the file."""
+    stamps, values = np.zeros(len(part.times), dtype=np.int64), np.zeros((len(part.times), len(names)))
+    left, kept = np.ones(len(part.times), dtype=bool), np.zeros(len(part.times), dtype=bool)
+    for _ in range(_MOST_LAYOUTS):
+        rest = part.chosen(left)
+        if not len(rest.times):
+            return stamps[kept], values[kept]
+        try:
+            layout = layout_of(JOINTS, rest.first())
+        except ValueError:
+            return None
+        alike = rest.alike(layout)
+        which = np.flatnonzero(left)[alike]
+        left[which] = False
+        if set(names).isdisjoint(layout.names):
+            continue
+        if not set(names) <= set(layout.names) or layout.fields[field][1] != len(layout.names):
+            return None
+        same = rest.chosen(alike)
+        values[which] = same.floats(layout, field)[:, [layout.names.index(name) for name in names]]
+        seconds, nanoseconds = same.part(4, 12).view("<u4").astype(np.int64).T
+        said = seconds * 10**9 + nanoseconds
+        stamps[which], kept[which] = np.where(said == 0, same.times, said), True
+    return None
+
+
+@contextmanager
+def _open_bag(path: Path) -> Iterator[Messages]:
+    if not path.exists():
+        raise FileFormatError(
+            f"{path}: no such file{suggest(path.name, [p.name for p in path.parent.glob('*')])}"
+        )
+    if path.suffix.lower() == ".db3" and path.is_file():
+        raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
+    if path.is_dir() and not (path / "metadata.yaml").is_file():
+        raise FileFormatError(f"{path}: is no ROS 2 bag: it holds no metadata.yaml")
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingExtraError(
+            f"rosbags: is needed for {path} and not installed; install it with: pip install 'dqcontrol[data]'"
+        ) from None
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+
+        def read(topic: str) -> Iterator[tuple[int, Any]]:
+            chosen = [connection for connection in reader.connections if connection.topic == topic]
+            for connection, stamp, data in reader.messages(chosen):
+                yield stamp, reader.deserialize(data, connection.msgtype)
+
+        yield Messages({c.topic: _short(c.msgtype) for c in reader.connections}, read)
+
+
+def _short(name: str) -> str:
+    return name.replace("/msg/", "/")
+
+
+def _choose(path: Path, types: dict[str, str], topic: str | None, field: str, wanted: tuple[str, ...]) -> str:
+    """Return the topic asked for, or the usual or only one of its type."""
+    fitting = sorted(name for name, kind in types.items() if kind in wanted)
+    option = f"--{field.replace('_', '-')}"
+    if topic is None:
+        if len(fitting) > 1 and _USUAL not in fitting:
+            raise FileFormatError(
+                f"{path}: several topics of {wanted[0]}; choose one with {option}: {', '.join(fitting)}"
+            )
+        if not fitting:
+            raise FileFormatError(
+                f"{path}: has no topic of {wanted[0]} (topics: {', '.join(sorted(types)) or 'none'})"
+            )
+        return _USUAL if _USUAL in fitting else fitting[0]
+    if topic not in types:
+        listed = ", ".join(fitting) or "none"
+        raise FileFormatError(
+            f"{path}: no topic '{topic}'{suggest(topic, types)} (topics of {' or '.join(wanted)}: {listed})"
+        )
+    if types[topic] not in wanted:
+        raise FileFormatError(f"{path}: {topic} holds {types[topic]}; {option} needs {' or '.join(wanted)}")
+    return topic
+
+
+def _series(
+    path: Path,
+    topic: str,
+    messages: Messages,
+    values: Callable[[Any], list[float] | None],
+    *,
+    increasing: bool = False,
+) -> tuple[Stamps, Array]:
+    """Return stamps and values of all messages that have some; sorted by stamp unless that is asked to increase."""
+    stamps, rows = [], []
+    for count, (recorded, message) in enumerate(messages.read(topic), start=1):
+        where = f"{path}: {topic}: message {count}"
+        try:
+            row = values(message)
+        except ValueError as error:
+            raise FileFormatError(f"{where}: {error}") from None
+        if row is None:
+            continue
+        if not np.isfinite(row).all():
+            raise FileFormatError(f"{where}: must be finite, got {row}")
+        stamp = _stamp(message) or recorded
+        if increasing and stamps and stamp <= stamps[-1]:
+            raise FileFormatError(
+                f"{where}: time must increase, got {(stamp - stamps[-1]) / 1e9:.9g} s after the message before it"
+            )
+        stamps.append(stamp)
+        rows.append(row)
+    if not rows:
+        raise FileFormatError(f"{path}: {topic}: has no message, or none of these joints")
+    order = np.argsort(stamps, kind="stable")
+    return np.array(stamps, dtype=np.int64)[order], np.array(rows, dtype=np.float64)[order]
+
+
+def _stamp(message: Any) -> int:
+    """Return the stamp in the header, ns; 0 without one."""
+    header = getattr(message, "header", None)
+    return header.stamp.sec * 10**9 + header.stamp.nanosec if header is not None else 0
+
+
+def _by_name(message: Any, names: Sequence[str], field: str) -> list[float] | None:
+    """Return one field of the named joints, or None if the message is about other joints."""
+    found, values = list(message.name), getattr(message, field)
+    if not set(names) & set(found):
+        return None
+    missing = [name for name in names if name not in found]
+    if missing:
+        listed = " ".join(", ".join(found).split())
+        raise ValueError(f"joints missing: {', '.join(missing)} (it has {listed:.200})")
+    if len(values) != len(found):
+        raise ValueError(f"{field}: expected {len(found)} numbers as there are names, got {len(values)}")
+    return [float(values[found.index(name)]) for name in names]
+
+
+def _in_order(message: Any, names: Sequence[str]) -> list[float]:
+    if len(message.data) != len(names):
+        raise ValueError(f"data: expected {len(names)} numbers, one for each input, got {len(message.data)}")
+    return [float(value) for value in message.data]
+
+
+def _position_and_quaternion(message: Any) -> list[float]:
+    p, r = message.pose.position, message.pose.orientation
+    return [p.x, p.y, p.z, r.w, r.x, r.y, r.z]

@@ -1,0 +1,159 @@
+"""Tables of metrics: one run in full, several runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dqcontrol.errors import unknown_name
+from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.tables import Cell, Column, Table
+
+_SIGNALS = {  # title, unit, unit of the integral; in [P16]: Err., control signal, Eff., L.Vel., L.Acc.
+    "error": ("Error", "", "s"),
+    "settled_error": ("Settled error", "", "s"),
+    "control": ("Control", "rad/s or m/s", "rad or m"),
+    "joint_step": ("Joint step", "rad or m", "rad s or m s"),
+    "hand_speed": ("Hand speed", "m/s", "m"),
+    "hand_acceleration": ("Hand acceleration", "m/s²", "m/s"),
+}
+_DEVIATIONS = {"position": ("Position error", "mm"), "orientation": ("Orientation error", "°")}
+_PARTS = {
+    "mean": "mean",
+    "rms": "RMS",
+    "peak": "peak",
+    "final": "final",
+    "settled_mean": "mean, settled",
+    "settled_rms": "RMS, settled",
+    "settled_peak": "peak, settled",
+}
+
+METRIC_COLUMNS: dict[str, Column] = {
+    "duration": Column("Duration", "s"),
+    "samples": Column("Samples"),
+    **{
+        f"{key}.{part}": Column(f"{title} {part_title}", unit)
+        for key, (title, unit) in _DEVIATIONS.items()
+        for part, part_title in _PARTS.items()
+    },
+    "final_error": Column("Error final"),
+    **{
+        f"{key}.{part}": Column(f"{title} {part_title}", integral_unit if part == "integral" else unit)
+        for key, (title, unit, integral_unit) in _SIGNALS.items()
+        for part, part_title in (("integral", "integral"), ("mean", "mean"), ("rms", "RMS"), ("peak", "peak"))
+    },
+    "joint_path_length": Column("Joint path length", "rad or m"),
+    "effort": Column("Effort √∫|u|²", "rad/√s or m/√s"),
+    "settling_time": Column("Settling time", "s"),
+    "settling_band": Column("Settling band"),
+    "position_overshoot": Column("Position overshoot"),
+    "orientation_overshoot": Column("Orientation overshoot"),
+    "limit_margin": Column("Limit margin", "rad or m"),
+    "limit_joint": Column("Nearest to limit"),
+    "peak_contact": Column("Contact force peak", "N"),
+    "recovery_time": Column("Recovery time", "s"),
+    "task": Column("Task"),
+    "peak_velocity_share": Column("Velocity peak of its limit"),
+    "saturation": Column("Samples at velocity limits"),
+    "outside_range": Column("Outside the range of J"),
+}
+"""Heading, unit and format of every number in `Metrics.flat`."""
+
+TEXTS = ("limit_joint", "task")
+"""Those that are words."""
+
+PUBLISHED = tuple(f"{key}.integral" for key in _SIGNALS if key != "settled_error")
+"""The five integrals that [P16 5.3] tabulates."""
+
+SHORT = (
+    "error.integral",
+    "position.rms",
+    "position.peak",
+    "orientation.rms",
+    "orientation.peak",
+    "control.integral",
+    "control.peak",
+    "joint_path_length",
+    "effort",
+    "settling_time",
+)
+"""What a comparison shows unless told otherwise."""
+
+
+def summary_table(metrics: Metrics, title: str = "") -> Table:
+    """Return all numbers of one run, one a row.
+
+    Examples
+    --------
+    >>> print(summary_table(run.metrics).markdown())  # doctest: +SKIP
+    """
+    flat = metrics.flat()
+    rows: list[list[Cell]] = []
+    for key, column in METRIC_COLUMNS.items():
+        if flat[key] not in (None, ""):
+            rows.append([column.title, column.show(flat[key]), column.unit])
+    return Table([Column("Metric"), Column("Value"), Column("Unit")], rows, title)
+
+
+def metrics_tables(metrics: Metrics) -> list[Table]:
+    """Return the numbers of one run as its report shows them: tables of deviations, of signals, and of all others."""
+    flat = metrics.flat()
+    first = [Column("Signal"), Column("Unit")]
+    deviations: list[list[Cell]] = [
+        [title, unit, *(flat[f"{key}.{part}"] for part in _PARTS)]
+        for key, (title, unit) in _DEVIATIONS.items()
+    ]
+    parts = {"mean": "mean", "rms": "RMS", "peak": "peak", "integral": "integral"}
+    signals: list[list[Cell]] = [
+        [title, unit, *(flat[f"{key}.{part}"] for part in parts), whole]
+        for key, (title, unit, whole) in _SIGNALS.items()
+    ]
+    others: list[list[Cell]] = [
+        [column.title, column.show(flat[key]), column.unit]
+        for key, column in METRIC_COLUMNS.items()
+        if "." not in key and flat[key] not in (None, "")
+    ]
+    return [
+        Table([*first, *map(Column, _PARTS.values())], deviations),
+        Table([*first, *map(Column, parts.values()), Column("of the integral")], signals),
+        Table([Column("Number"), Column("Value"), Column("Unit")], others),
+    ]
+
+
+def comparison_table(runs: Mapping[str, Metrics], keys: Sequence[str] = SHORT, title: str = "") -> Table:
+    """Return one row a run.
+
+    Parameters
+    ----------
+    runs
+        Metrics by the label of the run.
+    keys
+        Names as in `Metrics.flat`, as ``"error.integral"``.
+    title
+        Caption.
+
+    Raises
+    ------
+    UnknownNameError
+        If a key does not exist.
+
+    Examples
+    --------
+    >>> print(comparison_table({"K": k.metrics, "LQR": lqr.metrics}).latex())  # doctest: +SKIP
+    """
+    columns = [metric_column(key) for key in keys]
+    rows = [[label, *(metrics.flat()[key] for key in keys)] for label, metrics in runs.items()]
+    return Table([Column("Run"), *columns], rows, title)
+
+
+def metric_column(key: str) -> Column:
+    """Return the column of a metric, or raise `UnknownNameError`."""
+    if key not in METRIC_COLUMNS:
+        raise unknown_name("keys", key, METRIC_COLUMNS)
+    return METRIC_COLUMNS[key]
+
+
+def number_column(key: str) -> Column:
+    """Return the column of a metric that is a number, or raise `UnknownNameError`."""
+    if key in TEXTS:
+        raise unknown_name("keys", key, [name for name in METRIC_COLUMNS if name not in TEXTS])
+    return metric_column(key)

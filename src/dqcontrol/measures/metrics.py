@@ -1,0 +1,335 @@
+"""Numbers that judge one run: error, effort, smoothness, convergence, distance from joint limits.
+
+All integrals belong to one piecewise model of the run, so that those of its parts add up: errors are joined
+linearly, commands are held from one sample to the next, and differences of samples (joint step, speed,
+acceleration) are held over the interval they were taken from. They are sums without BLAS, whose last bits depend on the
+number of its threads.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.laws import Law
+from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.signals import ACTUATORS
+from dqcontrol.measures.contact import peak_contact, recovery_time
+from dqcontrol.measures.margins import least_margin
+from dqcontrol.measures.task_range import outside_range
+from dqcontrol.measures.task_result import task_result
+from dqcontrol.robots.limits import Limits
+
+Array = NDArray[np.float64]
+
+SETTLED_FRACTION = 0.02
+_ROUNDING = 1e-9  # as a share of a velocity limit
+_RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A non-negative quantity f over time, in its own unit U.
+
+    Attributes
+    ----------
+    integral
+        ∫f dt, "integral norm", U s [P16 5.3].
+    mean
+        Integral over duration, U.
+    rms
+        √(∫f² dt / duration), U.
+    peak
+        Largest value, U.
+    """
+
+    integral: float
+    mean: float
+    rms: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A tracking error in mm or degrees.
+
+    Attributes
+    ----------
+    mean, rms, peak
+        Over the whole run, as for `Signal`.
+    final
+        At the last sample.
+    settled_mean, settled_rms, settled_peak
+        The same without the start: only samples from ``settle`` on.
+    """
+
+    mean: float
+    rms: float
+    peak: float
+    final: float
+    settled_mean: float
+    settled_rms: float
+    settled_peak: float
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """What `evaluate` measures; NaN where a number does not exist (one sample only, a diverged run).
+
+    Attributes
+    ----------
+    duration
+        s.
+    samples
+        Count.
+    error
+        |vec8(1 − x* x_d)|, no unit; "Err" [P16 5.1]. Half the distance in m, about half the angle in rad.
+    settled_error
+        The same without the start: only samples from ``settle`` on, its integral over them only [P16 Table 5.6].
+    final_error
+        |vec8(1 − x* x_d)| at the last sample.
+    control
+        |u|₂ of the commanded inputs, rad/s (and m/s for prismatic joints and bases) [P16 5.1].
+    joint_step
+        |q(k+1) − q(k)|₂ per sample, rad; "Eff" [P16 5.2]. It is proportional to the sample time T, and its
+        integral is T times the joint path length: compare it only between runs of the same T.
+    hand_speed
+        |ṗ|, m/s; "L.Vel" [P16 5.1]. Its integral is the length of the hand's path in m.
+    hand_acceleration
+        |p̈|, m/s²; "L.Acc" [P16 5.1].
+    position
+        |p_d − p|, mm.
+    orientation
+        Angle between hand and desired orientation, degrees.
+    joint_path_length
+        Σ|q(k+1) − q(k)|₂, rad; independent of T.
+    effort
+        √∫|u|² dt, rad/√s (and m/√s for prismatic joints and holonomic bases); of differential drives u holds the speeds
+        of the wheels in place of v and ω. [S17 Table 5.1]
+    settling_time
+        Time from the start after which the error stays in its band, s; NaN if it ends outside.
+    settling_band
+        The band of |1 − x* x_d|, no unit.
+    position_overshoot
+        How far the hand passes its target along the direction of the first error, as a fraction of that
+        error; NaN if the run starts on its target.
+    orientation_overshoot
+        The same for the rotation vector of the error in the hand's frame.
+    limit_margin
+        Least distance of any joint from its nearest limit, rad or m; negative if crossed; NaN without limits.
+    limit_joint
+        The joint that comes so near; empty without limits.
+    peak_contact
+        Largest force of an obstacle on the hand, N; NaN without obstacles.
+    recovery_time
+        From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
+    task
+        Whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
+        `task_result`.
+    peak_velocity_share
+        Largest command over the velocity limit of its input, 1 at the limit; NaN without limits or commands, and where
+        commands count from the measured joints.
+    saturation
+        Share of the samples at which a command is at its velocity limit or beyond, 0 … 1; NaN as before.
+    outside_range
+        How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
+        see `task_range`. NaN without differential drives.
+    """
+
+    duration: float
+    samples: int
+    error: Signal
+    settled_error: Signal
+    final_error: float
+    control: Signal
+    joint_step: Signal
+    hand_speed: Signal
+    hand_acceleration: Signal
+    position: Deviation
+    orientation: Deviation
+    joint_path_length: float
+    effort: float
+    settling_time: float
+    settling_band: float
+    position_overshoot: float
+    orientation_overshoot: float
+    limit_margin: float
+    limit_joint: str
+    peak_contact: float
+    recovery_time: float
+    task: str
+    peak_velocity_share: float
+    saturation: float
+    outside_range: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
+        return _jsonable(asdict(self))
+
+    def flat(self) -> dict[str, float | int | str | None]:
+        """Return one level with dotted names, as ``"error.integral"``."""
+        return _flatten(self.to_dict())
+
+
+def evaluate(
+    record: Record,
+    limits: Limits | None = None,
+    *,
+    settle: float = 0.0,
+    tolerance: float | None = None,
+    law: Law | None = None,
+) -> Metrics:
+    """Measure a run.
+
+    Parameters
+    ----------
+    record
+        The run; true configurations and poses are judged, not measured ones.
+    limits
+        Of the configuration variables, for the margin, and of the inputs' speeds.
+    settle
+        Length of the start that the settled error and deviations leave out, s.
+    tolerance
+        Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
+    law
+        What drove the hand: of one that controls a part of the pose only that part's task is judged.
+
+    Raises
+    ------
+    ValueRangeError
+        If ``settle`` is negative or longer than the run, or ``tolerance`` is not positive.
+    ShapeError
+        If the limits do not fit the record.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.measures.metrics import evaluate
+    >>> from dqcontrol.loop.record import Record, row_norms
+    >>> time, q = np.linspace(0, 2, 5), np.zeros((5, 1))
+    >>> pose = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (5, 1))
+    >>> record = Record(time, q, q, q + 3, pose, np.hstack([pose, np.zeros((5, 13))]), ("a",))
+    >>> evaluate(record).control.integral
+    6.0
+    """
+    as_positive("settle", settle, zero_allowed=True)
+    if settle > record.duration:
+        raise ValueRangeError(f"settle: must be ≤ the run's {record.duration:g} s, got {settle:g}")
+    start = min(int(np.searchsorted(record.time, record.time[0] + settle * (1 - 1e-12))), len(record) - 1)
+    if tolerance is not None:
+        as_positive("tolerance", tolerance)
+    time, intervals = record.time, np.diff(record.time)
+    between = (intervals[1:] + intervals[:-1]) / 2
+    with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
+        effect = row_norms(np.diff(record.q, axis=0))
+        velocity = np.diff(record.position, axis=0) / intervals[:, None]
+        acceleration = np.diff(velocity, axis=0) / between[:, None]
+        control = row_norms(record.command[:-1])
+        actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
+        effort = math.sqrt(np.sum(row_norms(actuators[:-1]) ** 2 * intervals))
+        settling_time, band = _settling(time, record.error, tolerance)
+        margin, joint = least_margin(record, limits)
+        peak_share, saturation = _saturation(record.command[:-1], limits)
+        return Metrics(
+            duration=record.duration,
+            samples=len(record),
+            error=_continuous(time, record.error),
+            settled_error=_continuous(time[start:], record.error[start:]),
+            final_error=float(record.error[-1]),
+            control=_held(control, intervals),
+            joint_step=_held(effect, intervals),
+            hand_speed=_held(row_norms(velocity), intervals),
+            hand_acceleration=_held(row_norms(acceleration), between),
+            position=_deviation(time, 1e3 * record.position_error, start),
+            orientation=_deviation(time, np.degrees(record.orientation_error), start),
+            joint_path_length=float(effect.sum()),
+            effort=effort,
+            settling_time=settling_time,
+            settling_band=band,
+            position_overshoot=_overshoot(record.desired_position - record.position),
+            orientation_overshoot=_overshoot(record.rotation_error),
+            limit_margin=margin,
+            limit_joint=joint,
+            peak_contact=peak_contact(record),
+            recovery_time=recovery_time(record),
+            task=task_result(record, law=law, settle=settle).words,
+            peak_velocity_share=peak_share,
+            saturation=saturation,
+            outside_range=outside_range(record),
+        )
+
+
+def _continuous(time: Array, value: Array) -> Signal:
+    """Summarise samples joined linearly."""
+    duration = float(time[-1] - time[0])
+    if duration == 0:
+        return Signal(0.0, math.nan, math.nan, float(value.max()))
+    integral = float(np.trapezoid(value, time))
+    a, b = value[:-1], value[1:]
+    square = float(
+        np.sum(np.diff(time) * (a * a + a * b + b * b)) / 3
+    )  # exact for the straight lines between samples
+    return Signal(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
+
+
+def _held(value: Array, intervals: Array) -> Signal:
+    """Summarise values held over intervals."""
+    if not len(value):
+        return Signal(0.0, math.nan, math.nan, math.nan)
+    duration = float(intervals.sum())
+    integral = float(np.sum(value * intervals))
+    rms = math.sqrt(np.sum(value**2 * intervals) / duration)
+    return Signal(integral, integral / duration, rms, float(value.max()))
+
+
+def _deviation(time: Array, value: Array, start: int) -> Deviation:
+    whole, settled = _continuous(time, value), _continuous(time[start:], value[start:])
+    return Deviation(
+        whole.mean, whole.rms, whole.peak, float(value[-1]), settled.mean, settled.rms, settled.peak
+    )
+
+
+def _settling(time: Array, error: Array, tolerance: float | None) -> tuple[float, float]:
+    """Return the settling time and the band."""
+    band = SETTLED_FRACTION * float(error[0]) if tolerance is None else tolerance
+    outside = np.flatnonzero(~(error <= band))  # NaN is outside
+    if not len(outside):
+        return 0.0, band
+    last = int(outside[-1])
+    return (float(time[last + 1] - time[0]) if last + 1 < len(time) else math.nan), band
+
+
+def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
+    """Return the largest command over its limit, and the share of samples with one there or beyond."""
+    if limits is None or not len(command) or not np.isfinite(limits.velocity).any():
+        return math.nan, math.nan
+    shares = np.max(np.abs(command) / limits.velocity, axis=1)
+    if not np.isfinite(shares).all():
+        return math.nan, math.nan
+    return float(shares.max()), float(np.mean(shares >= 1 - _ROUNDING))
+
+
+def _overshoot(error: Array) -> float:
+    """Return the largest component against the first error vector over the latter's length."""
+    size = float(np.linalg.norm(error[0]))
+    if not size > _RESTING:
+        return math.nan
+    return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _jsonable(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _flatten(nested: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in nested.items():
+        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return flat

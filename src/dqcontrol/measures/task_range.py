@@ -1,0 +1,141 @@
+"""The range condition: how much of the twist asked of the hand the robot cannot give it. [S17 4.20, left open there]"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.signals import Signal
+from dqcontrol.references.sample import TWIST
+from dqcontrol.robots import Robot, WholeBody
+
+Array = NDArray[np.float64]
+
+RANGE = "range_condition"  # among the readings of a record
+
+_AT_LIMIT = 1e-6  # rad or m
+_FARTHEST = 1e6  # m; farther away a run has diverged
+_HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class TaskRange:
+    """Distance of twists from the range of the hand's Jacobian, at each sample of a run.
+
+    Attributes
+    ----------
+    time
+        Shape (N,), s.
+    asked
+        Norm of the hand's twist [ω ; ṗ] that is asked for, shape (N,), rad/s and m/s.
+    outside
+        Norm of its part outside the range: along directions with singular values below the threshold, shape (N,).
+    smallest_singular_value
+        Of the Jacobian without the joints that rest at their limits, shape (N,); 0 where it has fewer than six columns.
+    """
+
+    time: Array
+    asked: Array
+    outside: Array
+    smallest_singular_value: Array
+
+    @property
+    def share(self) -> Array:
+        """Outside over asked, 0 … 1, shape (N,); 0 where nothing is asked for."""
+        return np.divide(self.outside, self.asked, out=np.zeros_like(self.asked), where=self.asked > 0)
+
+    @classmethod
+    def recorded(cls, record: Record) -> TaskRange:
+        """Return what ``with_range`` wrote into a record."""
+        return cls(record.time, *record.readings[RANGE].values.T)
+
+
+def task_range(
+    robot: Robot, record: Record, body_twist: Array | None = None, threshold: float = 0.02
+) -> TaskRange:
+    """Return how far the twists asked for are from what the robot can do.
+
+    Parameters
+    ----------
+    robot
+        That of the run. Drives count with what they can do, v and ω, in the unconstrained form too.
+    record
+        Of the run; a sample that is not finite, or a million metres away, gives NaN.
+    body_twist
+        What was asked for, body twists (N, 6), rad/s and m/s. If omitted, what any law has to ask for sooner or later:
+        the twist that leads straight to the desired pose in a second, 2 log(x*x_d) of the body logarithm, and that of
+        the desired pose, Ad(x*) ξ_d. A run that ends where all of it lies outside is stuck.
+    threshold
+        Singular values of the hand's Jacobian below it count as none, as in `FilteredInverse`.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol.measures import task_range
+    >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    >>> beside = dqc.references.SetPoint(robot.fkm(q + np.array([-0.5, 0.5, 0, 0, 0, 0, 0, 0])))
+    >>> law, plant = dqc.laws.Proportional(gain=0.5), dqc.plants.Integrator()
+    >>> record = dqc.simulate(robot, beside, law, plant, q, period=0.05, duration=60.0)
+    >>> found = task_range(robot, record)
+    >>> round(float(found.share[0]), 1), round(float(found.share[-1]), 1), bool(record.error[-1] > 0.01)
+    (0.0, 1.0, True)
+    """
+    moved = robot.in_form("constrained") if isinstance(robot, WholeBody) else robot
+    usable = np.isfinite(record.q).all(axis=1) & (np.abs(record.pose).max(axis=1) < _FARTHEST)
+    q, pose = np.where(usable[:, None], record.q, 0.0), np.where(usable[:, None], record.pose, _HERE)
+    if body_twist is None:
+        opposite = algebra.conjugate(pose)
+        error = algebra.short(algebra.multiply(opposite, record.desired_pose))
+        body_twist = 2 * algebra.log_body(error) + algebra.adjoint_twist(opposite, record.desired[:, TWIST])
+    jacobian = np.where(_resting_at_limits(moved, q)[:, None, :], 0.0, moved.hand_jacobian(q))
+    left, values, _ = np.linalg.svd(jacobian)
+    rotation = np.hstack([pose[:, :4], np.zeros((len(record), 4))])
+    components = np.einsum("kij,ki->kj", left, algebra.adjoint_twist(rotation, body_twist))
+    count = values.shape[1]  # fewer than six inputs leave directions without any singular value
+    lost = np.hstack([values < threshold, np.ones((len(values), 6 - count), dtype=bool)])
+    return TaskRange(
+        time=record.time,
+        asked=np.where(usable, row_norms(components), np.nan),
+        outside=np.where(usable, row_norms(np.where(lost, components, 0.0)), np.nan),
+        smallest_singular_value=np.where(usable, 0.0 if count < 6 else values[:, -1], np.nan),
+    )
+
+
+def with_range(robot: Robot, record: Record) -> Record:
+    """Return a record that also holds its range condition, as the reading `RANGE`, if the robot has drives.
+
+    Parameters
+    ----------
+    robot
+        That of the run.
+    record
+        The run.
+    """
+    if not len(robot.drives):
+        return record
+    found = task_range(robot, record)
+    values = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+    signal = Signal(RANGE, ("asked", "outside", "smallest_singular_value"), ("", "", ""), values)
+    return replace(record, readings={**record.readings, RANGE: signal})
+
+
+def outside_range(record: Record) -> float:
+    """Return ∫ outside dt / ∫ asked dt over a run, 0 … 1; NaN without the reading `RANGE`."""
+    if RANGE not in record.readings:
+        return math.nan
+    found = TaskRange.recorded(record)
+    asked = float(np.trapezoid(found.asked, found.time))
+    return float(np.trapezoid(found.outside, found.time)) / asked if asked else math.nan
+
+
+def _resting_at_limits(robot: Robot, q: Array) -> NDArray[np.bool_]:
+    """Return which inputs move a joint that is at a limit and does not leave it with the next sample, (N, m)."""
+    limits = robot.limits
+    at_limit = (q >= limits.upper - _AT_LIMIT) | (q <= limits.lower + _AT_LIMIT)
+    stays = np.vstack([q[1:] == q[:-1], q[-1:] == q[-2:-1]]) if len(q) > 1 else np.zeros_like(at_limit)
+    return (at_limit & stays)[:, robot.input_coordinates]

@@ -1,0 +1,109 @@
+"""Old names of what has moved: they work for one more release, and say where it is now."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+_MODULES = {  # that are gone
+    "dqcontrol.compile": "dqcontrol.compiled.compile",
+    "dqcontrol.experiments.metrics": "dqcontrol.measures.metrics",
+    "dqcontrol.experiments.pick_and_drop": "dqcontrol.reproductions.silva2017.pick_and_drop_task",
+    "dqcontrol.experiments.published": "dqcontrol.reproductions",
+    "dqcontrol.experiments.published.pereira2016": "dqcontrol.reproductions.pereira2016",
+    "dqcontrol.experiments.published.silva2017": "dqcontrol.reproductions.silva2017",
+    "dqcontrol.experiments.tables": "dqcontrol.measures.tables",
+    "dqcontrol.loop.export": "dqcontrol.recording.export",
+    "dqcontrol.loop.mcap": "dqcontrol.recording.mcap",
+    "dqcontrol.loop.stream": "dqcontrol.recording.stream",
+    "dqcontrol.ros2.pereira2016": "dqcontrol.reproductions.pereira2016.nodes",
+    "dqcontrol.view": "dqcontrol.figures",
+    "dqcontrol.view.base_paths": "dqcontrol.figures.base_paths",
+    "dqcontrol.view.browser": "dqcontrol.browser",
+    "dqcontrol.view.clip": "dqcontrol.films.clip",
+    "dqcontrol.view.figure_files": "dqcontrol.figures.figure_files",
+    "dqcontrol.view.light_painting": "dqcontrol.films.light_painting",
+    "dqcontrol.view.physics_picture": "dqcontrol.films.physics_picture",
+    "dqcontrol.view.style": "dqcontrol.figures.style",
+}
+_NAMES = {  # that have left a module
+    "dqcontrol.experiments": {
+        "dqcontrol.logs": ("JointLog", "evaluate_log", "read_joint_log"),
+        "dqcontrol.measures": (
+            "Attenuation",
+            "Certificate",
+            "Column",
+            "Gammas",
+            "Metrics",
+            "PlusMinus",
+            "PremiseError",
+            "Table",
+            "TaskRange",
+            "attenuation",
+            "attenuation_table",
+            "certificate",
+            "comparison_table",
+            "confidence_table",
+            "differences_table",
+            "evaluate",
+            "means_table",
+            "repeatability_table",
+            "summary_table",
+            "task_range",
+            "verify_attenuation",
+        ),
+    },
+    "dqcontrol.loop": {
+        "dqcontrol.recording": (
+            "RecordStream",
+            "export_record",
+            "load_metadata",
+            "load_record",
+            "save_record",
+        )
+    },
+    "dqcontrol.view": {"dqcontrol.reports": ("write_report",)},
+}
+
+
+class _MovedModule(ModuleType):
+    """A module that is gone: it has what stands in its new place."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
+        return find_moved(self.__name__, name)
+
+
+def register() -> None:
+    """Let modules that are gone be imported by their old names."""
+    for old in _MODULES:
+        sys.modules.setdefault(old, _MovedModule(old))
+
+
+def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
+    """Return what a module had under a name, with a warning that says where it is now.
+
+    Raises
+    ------
+    AttributeError
+        If it never had that name.
+    """
+    if (inner := f"{module}.{name}") in _MODULES:
+        return sys.modules[inner]
+    places = (new for new, names in _NAMES.get(module, {}).items() if name in names)
+    new = next(places, _MODULES.get(module))
+    if new is None:
+        raise AttributeError(f"module '{module}' has no attribute '{name}'")
+    found = getattr(import_module(new), name)
+    warnings.warn(f"{inner} is now {new}.{name}", DeprecationWarning, stacklevel=stacklevel)
+    return found
+
+
+def names_moved_from(module: str) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module that names have left."""
+    return lambda name: find_moved(module, name)

@@ -1,0 +1,7 @@
+"""Arms with elastic joints and joint controllers, in MuJoCo."""
+
+from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
+
+__all__ = [
+    "CompliantPlant",
+]

@@ -1,0 +1,118 @@
+"""A compliant arm put together: its model in MuJoCo and its controllers' numbers, at rest and in balance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.plants.compliant.controller_file import ControllerFile, load_controllers
+from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
+from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
+from dqcontrol.plants.compliant.joint_constants import constants_table, gravity_bodies, static_state
+from dqcontrol.plants.compliant.obstacle import steps_per_touch
+from dqcontrol.plants.compliant.payload_compensation import PayloadScale
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.plant import start_within_limits
+from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm ready to move.
+
+    Attributes
+    ----------
+    robot, file
+        What it is made of.
+    model, data
+        MuJoCo's, at the start configuration.
+    constants, state
+        Of the joint controllers, columns of `joint_table`, one row a joint.
+    bodies
+        Table of the controllers' model of gravity, shape (n, 4).
+    rotors
+        Which coordinate of the model is each joint's motor, shape (n,).
+    scale
+        What weighs the payload; None if nothing does.
+    ticks, steps
+        Ticks of the joint controllers in a period, and steps of the physics in a tick.
+    """
+
+    robot: Robot
+    file: ControllerFile
+    model: Any
+    data: Any
+    constants: Array
+    state: Array
+    bodies: Array
+    rotors: Array
+    scale: PayloadScale | None
+    ticks: int
+    steps: int
+
+
+def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> Arm:
+    """Put the arm of a plant together, at rest at q0 (n,), rad, for control periods dt, s.
+
+    Raises
+    ------
+    Error
+        If something does not fit the robot, or its motors cannot hold it at q0.
+    """
+    mujoco = import_mujoco()
+    file = load_controllers(robot, plant.controllers)
+    start, ticks, n = start_within_limits(robot, q0), _ticks(dt), robot.configuration_size
+    actuation = file.actuation(plant.springs)
+    elastic = actuation.elastic
+    hand = file.hand(plant.hand)
+    model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
+    data: Any = mujoco.MjData(model)
+    data.qpos[:n] = start
+    mujoco.mj_forward(model, data)
+    load = data.qfrc_bias[:n].copy()
+    data.qpos[n:] = (start + load / actuation.stiffness)[elastic]
+    inertia = joint_inertia(model, data)
+    steps = max(
+        steps_per_tick(inertia, robot, actuation, plant.accurate),
+        steps_per_touch(plant.obstacles, model, data, n),
+    )
+    model.opt.timestep = TICK / steps
+    mujoco.mj_forward(model, data)
+    moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)
+    constants = constants_table(plant, file, actuation, moved)
+    constants[:, LOWER] = np.maximum(constants[:, LOWER], robot.limits.lower)
+    constants[:, UPPER] = np.minimum(constants[:, UPPER], robot.limits.upper)
+    state = static_state(robot, constants, MODES[plant.mode], start, load, plant.gravity_factor)
+    rotors = np.arange(n, dtype=np.float64)
+    rotors[elastic] = n + np.arange(np.count_nonzero(elastic))
+    bodies, scale = gravity_bodies(robot, hand), None
+    if plant.payload_compensation is not None:
+        if plant.mode not in WITH_GRAVITY:
+            raise ValueRangeError(
+                f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
+                f"got {plant.mode}"
+            )
+        period = ticks * TICK
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
+    return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, steps)
+
+
+def _ticks(dt: float) -> int:
+    """Return how many ticks of the joint controllers a control period has."""
+    period = as_positive("period", dt)
+    ticks = round(period / TICK)
+    if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
+        raise ValueRangeError(
+            f"period: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
+            f"({max(1, ticks) * TICK:g} would do)"
+        )
+    return ticks

@@ -1,0 +1,91 @@
+"""A compliant arm as its control loop sees it near its start: differences of the kernel that moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from msgspec.structs import replace as changed
+from numpy.typing import NDArray
+
+from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.plants.compliant.compliant_arm import assemble
+from dqcontrol.plants.compliant.compliant_live import LiveCompliant
+from dqcontrol.plants.compliant.filters import MEMORY
+from dqcontrol.plants.compliant.joint_constants import static_state
+from dqcontrol.plants.linear_model import LinearModel
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
+    from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+MODES = ("THETA", "THETA_GC")  # those that follow a commanded angle at once
+_HORIZON = 0.2  # s, in which what matters of a state is seen: more than a spring's or a filter's time
+_CHANGE = 1e-5  # rad, rad/s, N·m
+_REMEMBERED = [  # by each joint controller from one period to the next; the measured angle first
+    of.ANGLE,
+    of.TARGET,
+    of.ENCODER,
+    of.VELOCITY,
+    of.SENSED,
+    of.TORQUE_RATE,
+    *range(of.ANGLE_MEMORY, of.TORQUE_RATE_MEMORY + MEMORY),
+]
+_LEFT_OUT = [of.POSITION_I, of.TORQUE_I, of.ANGLE_RESOLUTION, of.TORQUE_RESOLUTION]
+_WITHOUT: dict[str, Any] = {
+    "pushes": [],
+    "payload": None,
+    "payload_compensation": None,
+    "obstacles": [],
+    "encoder_losses": [],
+    "wrist_fault": None,
+}
+_LIMITS = [of.SLEW, of.MAX_TORQUE, of.MAX_CURRENT, of.UPPER]
+
+
+def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+    """Return all joints together: what a period makes of small changes of state and commands about rest at q0.
+
+    None if commands do not move the joints, as without stiffness.
+
+    Left out: gravity, steps and noise of sensors, loads, contacts, limits, and the joint controllers' integrals, which
+    bear their share of gravity at their limits.
+    """
+    still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
+    arm = assemble(still, robot, q0, dt)
+    arm.constants[:, _LEFT_OUT] = 0.0
+    arm.constants[:, _LIMITS] = np.inf
+    arm.constants[:, of.LOWER] = -np.inf
+    arm.model.jnt_limited[:] = 0
+    n, mode = len(q0), of.MODES[plant.mode]
+    rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
+    live = LiveCompliant(still, replace(arm, state=rest), 0)
+    state, qpos, qvel = arm_state = rest, live.data.qpos, live.data.qvel
+    start = [part.copy() for part in arm_state]
+
+    def period(change: Array, command: Array) -> Array:
+        for part, before in zip(arm_state, start, strict=True):
+            part[:] = before
+        known, angles, rates = np.split(change, [n * len(_REMEMBERED), -len(qvel)])
+        state[:, _REMEMBERED] += known.reshape(-1, n).T
+        qpos[:] += angles
+        qvel[:] += rates
+        live.step(command)
+        return np.concatenate([state[:, _REMEMBERED].T.ravel(), qpos, qvel])
+
+    size = n * len(_REMEMBERED) + len(qpos) + len(qvel)
+    none, idle = np.zeros(size), np.zeros(n)
+    return LinearModel(
+        _slopes(lambda change: period(change, idle), size),
+        _slopes(lambda command: period(none, command), n),
+    ).reduced(round(_HORIZON / dt))
+
+
+def _slopes(function: Callable[[Array], Array], size: int) -> Array:
+    """Return the derivatives of a function at zero by central differences, a column each argument."""
+    steps = _CHANGE * np.eye(size)
+    return np.column_stack([(function(step) - function(-step)) / (2 * _CHANGE) for step in steps])

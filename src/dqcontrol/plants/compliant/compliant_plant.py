@@ -1,0 +1,208 @@
+"""A compliant arm: series elastic joints in MuJoCo under the joint controllers of the M3 software."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
+from dqcontrol.plants.compliant.compliant_arm import assemble
+from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
+from dqcontrol.plants.compliant.joint_columns import MODES
+from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
+from dqcontrol.plants.compliant.obstacle import Obstacle
+from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.plant import Plant
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.compliant.compliant_live import LiveCompliant
+    from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+COMMAND_MODES = ("integrated", "measured")
+Mode = Literal["OFF", "PWM", "TORQUE", "TORQUE_GC", "THETA", "THETA_GC", "THETA_MJ", "THETA_GC_MJ"]
+Share = Annotated[float, Meta(ge=0, le=1, description="0 … 1")]
+
+
+class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
+    """Rotors, springs and links of an arm, driven by its joint controllers at 1 kHz.
+
+    The velocity command u of each period T becomes an angle q_desired for every joint, which the mode's controller
+    follows; see docs/physics.md for the modes' equations. Springs, motors, gains and sensors come from a controller
+    file; those of ``meka-a2`` and ``iiwa7`` come with dqcontrol.
+
+    The arm starts at rest and in balance, its controllers running, unless their torques do not suffice.
+
+    Parameters
+    ----------
+    mode
+        Of the joint controllers.
+    command_mode
+        ``"integrated"``: q_desired grows by T u; ``"measured"``: q_desired = measured q + T u.
+    stiffness
+        Scales the position loop's torque in THETA_GC and THETA_GC_MJ, 0 to 1: one number, or one a joint.
+    gravity_factor
+        By how much the controllers' model of gravity is wrong; 1 if exact.
+    hand
+        That the arm bears: the first of its controller file, one by name, or none. The controllers know it.
+    springs
+        Name of a preset in the controller file, or N·m/rad for each joint, null for a rigid one.
+    accurate
+        True: Runge-Kutta steps, which keep the energy; False: faster ones.
+    controllers
+        A controller file; by the robot's name if omitted.
+    encoder_resolution
+        Step of the encoders, rad; that of the controller file if omitted; 0 for none.
+    encoder_noise
+        Standard deviation of the encoders at 1 kHz, rad, white.
+    slew_rate
+        Of the reference in THETA and THETA_GC, rad/s: one number, or one a joint; at most the controller file's.
+    speed
+        Mean speed of minimum-jerk motions in THETA_MJ and THETA_GC_MJ, rad/s: one number, or one a joint.
+    torque
+        Asked for in TORQUE and TORQUE_GC, N·m: one number, or one a joint.
+    duty
+        Share of the voltage asked for in PWM, −1 to 1: one number, or one a joint.
+    pushes
+        Forces from outside.
+    payload
+        Masses at the hand that the controllers do not know.
+    payload_compensation
+        That they weigh it with the wrist sensor, and carry it.
+    obstacles
+        Padded balls in the hand's way.
+    encoder_losses
+        When which encoder is silent.
+    wrist_fault
+        When the wrist sensor reads something else than what it bears.
+    gravity
+        m/s², base frame.
+
+    Raises
+    ------
+    UnknownNameError, ValueRangeError, ShapeError
+        If a parameter lies outside of what is allowed.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("meka-a2"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> live = CompliantPlant(mode="THETA_GC", hand=True).start(arm, q, dt=0.008, steps=1, seed=0)
+    >>> live.step(np.zeros(7))
+    >>> bool(abs(live.q - q).max() < 1e-3)
+    True
+    """
+
+    has_velocity_limits: ClassVar[bool] = True
+    mode: Mode = "THETA_GC"
+    command_mode: Literal["integrated", "measured"] = "integrated"
+    stiffness: Share | list[Share] = 1.0
+    gravity_factor: Annotated[float, Meta(ge=0, le=10, description="1 if exact")] = 1.0
+    hand: bool | str = False
+    springs: str | list[Stiffness | None] = "default"
+    accurate: bool = False
+    controllers: str | None = None
+    encoder_resolution: Annotated[float, Meta(ge=0, le=1, description="rad")] | None = None
+    encoder_noise: Annotated[float, Meta(ge=0, le=1, description="rad")] = 0.0
+    slew_rate: Annotated[float | list[float] | None, Meta(description="rad/s")] = None
+    speed: Annotated[float | list[float], Meta(description="rad/s")] = 0.5
+    torque: Annotated[float | list[float], Meta(description="N·m")] = 0.0
+    duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
+    pushes: Annotated[list[Push], Meta(max_length=1000)] = []
+    payload: Payload | list[Payload] | None = None
+    payload_compensation: PayloadCompensation | None = None
+    obstacles: Annotated[list[Obstacle], Meta(max_length=100)] = []
+    encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
+    wrist_fault: WristFault | None = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise unknown_name("plant.mode", str(self.mode), MODES)
+        if self.command_mode not in COMMAND_MODES:
+            raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
+        _within("stiffness", self.stiffness, 0, 1)
+        _within("gravity_factor", self.gravity_factor, 0, 10)
+        _within("encoder_noise", self.encoder_noise, 0, 1)
+        _within("encoder_resolution", self.encoder_resolution, 0, 1)
+        _within("slew_rate", self.slew_rate, 0, 100)
+        _within("speed", self.speed, 0, 100)
+        _within("torque", self.torque, -1e4, 1e4)
+        _within("duty", self.duty, -1, 1)
+        as_array("plant.gravity", self.gravity, (3,))
+        _of_kind("hand", self.hand, bool, str)
+        _of_kind("payload_compensation", self.payload_compensation, PayloadCompensation, type(None))
+        _of_kind("wrist_fault", self.wrist_fault, WristFault, type(None))
+        _list_of("pushes", self.pushes, Push)
+        _list_of("obstacles", self.obstacles, Obstacle)
+        _list_of("encoder_losses", self.encoder_losses, EncoderLoss)
+        if not isinstance(self.payload, Payload | None):
+            _list_of("payload", self.payload, Payload)
+        if not isinstance(self.springs, str):
+            _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
+
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveCompliant:
+        """Return the arm at rest at q0.
+
+        Parameters
+        ----------
+        robot
+            An arm of revolute joints with inertias, and with controllers of its own or those of a file.
+        q0
+            First configuration, shape (n,), rad, within the position limits.
+        dt
+            Control period T, s, a multiple of 1 ms.
+        steps
+            Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
+        seed
+            Of the noise; the same seed gives bit-equal runs.
+
+        Raises
+        ------
+        MissingExtraError
+            If mujoco is not installed.
+        Error
+            If something does not fit the robot, or its motors cannot hold it at q0.
+        """
+        from dqcontrol.plants.compliant.compliant_live import LiveCompliant
+
+        return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
+
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+        """Return all joints together, without gravity, limits and integrals; None where they do not follow angles.
+
+        So it is in some modes, and without stiffness. Modes of minimum jerk plan anew at each command: not linear.
+        """
+        from dqcontrol.plants.compliant import compliant_linear
+
+        return (
+            compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
+        )
+
+
+def _of_kind(field: str, value: Any, *kinds: type) -> None:
+    if not isinstance(value, kinds):
+        names = " or ".join("None" if kind is type(None) else kind.__name__ for kind in kinds)
+        raise ShapeError(f"plant.{field}: expected {names}, got {value!r:.80}")
+
+
+def _list_of(field: str, value: Any, kind: type) -> None:
+    if not isinstance(value, list | tuple):
+        raise ShapeError(f"plant.{field}: expected a list of {kind.__name__}, got {value!r:.80}")
+    for i, part in enumerate(value):
+        _of_kind(f"{field}[{i}]", part, kind)
+
+
+def _within(field: str, value: Any, lower: float, upper: float) -> None:
+    if value is None:
+        return
+    array = as_array(f"plant.{field}", value)
+    if array.ndim > 1:
+        raise ShapeError(f"plant.{field}: expected one number or one a joint, got shape {array.shape}")
+    if ((array < lower) | (array > upper)).any():
+        raise ValueRangeError(f"plant.{field}: must lie in {lower:g} … {upper:g}, got {value}")

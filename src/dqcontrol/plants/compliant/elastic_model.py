@@ -1,0 +1,220 @@
+"""A serial arm with series elastic joints as a MuJoCo model: rotor, spring, link."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
+from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+_ROTOR_MASS = 1e-14  # kg; a rotor is nothing but a moment of inertia, and its mass is in the links' data
+TICK = 1e-3  # s, of the joint controllers
+INTEGRATORS = {False: "IMPLICITFAST", True: "RK4"}  # by `accurate`
+# Radians a step of the fastest spring; beyond, the integrator is blunt or unstable.
+_MOST_PHASE = {False: 1.0, True: 1.2}
+MOST_STEPS = 16  # a tick
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """What lies between the motors' currents and the links.
+
+    Attributes
+    ----------
+    rotor_inertia
+        Seen at the joint, shape (n,), kg m².
+    friction
+        Of the gear, on the rotor's side of the spring, shape (n,), N·m·s/rad.
+    stiffness
+        Of the springs, shape (n,), N·m/rad; infinite for a rigid joint.
+    damping
+        Of the springs, shape (n,), N·m·s/rad.
+    """
+
+    rotor_inertia: Array
+    friction: Array
+    stiffness: Array
+    damping: Array
+
+    @property
+    def elastic(self) -> NDArray[np.bool_]:
+        """Which joints have a spring."""
+        return np.isfinite(self.stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class Hand:
+    """A body at the end of the arm, in the tool's frame: mass in kg, centre (3,) in m, tensor (3, 3) in kg m²."""
+
+    mass: float
+    center: Array
+    tensor: Array
+
+
+def elastic_model(
+    robot: Robot,
+    actuation: Actuation,
+    *,
+    hand: Hand | None = None,
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.809),
+    accurate: bool = False,
+    stops: bool = True,
+) -> Any:
+    """Return the ``mjModel`` of an arm whose links hang on springs.
+
+    The coordinates are the n link angles, then one rotor angle (seen at the joint) for each joint with a spring. A
+    rotor turns about a fixed axis: the energy that the motion of its link gives it, small with high gears, is left out
+    (Spong, *Modeling and control of elastic joint robots*, 1987). A rigid joint has its rotor on the link's side.
+
+    Bodies: ``link_i``, ``rotor_i``, and ``hand`` at the tool with the sensors ``force`` and ``torque``, which give what
+    the last link exerts on the hand, in the hand's axes. Actuators bear the joints' names; their control is the motor's
+    torque at the joint in N·m.
+
+    Parameters
+    ----------
+    robot
+        An arm of revolute joints with inertias.
+    actuation
+        Its motors and springs.
+    hand
+        What the arm carries for good; None: nothing.
+    gravity
+        m/s², base frame.
+    accurate
+        True: Runge-Kutta of fourth order, which keeps the energy; False: Euler's, implicit in the velocities.
+    stops
+        Whether position limits stop the links.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the arm has sliding joints or no inertias, or these are impossible.
+    """
+    mujoco = import_mujoco()
+    if "prismatic" in robot.joint_types:
+        raise ShapeError(
+            f"plant: compliant joints turn, and {robot.name} has sliding ones; use mujoco as plant"
+        )
+    spec = skeleton(robot)
+    add_inertias(spec, robot)
+    for i, name in enumerate(robot.joint_names):
+        joint, driven = spec.joint(name), name
+        if not stops:
+            joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        # A stop that gives way by milliradians, as stiff as the tick allows.
+        joint.solref_limit, joint.solimp_limit[:2] = (4 * TICK, 1), (0.99, 0.999)
+        if actuation.elastic[i]:
+            driven = f"rotor_{i + 1}"
+            _add_rotor(spec, driven, actuation.rotor_inertia[i])
+            _add_spring(spec, driven, name)
+        else:
+            joint.armature = actuation.rotor_inertia[i]
+        spec.add_actuator(name=name, target=driven, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    _add_hand(spec, mujoco, robot, hand)
+    option = spec.option
+    option.gravity = gravity
+    option.timestep = TICK
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{INTEGRATORS[accurate]}")
+    # A reset after a divergence would hide it; nothing here touches anything.
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model = compiled(spec)
+    n, elastic = len(robot.joint_names), actuation.elastic
+    model.dof_damping[:n] = np.where(elastic, 0.0, actuation.friction)
+    model.dof_damping[n:] = actuation.friction[elastic]
+    springs = len(actuation.stiffness[elastic])
+    if springs:
+        model.tendon_stiffness[:] = actuation.stiffness[elastic]
+        model.tendon_damping[:] = actuation.damping[elastic]
+    return model
+
+
+def _add_rotor(spec: Any, name: str, inertia: float) -> None:
+    rotor = spec.worldbody.add_body(name=name)
+    rotor.mass, rotor.inertia, rotor.explicitinertial = _ROTOR_MASS, [inertia] * 3, True
+    rotor.add_joint(name=name, axis=[0, 0, 1])
+
+
+def _add_spring(spec: Any, rotor: str, link: str) -> None:
+    spring = spec.add_tendon(name=f"spring of {link}")
+    spring.wrap_joint(rotor, 1.0)
+    spring.wrap_joint(link, -1.0)
+    spring.springlength = [0, 0]
+
+
+def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
+    tool = robot.chain[-1]
+    body = spec.body(f"link_{len(robot.joint_names)}").add_body(name="hand", pos=tool[4:7], quat=tool[:4])
+    body.explicitinertial = True
+    body.mass, body.inertia = 0.0, np.zeros(3)
+    if hand is not None:
+        body.mass, body.ipos = hand.mass, hand.center
+        moments, axes = np.linalg.eigh(hand.tensor)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).reshape(9))
+        body.inertia, body.iquat = moments, quaternion
+    # Of no mass before a payload is taken; pushes act on it, at the tool's point.
+    payload = body.add_body(name="payload")
+    payload.explicitinertial, payload.mass, payload.inertia = True, 0.0, np.zeros(3)
+    contact = body.add_body(name="contact")  # takes the forces of obstacles, apart from the pushes
+    contact.explicitinertial, contact.mass, contact.inertia = True, 0.0, np.zeros(3)
+    body.add_site(name="wrist")
+    for kind in ("force", "torque"):
+        spec.add_sensor(
+            name=kind,
+            type=getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}"),
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname="wrist",
+        )
+
+
+def joint_inertia(model: Any, data: Any) -> Array:
+    """Return the inertia matrix at the configuration of ``data``, shape (nv, nv), kg m²."""
+    mujoco = import_mujoco()
+    inertia = np.zeros((model.nv, model.nv))
+    for row, unit in zip(inertia, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, row, unit)
+    return inertia
+
+
+def steps_per_tick(inertia: Array, robot: Robot, actuation: Actuation, accurate: bool) -> int:
+    """Return how many time steps a tick of 1 ms needs for the springs.
+
+    Parameters
+    ----------
+    inertia
+        Links and rotors, shape (n + springs, n + springs), kg m².
+
+    Raises
+    ------
+    ValueRangeError
+        If a spring is too stiff for what it moves.
+    """
+    joints = np.flatnonzero(actuation.elastic)
+    if not len(joints):
+        return 1
+    stiffness, size = actuation.stiffness[joints], len(inertia)
+    stretch = np.zeros((len(joints), size))
+    stretch[np.arange(len(joints)), joints] = -1.0
+    stretch[:, size - len(joints) :] = np.eye(len(joints))
+    root = np.linalg.inv(np.linalg.cholesky(inertia))  # makes a symmetric problem of K over M
+    squares, modes = np.linalg.eigh(root @ stretch.T @ (stiffness[:, None] * stretch) @ root.T)
+    phase = TICK * float(np.sqrt(squares[-1]))
+    steps = math.ceil(phase / _MOST_PHASE[accurate])
+    if steps > MOST_STEPS:
+        worst = joints[int(np.abs(stretch @ root.T @ modes[:, -1]).argmax())]
+        most = actuation.stiffness[worst] * (MOST_STEPS * _MOST_PHASE[accurate] / phase) ** 2
+        raise ValueRangeError(
+            f"plant.springs: joint {worst + 1} '{robot.joint_names[worst]}' has "
+            f"{actuation.stiffness[worst]:g} N·m/rad; for what it moves that is too stiff by far: "
+            f"at most about {most:.2g}, or null for a rigid joint"
+        )
+    return steps

@@ -1,0 +1,152 @@
+"""A gripper with two fingers, opened and closed on schedule."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.plants.mobile.wheeled_base import THINGS
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+
+FINGERS = ("finger_1", "finger_2")
+
+_AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+_METAL = (0.35, 0.37, 0.40, 1.0)
+_PAD = (0.95, 0.45, 0.10, 1.0)
+_PAST = 0.012  # m; the fingers reach so far beyond the hand's point
+
+
+class GripperEvent(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When the gripper starts to open or to close.
+
+    Parameters
+    ----------
+    time
+        s.
+    closed
+        True: close.
+    """
+
+    time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
+    closed: bool
+
+    def __post_init__(self) -> None:
+        as_positive("plant.gripper.schedule.time", self.time, zero_allowed=True)
+
+
+class Gripper(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Two fingers that slide towards each other, geared together, open at the start.
+
+    The hand's point lies between the finger tips. A motor pushes with a constant force, to close or to open; without an
+    object the fingers move at ``speed``. What they grip is held by friction alone.
+
+    Parameters
+    ----------
+    force
+        Of each finger, N.
+    speed
+        Of each finger, m/s.
+    opening
+        Largest distance between the fingers, m.
+    length
+        Of the fingers, m.
+    mass
+        Of both fingers, kg.
+    points, closes
+        Axis of the hand along which the fingers point, and the one along which they close.
+    schedule
+        When it opens and closes, in order of time.
+
+    Raises
+    ------
+    ValueRangeError, UnknownNameError
+        If a number is not positive, the axes are the same, or the schedule is out of order.
+    """
+
+    force: Annotated[float, Meta(gt=0, le=1e4, description="N")] = 4.0
+    speed: Annotated[float, Meta(gt=0, le=10, description="m/s")] = 0.05
+    opening: Annotated[float, Meta(gt=0, le=1, description="m")] = 0.06
+    length: Annotated[float, Meta(gt=0, le=1, description="m")] = 0.07
+    mass: Annotated[float, Meta(gt=0, le=100, description="kg")] = 0.04
+    points: Literal["x", "y", "z"] = "x"
+    closes: Literal["x", "y", "z"] = "z"
+    schedule: Annotated[list[GripperEvent], Meta(max_length=10_000)] = []
+
+    def __post_init__(self) -> None:
+        for field in ("force", "speed", "opening", "length", "mass"):
+            as_positive(f"plant.gripper.{field}", getattr(self, field))
+        for field in ("points", "closes"):
+            if getattr(self, field) not in _AXES:
+                raise unknown_name(f"plant.gripper.{field}", str(getattr(self, field)), _AXES)
+        if self.points == self.closes:
+            raise ValueRangeError(
+                f"plant.gripper.closes: must be another axis than 'points', got {self.closes}"
+            )
+        times = [event.time for event in self.schedule]
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueRangeError(f"plant.gripper.schedule: times must increase, got {times}")
+
+    def is_closed(self, time: float) -> bool:
+        """Return whether it closes at a time, s."""
+        closed = False
+        for event in self.schedule:
+            if event.time > time + 1e-9:
+                break
+            closed = event.closed
+        return closed
+
+
+def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: float) -> None:
+    """Add palm, fingers and their motors to the body that carries the hand.
+
+    Parameters
+    ----------
+    spec, link
+        ``mjSpec`` and the body.
+    tool
+        Orientation and position of the hand in the body, shape (7,), as in a robot's chain.
+    timestep
+        s; the gear between the fingers is as stiff as it allows.
+    """
+    mujoco = import_mujoco()
+    points, closes = np.array(_AXES[gripper.points], float), np.array(_AXES[gripper.closes], float)
+    rotation = np.column_stack([closes, np.cross(points, closes), points])
+    turn, quaternion = np.empty(4), np.empty(4)
+    mujoco.mju_mat2Quat(turn, np.ascontiguousarray(rotation).reshape(9))
+    mujoco.mju_mulQuat(quaternion, np.ascontiguousarray(tool[:4]), turn)
+    half, thick, wide = 0.5 * gripper.opening, 0.006, 0.012
+    palm = link.add_body(name="palm", pos=tool[4:7], quat=quaternion)
+    bar = palm.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half + thick, wide, 0.01], rgba=_METAL, mass=0)
+    bar.pos, bar.contype, bar.conaffinity = [0, 0, _PAST - gripper.length], 0, 0
+    for name, side in zip(FINGERS, (-1, 1), strict=True):
+        finger = palm.add_body(name=name, pos=[side * half, 0, 0])
+        finger.mass, finger.ipos, finger.explicitinertial = (
+            gripper.mass / 2,
+            [0, 0, _PAST - gripper.length / 2],
+            True,
+        )
+        finger.inertia = [gripper.mass * gripper.length**2 / 24] * 3
+        joint = finger.add_joint(
+            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-side, 0, 0], range=[0, half]
+        )
+        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint.armature = 0.05  # of its motor, seen at the finger
+        joint.solref_limit = (4 * timestep, 1)
+        bar = finger.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[thick / 2, wide, gripper.length / 2],
+            pos=[side * thick / 2, 0, _PAST - gripper.length / 2],
+            rgba=_PAD,
+            mass=0,
+        )
+        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, THINGS, 4, [0, 0, 0]
+        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.gainprm[0] = gripper.force
+    gear = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=FINGERS[0], name2=FINGERS[1])
+    gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
+    gear.data[:5], gear.solref = [0, 1, 0, 0, 0], (4 * timestep, 1)

@@ -1,0 +1,263 @@
+"""A mobile manipulator in motion in MuJoCo: one control period at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import DivergedError, ValueRangeError
+from dqcontrol.plants.camera import CAMERA_CHANNELS
+from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.mobile.gripper import FINGERS
+from dqcontrol.plants.mobile.live_camera import Sight
+from dqcontrol.plants.mobile.odometry import Odometry
+from dqcontrol.plants.mobile.wheeled_base import WHEELS, yaw_of
+from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.plant import as_command
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.mobile.mobile_plant import MobilePlant
+    from dqcontrol.robots.bases import DifferentialDrive
+    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.whole_body import WholeBody
+
+Array = NDArray[np.float64]
+
+
+class LiveMobile:
+    """A mobile manipulator in motion; made by `MobilePlant.start`.
+
+    Attributes
+    ----------
+    model, data
+        MuJoCo's own model and state, for whoever needs more.
+    q, measured
+        True and measured configuration, shape (n,), rad or m, updated in place.
+    channels, readings
+        What is recorded beside them: angles, torques and slip of the wheels (slip: speed of each wheel's contact along
+        the heading, and of the axle across it), tilt of the base, opening of the gripper, poses of the cubes, and with
+        a camera the age of its last frame and the share of the commands that is obeyed.
+    dofs
+        MuJoCo's indices of the arm's joint velocities.
+    """
+
+    model: Any
+    data: Any
+
+    def __init__(
+        self,
+        plant: MobilePlant,
+        robot: WholeBody,
+        drive: DifferentialDrive,
+        arm: SerialArm | None,
+        model: Any,
+        substeps: int,
+        run: tuple[float, int, int],
+    ) -> None:
+        self.model, self.data = model, import_mujoco().MjData(model)
+        self.q: Array = np.zeros(robot.configuration_size)
+        self.measured: Array = np.zeros(robot.configuration_size)
+        self._plant, self._robot, self._drive, self._arm, self._run = plant, robot, drive, arm, run
+        self._substeps, self._advance = substeps, import_mujoco().mj_step
+        joints = robot.joint_names[3:]
+        self._joints = coordinates_of(model, joints)
+        self.dofs: NDArray[np.intp] = dofs_of(model, joints)
+        wheels = [f"wheel_{name}" for name in WHEELS]
+        self._wheels, self._wheel_dofs = coordinates_of(model, wheels), dofs_of(model, wheels)
+        self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
+        self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
+        self._rim = robot.limits.velocity[0] / drive.wheel_radius
+        self._encoders = JointEncoders(plant, len(joints), run[2])
+        self.channels: tuple[Channel, ...] = _channels(plant)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
+
+    @property
+    def time(self) -> float:
+        """Time since the start, s."""
+        return self.data.time
+
+    @property
+    def odometry(self) -> Array:
+        """What the encoders of the wheels say about x, y and φ, shape (3,), m and rad."""
+        return self._odometry.pose.copy()
+
+    def place(self, q: Array) -> None:
+        """Put the robot somewhere, upright and at rest, with wheels at zero."""
+        data = self.data
+        data.qvel[:] = 0.0
+        data.qpos[:7] = q[0], q[1], 0.0, math.cos(q[2] / 2), 0.0, 0.0, math.sin(q[2] / 2)
+        data.qpos[self._wheels] = 0.0
+        data.qpos[self._joints] = q[3:]
+
+    def settle(self, start: Array, steps: int) -> None:
+        """Let the robot come to rest on its contacts, and start the clock there."""
+        dt, count, seed = self._run
+        data = self.data
+        self._command_gripper(0.0)
+        self._compensate(start)
+        self._advance(self.model, data, steps)
+        height, pitch = float(data.qpos[2]), data.qpos[3:7].copy()
+        turn = start[2] - yaw_of(pitch)
+        self.place(start)
+        data.qpos[2] = height
+        self._turned(pitch, turn, data.qpos[3:7])
+        data.time = 0.0
+        import_mujoco().mj_forward(self.model, data)
+        self.q[:] = start
+        self._odometry = Odometry(self._drive, start[:3], self._plant.base.ticks)
+        camera = self._plant.camera if self._plant.location == "camera" else None
+        self._sight = Sight(camera, start[:3], dt, count, seed) if camera else None
+        self._measure()
+
+    def step(self, command: ArrayLike) -> None:
+        """Move the robot for one control period; `q`, `measured` and `readings` are updated in place.
+
+        Parameters
+        ----------
+        command
+            Inputs v and ω of the base and the joints' velocities, shape (n − 1,), or in the unconstrained form the
+            rates of the configuration, shape (n,); m/s and rad/s.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If the command has the wrong shape or is not finite, or the camera's periods are over.
+        DivergedError
+            If the robot left the finite numbers, or the command those that MuJoCo takes.
+        """
+        u = as_command(command, self._robot.input_size)
+        if len(u) == len(self.q):
+            u = self._robot.feasible_inputs(self.measured, u)
+        if self._sight is not None and self._sight.is_over:
+            raise ValueRangeError("step: the plant was started for fewer periods, and they are over")
+        self._command_wheels(u[0], u[1])
+        self._command_gripper(self.data.time)
+        self._compensate(self.q)
+        joints = len(self._joints)
+        rate = self.data.ctrl[:joints]
+        rate[:] = u[2:]
+        if self._plant.command_mode == "measured":  # the rate that ends at measured + T u
+            rate += (self.measured[3:] - self.data.act[:joints]) / self._run[0]
+        rate *= self._share
+        check_rate(self.data.ctrl)
+        self._advance(self.model, self.data, self._substeps)
+        self._locate()
+        if not self.q.dot(self.q) < LOST:
+            raise DivergedError(
+                f"plant: the robot diverged before {self.data.time:g} s, q = {self.q}; try a smaller timestep"
+            )
+        self._odometry.read(self.data.qpos[self._wheels])
+        if self._sight is not None:
+            self._sight.look(self.q[:3])
+        self._measure()
+
+    @property
+    def _share(self) -> float:
+        """Share of the commands that is obeyed: 1, but without frames of the camera."""
+        return self._sight.share if self._sight is not None else 1.0
+
+    def _command_wheels(self, v: float, omega: float) -> None:
+        """Set the wheels' speeds, along the same arc where the rims would be too fast."""
+        turning, share = self._drive.half_track * omega, self._share
+        right, left = (
+            share * (v + turning) / self._drive.wheel_radius,
+            share * (v - turning) / self._drive.wheel_radius,
+        )
+        scale = min(1.0, self._rim / max(abs(right), abs(left), 1e-12))
+        first = len(self._joints)
+        self.data.ctrl[first : first + 2] = scale * right, scale * left
+
+    def _command_gripper(self, time: float) -> None:
+        gripper = self._plant.gripper
+        if gripper is not None:
+            self.data.ctrl[len(self._joints) + 2 :] = 1.0 if gripper.is_closed(time) else -1.0
+
+    def _compensate(self, q: Array) -> None:
+        """Let the servos carry their share of gravity."""
+        share = self._plant.gravity_compensation
+        if share and self._arm is not None:
+            torque = self._arm.gravity_torque(q[3:], self._plant.gravity)
+            self.model.actuator_biasprm[: len(self._joints), 0] = share * torque
+
+    def _locate(self) -> None:
+        """Read x, y, φ and the joints from MuJoCo's state."""
+        q, data = self.q, self.data
+        q[:2] = data.qpos[:2]
+        q[2] += math.remainder(yaw_of(data.qpos[3:7]) - q[2], 2 * math.pi)
+        q[3:] = data.qpos[self._joints]
+
+    def _measure(self) -> None:
+        """Read all sensors."""
+        measured, location = self.measured, self._plant.location
+        self._encoders.read(self.q[3:], measured[3:])
+        if location == "odometry":
+            measured[:3] = self._odometry.pose
+        else:
+            measured[:3] = self._sight.pose if self._sight is not None else self.q[:3]
+        data, out = self.data, self.readings
+        out[0:2] = data.qpos[self._wheels]
+        out[2:4] = data.qfrc_actuator[self._wheel_dofs]
+        out[4:7] = self._slip()
+        x, y = data.qpos[4:6]
+        out[7] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
+        at = 8
+        if (gripper := self._plant.gripper) is not None:
+            out[at] = gripper.opening - data.qpos[self._fingers].sum()
+            at += 1
+        for first in self._cubes:
+            out[at : at + 7] = data.qpos[first : first + 7]
+            at += 7
+        if self._sight is not None:
+            out[at : at + 2] = self._sight.age, self._sight.share
+
+    def _slip(self) -> tuple[float, float, float]:
+        """Return the speeds of the right and the left wheel's contact along the heading, and of the axle across it."""
+        data, phi = self.data, self.q[2]
+        c, s = math.cos(phi), math.sin(phi)
+        vx, vy, turn = data.qvel[0], data.qvel[1], data.qvel[5]
+        forward, across = c * vx + s * vy, c * vy - s * vx
+        b, r = self._drive.half_track, self._drive.wheel_radius
+        right, left = data.qvel[self._wheel_dofs]
+        return forward + b * turn - r * right, forward - b * turn - r * left, across
+
+    @staticmethod
+    def _turned(quaternion: Array, angle: float, out: Array) -> None:
+        """Write an orientation turned about the vertical."""
+        import_mujoco().mju_mulQuat(
+            out, np.array([math.cos(angle / 2), 0, 0, math.sin(angle / 2)]), quaternion
+        )
+
+
+def coordinates_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
+    """Return MuJoCo's indices of the first coordinate of each joint."""
+    return np.array([int(model.joint(name).qposadr[0]) for name in joints], dtype=np.intp)
+
+
+def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
+    """Return MuJoCo's indices of the velocity of each joint."""
+    return np.array([int(model.joint(name).dofadr[0]) for name in joints], dtype=np.intp)
+
+
+def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
+    """Return what is read, in the order of `LiveMobile.readings`."""
+    return (
+        Channel("wheel_angle", WHEELS, "rad"),
+        Channel("wheel_torque", WHEELS, "N·m"),
+        Channel("wheel_slip", (*WHEELS, "sideways"), "m/s"),
+        Channel("tilt", (), "rad"),
+        *([Channel("gripper_opening", (), "m")] if plant.gripper is not None else []),
+        *(
+            channel
+            for i in range(len(plant.scene.cubes))
+            for channel in (
+                Channel(f"cube_{i + 1}_position", ("x", "y", "z"), "m"),
+                Channel(f"cube_{i + 1}_quaternion", ("w", "x", "y", "z"), ""),
+            )
+        ),
+        *(CAMERA_CHANNELS if plant.location == "camera" else ()),
+    )

@@ -1,0 +1,195 @@
+"""A mobile manipulator on real wheels, moved by MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.plants.camera import Camera
+from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
+from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
+from dqcontrol.plants.mobile.scene import Scene, add_scene
+from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
+from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
+from dqcontrol.plants.mujoco.mujoco_servos import Array, JointServos
+from dqcontrol.plants.plant import start_within_limits
+from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.whole_body import WholeBody
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+LOCATIONS = ("true", "odometry", "camera")
+_STIFF_FRICTION = 100.0  # stiffness of friction below its limit, against that of contacts
+_CONTACT_STEPS = 5  # time constant of contacts, in time steps
+_SETTLING = 0.5  # s; until the robot stands still on its contacts
+
+
+class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
+    """A differential drive with an arm on a floor: wheels that roll and slip, casters, a gripper and things to grip.
+
+    The base is a free body; its wheels touch the floor with friction and are turned by speed controllers, which get
+    ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, both scaled down where the rims would be too fast. The arm's joints have
+    the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
+    cubes, baskets and the floor.
+
+    Configuration x, y and φ are those of the point of the floor below the middle of the axle; tilt is recorded, and no
+    part of the configuration.
+
+    Parameters
+    ----------
+    location
+        What measures x, y and φ: ``"true"``, ``"odometry"`` (the encoders of the wheels, which do not see slip), or the
+        ``"camera"``.
+    camera
+        That camera.
+    base
+        Masses, friction and motors of the base.
+    link_mass
+        Of the arm's links, if it has no inertias: one number, or one a link, kg. They are then solid rods.
+    link_radius
+        Of those rods, m.
+    gravity_compensation
+        As of `MujocoPlant`; 0 by default, as in hobby servos.
+    armature
+        As of `MujocoPlant`.
+    gripper
+        At the hand; none if omitted.
+    scene
+        Cubes and baskets.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> body = dqc.load_robot("little-john")
+    >>> plant = MobilePlant().start(body, np.zeros(8), dt=0.02, steps=50, seed=0)
+    >>> for _ in range(50):
+    ...     plant.step(np.array([0.3, 0, 0, 0, 0, 0, 0]))
+    >>> bool(0.25 < plant.q[0] < 0.3)  # it takes a moment until it drives
+    True
+    """
+
+    location: Literal["true", "odometry", "camera"] = "true"
+    camera: Camera = Camera()
+    base: WheeledBase = WheeledBase()
+    link_mass: Annotated[float | list[float], Meta(description="kg")] = 0.15
+    link_radius: Annotated[float, Meta(gt=0, le=1, description="m")] = 0.025
+    gravity_compensation: Annotated[float, Meta(ge=0, le=1, description="share of the gravity torque")] = 0.0
+    armature: Annotated[float | list[float], Meta(description="kg m² or kg")] = 0.02
+    gripper: Gripper | None = None
+    scene: Scene = Scene()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.location not in LOCATIONS:
+            raise unknown_name("plant.location", str(self.location), LOCATIONS)
+        if (as_array("plant.link_mass", self.link_mass) <= 0).any():
+            raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
+        as_positive("plant.link_radius", self.link_radius)
+
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMobile:
+        """Return the robot at rest at q0, standing on its wheels.
+
+        Parameters
+        ----------
+        robot
+            A whole body: a differential drive first, then arms and fixed poses.
+        q0
+            First configuration, shape (n,), rad or m, joints within their limits.
+        dt
+            Control period T, s.
+        steps
+            Number of periods.
+        seed
+            Of the noise of encoders and camera.
+
+        Raises
+        ------
+        MissingExtraError
+            If mujoco is not installed.
+        Error
+            If the robot has another base, or something does not fit it.
+        """
+        body, drive, arm = self._taken_apart(robot)
+        start = start_within_limits(robot, q0)
+        substeps = self.substeps(dt)
+        model = self._mobile_model(robot, drive, arm)
+        live = LiveMobile(self, body, drive, arm, model, substeps, (dt, steps, seed))
+        live.place(start)
+        mujoco = import_mujoco()
+        mujoco.mj_forward(model, live.data)
+        if arm is not None:
+            self.set_servos(arm, model, live.data, start[3:], live.dofs)
+        live.settle(start, round(_SETTLING / self.timestep))
+        return live
+
+    def picture_model(self, robot: Robot) -> Any:
+        """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
+        return self._spec(*self._taken_apart(robot))
+
+    def _taken_apart(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
+        """Return the robot, its drive and what that carries, the arm with inertias."""
+        parts = robot.parts if isinstance(robot, WholeBody) else ()
+        drive = parts[0] if parts else None
+        carried = [part for part in parts[1:] if isinstance(part, SerialArm | np.ndarray)]
+        if (
+            not isinstance(robot, WholeBody)
+            or not isinstance(drive, DifferentialDrive)
+            or len(carried) < len(parts) - 1
+        ):
+            found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
+            raise ValueRangeError(
+                f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
+                f"{robot.name}: {found or type(robot).__name__}; mecanum wheels are not modelled"
+            )
+        if not any(isinstance(part, SerialArm) for part in carried):
+            return robot, drive, None
+        arm = SerialArm.join(carried, robot.name)
+        if arm.inertia is None:
+            masses = as_each("plant.link_mass", self.link_mass, arm.configuration_size)
+            arm = with_assumed_inertia(arm, masses, self.link_radius)
+        return robot, drive, arm
+
+    def _spec(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+        """Return robot, gripper and scene without motors."""
+        mujoco = import_mujoco()
+        spec = mujoco.MjSpec()
+        spec.modelname = robot.name
+        spec.compiler.degree, spec.compiler.autolimits = False, True
+        body = add_base(spec, self.base, drive, float(robot.chain[3, 6]))
+        if arm is not None:
+            add_arm(body, arm)
+            add_inertias(spec, arm)
+            self.add_servos(spec, arm)
+            body = spec.body(f"link_{arm.configuration_size}")
+        else:
+            body.add_site(name="hand", pos=robot.chain[-1, 4:7], quat=robot.chain[-1, :4], size=[1e-3] * 3)
+        mass = 2 * self.base.wheel_mass + self.base.mass
+        mass += 0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum())
+        add_wheel_motors(spec, self.base, drive, mass)
+        if self.gripper is not None:
+            add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
+        add_scene(spec, self.scene)
+        return spec
+
+    def _mobile_model(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+        """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
+        mujoco = import_mujoco()
+        spec = self._spec(robot, drive, arm)
+        option = spec.option
+        option.timestep, option.gravity = self.timestep, self.gravity
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _STIFF_FRICTION
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        model = compiled(spec)
+        model.geom_solref[:] = (_CONTACT_STEPS * self.timestep, 1)
+        damping = model.dof_damping.reshape(model.nv, -1)[:, 0]
+        names = robot.joint_names[3:]
+        damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
+        if self.gripper is not None:
+            damping[dofs_of(model, FINGERS)] = self.gripper.force / self.gripper.speed
+        return model

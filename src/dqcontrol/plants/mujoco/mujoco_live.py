@@ -1,0 +1,134 @@
+"""An arm in motion in MuJoCo: one control period at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.errors import DivergedError, as_each
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.plant import as_command
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.mujoco.mujoco_plant import MujocoPlant
+    from dqcontrol.plants.mujoco.mujoco_servos import JointServos
+
+Array = NDArray[np.float64]
+
+LOST = 1e12  # rad², m²; a configuration beyond it has diverged
+_MOST_RATE = 1e10  # MuJoCo's mjMAXVAL
+
+
+class LiveMujoco:
+    """An arm in motion; made by `MujocoPlant.start`.
+
+    Attributes
+    ----------
+    model, data
+        MuJoCo's own model and state, for whoever needs more.
+    q, measured
+        True and measured configuration, shape (n,), rad or m, updated in place.
+    """
+
+    model: Any
+    data: Any
+
+    def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
+        n = model.nv
+        self.model, self.data = model, data
+        self.q: Array = data.qpos
+        self.measured: Array = np.empty(n)
+        self._rate, self._target = data.ctrl, data.act
+        self._advance = import_mujoco().mj_step
+        self._substeps = substeps
+        self._period = substeps * plant.timestep
+        self._from_measured = plant.command_mode == "measured"
+        self._encoders = JointEncoders(plant, n, seed)
+        self._encoders.read(self.q, self.measured)
+
+    @property
+    def time(self) -> float:
+        """Time since the start, s."""
+        return self.data.time
+
+    @property
+    def torque(self) -> Array:
+        """Torque of servos and gravity compensation in the last time step, shape (n,), N·m or N."""
+        return self.data.qfrc_actuator.copy()
+
+    @property
+    def velocity(self) -> Array:
+        """Joint velocities, shape (n,), rad/s or m/s."""
+        return self.data.qvel.copy()
+
+    @property
+    def target(self) -> Array:
+        """The servos' targets q*, shape (n,), rad or m."""
+        return self._target.copy()
+
+    @property
+    def stiffness(self) -> Array:
+        """The servos' k_p, shape (n,), N·m/rad or N/m."""
+        return self.model.actuator_gainprm[:, 0].copy()
+
+    @property
+    def damping(self) -> Array:
+        """The servos' k_d, shape (n,), N·m·s/rad or N·s/m."""
+        return -self.model.actuator_biasprm[:, 2]
+
+    def step(self, command: ArrayLike) -> None:
+        """Move the arm for one control period; `q` and `measured` are updated in place.
+
+        Parameters
+        ----------
+        command
+            Joint velocities u, shape (n,), rad/s or m/s.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If the command has the wrong shape or is not finite.
+        DivergedError
+            If the arm left the finite numbers, or the command those that MuJoCo takes.
+        """
+        rate = self._rate
+        rate[:] = as_command(command, len(rate))
+        if self._from_measured:  # the rate that ends at measured + T u
+            rate += (self.measured - self._target) / self._period
+        check_rate(rate)
+        self._advance(self.model, self.data, self._substeps)
+        if not self.q.dot(self.q) < LOST:
+            raise DivergedError(
+                f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
+                "try a smaller timestep, less bandwidth or stiffness, or more damping"
+            )
+        self._encoders.read(self.q, self.measured)
+
+
+def check_rate(rate: Array) -> None:
+    """Say that a run diverged where MuJoCo would take a rate for a mistake, and silently let go of all servos."""
+    largest = np.abs(rate).max()
+    if not largest < _MOST_RATE:
+        raise DivergedError(f"plant: a command of {largest:g} rad/s; MuJoCo takes less than {_MOST_RATE:g}")
+
+
+class JointEncoders:
+    """The encoders of n joints, with the plant's noise and resolution."""
+
+    def __init__(self, plant: JointServos, n: int, seed: int) -> None:
+        noise = as_each("plant.encoder_noise", plant.encoder_noise, n)
+        self._noise = noise if noise.any() else None
+        self._rng = np.random.default_rng(seed)
+        resolution = as_each("plant.encoder_resolution", plant.encoder_resolution, n)
+        self._stepped = np.flatnonzero(resolution)
+        self._resolution = resolution[self._stepped]
+
+    def read(self, q: Array, measured: Array) -> None:
+        """Write what the encoders show at q."""
+        measured[:] = q
+        if self._noise is not None:
+            measured += self._noise * self._rng.standard_normal(len(measured))
+        if len(self._stepped):
+            measured[self._stepped] = np.round(measured[self._stepped] / self._resolution) * self._resolution

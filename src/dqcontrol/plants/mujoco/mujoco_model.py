@@ -1,0 +1,216 @@
+"""A serial arm as a MuJoCo model, built from its chain of screws: no meshes and no files."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import MissingExtraError, ValueRangeError
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+_LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
+_ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it
+
+_SHELL = (0.93, 0.94, 0.95, 1.0)
+_HUB = (0.95, 0.45, 0.10, 1.0)
+_BASE = (0.25, 0.27, 0.30, 1.0)
+_TRIAD = ((0.85, 0.15, 0.15, 1.0), (0.15, 0.65, 0.20, 1.0), (0.15, 0.30, 0.85, 1.0))
+
+
+def import_mujoco() -> Any:
+    """Return the mujoco package.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        mujoco: Any = importlib.import_module("mujoco")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"mujoco: physics needs it and it cannot be imported ({error}); pip install 'dqcontrol[physics]'"
+        ) from None
+    if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a log file to the working folder
+        mujoco.set_mju_user_warning(logging.getLogger("dqcontrol.mujoco").info)
+    return mujoco
+
+
+def skeleton(robot: Robot) -> Any:
+    """Return an ``mjSpec`` with a robot's bodies, joints, hand and shapes, without its inertias.
+
+    Body ``link_i`` is the frame of joint i after its screw; the joint carries its name in the robot and,
+    where both position limits are finite, its range; the site ``hand`` is the tool. Capsules between the
+    joints and a drum on each joint axis are for pictures only: they have no mass and touch nothing.
+
+    Parameters
+    ----------
+    robot
+        The arm.
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> from dqcontrol.plants.mujoco.mujoco_model import skeleton
+    >>> arm = dqc.SerialArm.from_dh(theta=[0, 0], d=[0, 0], a=[1, 1], alpha=[0, 0])
+    >>> [joint.name for joint in skeleton(arm).joints]
+    ['joint_1', 'joint_2']
+    """
+    spec = import_mujoco().MjSpec()
+    spec.modelname = robot.name
+    add_arm(spec.worldbody, robot)
+    spec.compiler.degree = False
+    spec.compiler.autolimits = True
+    return spec
+
+
+def add_arm(parent: Any, robot: Robot) -> None:
+    """Add the bodies, joints, hand and shapes of a `skeleton` to a body."""
+    mujoco = import_mujoco()
+    draw = _Shapes(mujoco, robot)
+    for i, name in enumerate(robot.joint_names):
+        row, lower, upper = robot.chain[i], robot.limits.lower[i], robot.limits.upper[i]
+        slides = robot.joint_types[i] == "prismatic"
+        draw.link(parent, i)
+        if slides:
+            draw.rail(parent, i)
+        body = parent.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
+        body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1])
+        if np.isfinite(lower) and np.isfinite(upper):
+            joint.range, joint.limited = (lower, upper), mujoco.mjtLimited.mjLIMITED_TRUE
+        draw.drum(body, i)
+        parent = body
+    tool = robot.chain[-1]
+    draw.link(parent, len(robot.joint_names))
+    parent.add_site(name="hand", pos=tool[4:7], quat=tool[:4], size=[1e-3] * 3, group=4)
+    draw.triad(parent)
+
+
+def add_inertias(spec: Any, robot: Robot) -> None:
+    """Give the bodies of a `skeleton` their inertias.
+
+    Raises
+    ------
+    ValueRangeError
+        If the robot has none, or a joint's mass is zero or its tensor is that of no body: it must be
+        symmetric, its principal moments positive and none larger than the sum of the others.
+    """
+    if robot.inertia is None:
+        raise ValueRangeError(
+            f"inertia: {robot.name} has none, and physics needs a mass and a tensor for every joint"
+        )
+    mujoco = import_mujoco()
+    for i, name in enumerate(robot.joint_names):
+        where = f"inertia: joint {i + 1} '{name}' of {robot.name}"
+        body = spec.body(f"link_{i + 1}")
+        mass = robot.inertia.mass[i]
+        if mass <= _LEAST:
+            raise ValueRangeError(
+                f"{where} has mass {mass:g} kg; inertias do not allow physics, a mass must be > 0"
+            )
+        moments, axes = _principal(where, robot.inertia.tensor[i])
+        body.mass, body.ipos, body.inertia = mass, robot.inertia.center[i], moments
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).reshape(9))
+        body.iquat = quaternion
+
+
+def compiled(spec: Any) -> Any:
+    """Return the ``mjModel`` of a spec.
+
+    Raises
+    ------
+    ValueRangeError
+        If MuJoCo refuses it, with its words.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise ValueRangeError(f"robot: MuJoCo refuses the model of {spec.modelname}: {error}") from None
+
+
+def _principal(where: str, tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return principal moments and right-handed axes (columns), or say why no body has this tensor."""
+    if np.abs(tensor - tensor.T).max() > _ROUNDING * np.abs(tensor).max():
+        raise ValueRangeError(
+            f"{where} has tensor {tensor.tolist()}; inertias do not allow physics, it must be symmetric"
+        )
+    moments, axes = np.linalg.eigh(0.5 * (tensor + tensor.T))
+    text = f"principal moments {', '.join(f'{value:.6g}' for value in moments)} kg m²"
+    if moments[0] <= _LEAST:
+        raise ValueRangeError(f"{where} has {text}; inertias do not allow physics, each must be > 0")
+    largest = moments[0] + moments[1]
+    if moments[2] > largest * (1 + _ROUNDING):
+        raise ValueRangeError(
+            f"{where} has {text}; inertias do not allow physics, "
+            f"the largest must be ≤ the sum of the others, {largest:.6g}"
+        )
+    moments[2] = min(moments[2], largest * (1 - 1e-12))
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return moments, axes
+
+
+class _Shapes:
+    """Draws the parts of an arm, thinner towards the hand."""
+
+    def __init__(self, mujoco: Any, robot: Robot) -> None:
+        self.mujoco, self.robot = mujoco, robot
+        points = robot.chain[:, 4:7]
+        self.reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
+        self.radii = self.reach * np.linspace(0.048, 0.026, len(points))
+
+    def add(self, body: Any, kind: str, size: Any, colour: Any, **place: Any) -> None:
+        """Add a geom that only shows."""
+        geom = body.add_geom(
+            type=getattr(self.mujoco.mjtGeom, f"mjGEOM_{kind}"), rgba=colour, mass=0, **place
+        )
+        geom.size[: len(size)] = size
+        geom.contype = geom.conaffinity = 0
+
+    def link(self, body: Any, i: int) -> None:
+        """Draw what leads from joint i − 1 to joint i (or to the hand)."""
+        end, radius = self.robot.chain[i, 4:7], 0.85 * self.radii[i]
+        length = np.linalg.norm(end)
+        if i == 0:
+            self.add(body, "CYLINDER", [1.7 * self.radii[0], 0.1 * self.radii[0]], _BASE)
+        if length > 0.5 * radius:
+            kind = "CYLINDER" if i == len(self.radii) - 1 else "CAPSULE"  # the hand's point lies on the end
+            self.add(body, kind, [radius], _BASE if i == 0 else _SHELL, fromto=[0, 0, 0, *end])
+
+    def drum(self, body: Any, i: int) -> None:
+        """Draw joint i as a drum about its axis."""
+        radius = self.radii[i]
+        self.add(body, "CYLINDER", [1.02 * radius, 1.15 * radius], _SHELL)
+        for side in (-1, 1):
+            self.add(body, "CYLINDER", [0.7 * radius, 0.06 * radius], _HUB, pos=[0, 0, side * 1.2 * radius])
+
+    def rail(self, body: Any, i: int) -> None:
+        """Draw the way along which joint i slides."""
+        row, limits = self.robot.chain[i], self.robot.limits
+        if not (np.isfinite(limits.lower[i]) and np.isfinite(limits.upper[i])):
+            return
+        axis = np.empty(3)
+        self.mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), np.ascontiguousarray(row[:4]))
+        ends = [*(row[4:7] + limits.lower[i] * axis), *(row[4:7] + limits.upper[i] * axis)]
+        self.add(body, "CAPSULE", [0.4 * self.radii[i]], _BASE, fromto=ends)
+
+    def triad(self, body: Any) -> None:
+        """Draw the axes of the hand: x red, y green, z blue."""
+        tool, length, axis = self.robot.chain[-1], 0.06 * self.reach, np.empty(3)
+        for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
+            self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))
+            ends = [*tool[4:7], *(tool[4:7] + length * axis)]
+            self.add(body, "CAPSULE", [0.0045 * self.reach], colour, fromto=ends)

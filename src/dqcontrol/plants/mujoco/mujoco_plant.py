@@ -1,0 +1,162 @@
+"""An arm with masses under position servos, moved by MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import ValueRangeError, as_each
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
+from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
+from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
+from dqcontrol.plants.plant import start_within_limits
+from dqcontrol.robots.whole_body import base_coordinates
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
+    """Joints with masses, gravity and torque limits, held by position servos.
+
+    Each servo applies τ = k_p (q* − q) − k_d q̇, clipped to the joint's effort limit. The velocity command u
+    becomes servo targets once a period T; the target q* moves linearly from where it is to its new value over
+    the period, as the interpolators of real arms do: a target that jumped would kick the joints by k_p T u.
+
+    The arm starts at rest and in balance: the first target is q0 + τ_g / k_p, with τ_g the part of the
+    gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
+    Position limits are mechanical stops, where a joint has both.
+
+    Parameters
+    ----------
+    command_mode
+        ``"integrated"``: q* grows by T u, whatever the joint does; at constant u the joint moves with
+        velocity u, k_d / k_p seconds late. ``"measured"``: q* = measured q + T u, as of drivers that add the
+        command to the encoder's reading; the joint then settles at the velocity u k_p T / (k_p T + k_d) and
+        gives way to whatever part of gravity is not compensated.
+    bandwidth
+        Hz; k_p = M (2π bandwidth)² for each joint, M the diagonal of the joint-space inertia at the start,
+        armature included.
+    damping_ratio
+        ζ; k_d = 2 ζ √(k_p M).
+    stiffness, damping
+        k_p (N·m/rad or N/m) and k_d (N·m·s/rad or N·s/m) in place of those: one number, or one a joint.
+    timestep
+        s; the control period must be a multiple of it.
+    gravity
+        m/s² in the base frame; (0, 0, 0) for none.
+    gravity_compensation
+        Share of the gravity torque that the arm's own controller adds, 0 to 1; 1 as in most industrial arms.
+    armature
+        Rotor inertia seen at the joint, kg m² (kg for sliding joints): one number, or one a joint.
+    viscous_friction, dry_friction
+        N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
+    position_limit
+        True: targets do not leave the position limits either.
+    encoder_resolution
+        Step of the measured position, rad or m: one number, or one a joint; 0 for none.
+    encoder_noise
+        Standard deviation of the measured position, rad or m, white: one number, or one a joint.
+
+    Raises
+    ------
+    UnknownNameError, ValueRangeError, ShapeError
+        If a parameter lies outside of what is allowed.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> plant = MujocoPlant(bandwidth=10).start(arm, np.full(7, 0.3), dt=0.01, steps=1, seed=0)
+    >>> plant.step(np.zeros(7))
+    >>> bool(abs(plant.q - 0.3).max() < 1e-6)
+    True
+    """
+
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
+        """Return the arm at rest at q0.
+
+        Parameters
+        ----------
+        robot
+            An arm with inertias.
+        q0
+            First configuration, shape (n,), rad or m, within the position limits.
+        dt
+            Control period T, s.
+        steps
+            Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
+        seed
+            Of the encoder noise; the same seed gives bit-equal runs.
+
+        Raises
+        ------
+        MissingExtraError
+            If mujoco is not installed.
+        ShapeError, ValueRangeError
+            If q0, dt or a parameter does not fit the robot, its inertias do not allow physics, or its effort
+            limits cannot hold it at q0.
+        """
+        if base_coordinates(robot).any():
+            raise ValueRangeError(
+                f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; use kind 'mobile'"
+            )
+        start = start_within_limits(robot, q0)
+        substeps = self.substeps(dt)
+        model = self._model(robot)
+        data = self._balance(robot, model, start)
+        return LiveMujoco(self, model, data, substeps, seed)
+
+    def _model(self, robot: Robot) -> Any:
+        """Build the model; gains are set later, at the start configuration."""
+        mujoco = import_mujoco()
+        n = robot.configuration_size
+        spec = skeleton(robot)
+        add_inertias(spec, robot)
+        self.add_servos(spec, robot)
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
+        for i, name in enumerate(robot.joint_names):
+            spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
+            spec.joint(name).actgravcomp = True
+        model = compiled(spec)
+        model.dof_damping.reshape(n, -1)[:, 0] = as_each("plant.viscous_friction", self.viscous_friction, n)
+        return model
+
+    def _balance(self, robot: Robot, model: Any, start: Array) -> Any:
+        """Return the model's state at rest in the start configuration."""
+        mujoco = import_mujoco()
+        data = mujoco.MjData(model)
+        data.qpos[:] = start
+        mujoco.mj_forward(model, data)
+        self.set_servos(robot, model, data, start, np.arange(model.nv))
+        mujoco.mj_forward(model, data)
+        return data
+
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
+        """Return all joints together, coupled by their inertia at q0, in MuJoCo's own time steps.
+
+        A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
+        q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
+        encoders are left out.
+        """
+        h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
+        live = self.start(robot, q0, dt, 1, 0)
+        mass, unit, none = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
+        damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
+        pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
+        velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
+        step = np.eye(3 * n)  # of q, v and q*
+        step[n : 2 * n] = velocity
+        step[:n] += h * velocity
+        transition, inputs = np.eye(3 * n), np.zeros((3 * n, n))
+        for _ in range(steps):
+            transition, inputs = step @ transition, step @ inputs
+            inputs[2 * n :] += h * unit
+        if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
+            transition += inputs @ np.hstack([unit, none, -unit]) / dt
+        return LinearModel(transition, inputs)

@@ -1,0 +1,96 @@
+"""A user's own plant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
+from dqcontrol.errors import as_array, as_count, as_positive
+from dqcontrol.extensions.user_code import function_at
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
+from dqcontrol.robots.robot import Robot
+
+
+def _checked(function: Callable[..., Any]) -> Callable[..., int]:
+    def own_plant(command, parameters, noise, state, q, measured):
+        function(command, parameters, noise, state, q, measured)
+        for i in range(q.shape[0]):
+            if not math.isfinite(q[i]) or not math.isfinite(measured[i]):
+                return NOT_FINITE
+        return OK
+
+    return own_plant
+
+
+def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
+    def guarded(command, parameters, noise, state, q, measured):
+        try:
+            return checked(command, parameters, noise, state, q, measured)
+        except Exception:
+            return RAISED
+
+    return guarded
+
+
+@lru_cache(maxsize=64)
+def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
+    return compile_own(function, _checked, _guarded, PLANT)
+
+
+class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
+    """A plant written in plain Python; compiled if it can be, else interpreted, which a warning says.
+
+    Parameters
+    ----------
+    function
+        The function, or its place as ``FILE.py:NAME`` or ``MODULE:NAME``. Called as
+        ``function(command, parameters, noise, state, q, measured)`` once a period, it updates the true configuration
+        ``q`` (n) and the ``measured`` one in place. ``parameters`` are the period T in s, then those below; ``noise``
+        are standard normal numbers from the run's seed.
+    parameters
+        Numbers handed to the function after T, in their order; names are for specs, grids and sweeps.
+    state
+        Numbers kept from step to step, as they are at the start.
+    noise
+        How many random numbers a step needs.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> def sticky(command, parameters, noise, state, q, measured):
+    ...     for i in range(q.shape[0]):
+    ...         if abs(command[i]) > parameters[1]:
+    ...             q[i] += parameters[0] * command[i]
+    ...         measured[i] = q[i]
+    >>> plant = dqc.plants.OwnPlant(function=sticky, parameters=[0.5])
+    >>> live = plant.start(dqc.load_robot("iiwa7"), np.zeros(7), dt=0.1, steps=2, seed=0)
+    >>> live.step(np.array([1.0, 0.1, 0, 0, 0, 0, 0]))
+    >>> live.q[:2].tolist()
+    [0.1, 0.0]
+    """
+
+    function: Any
+    parameters: list[float] | dict[str, float] = []
+    state: list[float] = []
+    noise: int = 0
+
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at q0.
+
+        Raises
+        ------
+        Error
+            If an argument or a parameter does not fit.
+        """
+        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
+        given = list(self.parameters.values() if isinstance(self.parameters, dict) else self.parameters)
+        parameters = np.array([dt, *as_array("parameters", given, (None,))])
+        state = as_array("state", self.state if len(self.state) else [0.0], (None,))
+        noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
+        kernel = _kernel(function_at("function", self.function))
+        return CompiledPlant(kernel, parameters, state, q0, noise)

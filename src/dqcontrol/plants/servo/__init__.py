@@ -1,0 +1,7 @@
+"""Position servos, of arms and of whole bodies."""
+
+from dqcontrol.plants.servo.servo_plant import Servo
+
+__all__ = [
+    "Servo",
+]

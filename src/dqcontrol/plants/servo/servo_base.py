@@ -1,0 +1,171 @@
+"""Servos on a body with mobile bases: joints lag, bases move as told, a camera tells where they are."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.errors import as_positive
+from dqcontrol.limits.command_limits import scale_down
+from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
+from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, begun_periods, whole_periods
+from dqcontrol.plants.servo.servo_step import follow
+from dqcontrol.robots.driving import advance, to_inputs
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.whole_body import WholeBody, base_coordinates
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.servo.servo_plant import Servo
+
+# parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
+# `scale_down` takes them; then those of the joints' servos
+_DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
+_DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
+_HEAD = 12
+
+
+@inlined
+def push(queue, latest):
+    """Put numbers before those of a queue, newest first, and drop as many of its oldest."""
+    size = latest.shape[0]
+    for i in range(queue.shape[0] - 1, size - 1, -1):
+        queue[i] = queue[i - size]
+    for i in range(size):
+        queue[i] = latest[i]
+
+
+@kernel(PLANT)
+def servo_on_base(command, parameters, noise, state, q, measured):
+    """Let joints follow their targets, move the bases, read encoders and camera.
+
+    Noise: that of the encoders, then the share of the commands that is obeyed, whether a frame arrives, its errors.
+    """
+    if command.shape[0] != int(parameters[_COMMANDS]):
+        return WRONG_SIZE
+    p, joints = int(parameters[_INPUTS]), int(parameters[_JOINTS])
+    places, drive_count = int(parameters[_PLACES]), int(parameters[_DRIVES])
+    coordinate = parameters[_HEAD : _HEAD + joints]
+    moved_by = parameters[_HEAD + joints : _HEAD + 2 * joints]
+    at = _HEAD + 2 * joints
+    place = parameters[at : at + places]
+    at += places
+    limits = parameters[at : at + p + 4 * drive_count]
+    servos = parameters[at + p + 4 * drive_count :]
+    drives = as_matrix(limits[p:], drive_count, 4)
+    inputs, speed = state[0:p], state[p : 2 * p]
+    joint = state[2 * p : 2 * p + 3 * joints]
+    joint_command, joint_q, joint_measured = joint[0:joints], joint[joints : 2 * joints], joint[2 * joints :]
+    at = 2 * p + 3 * joints
+    seen = state[at : at + places]
+    now = state[at + places : at + 2 * places]
+    at += 2 * places
+    commands = state[at : at + p * (int(parameters[_DELAY]) + 1)]
+    at += commands.shape[0]
+    frames = state[at : at + places * (int(parameters[_CAMERA_DELAY]) + 1)]
+    servo_state = state[at + frames.shape[0] :]
+
+    if command.shape[0] == p:
+        for i in range(p):
+            inputs[i] = command[i]
+    else:
+        to_inputs(drives, measured, command, inputs)
+    for i in range(joints):
+        joint_command[i] = noise[joints] * inputs[int(moved_by[i])]
+        inputs[int(moved_by[i])] = 0.0
+        joint_q[i], joint_measured[i] = q[int(coordinate[i])], measured[int(coordinate[i])]
+    status = follow(joint_command, servos, noise, servo_state, joint_q, joint_measured)
+    if status != OK:
+        return status
+
+    push(commands, inputs)
+    for i in range(p):
+        inputs[i] = commands[commands.shape[0] - p + i]
+        if parameters[_OLDEST] < 1.0:  # the delay ends within the period
+            newer = commands[commands.shape[0] - 2 * p + i]
+            inputs[i] = parameters[_OLDEST] * inputs[i] + (1.0 - parameters[_OLDEST]) * newer
+    scale_down(q, limits, inputs)
+    for i in range(p):
+        inputs[i] *= noise[joints]
+        behind = speed[i] - inputs[i]
+        speed[i] = inputs[i] + behind * parameters[_DECAY]
+        inputs[i] += behind * parameters[_MEAN]
+    advance(drives, inputs, parameters[_DT], q)
+    for i in range(joints):
+        q[int(coordinate[i])], measured[int(coordinate[i])] = joint_q[i], joint_measured[i]
+
+    for i in range(places):
+        now[i] = q[int(place[i])]
+    push(frames, now)
+    shown = frames[frames.shape[0] - places :]
+    for i in range(places):
+        if noise[joints + 1] != 0.0:
+            seen[i] += parameters[_WEIGHT] * (shown[i] + noise[joints + 2 + i] - seen[i])
+        measured[int(place[i])] = seen[i]
+    return OK
+
+
+def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+    """Return the plant of a body with mobile bases at rest at q0.
+
+    Raises
+    ------
+    Error
+        If a parameter is out of range, or there is sag.
+    """
+    driven = body.in_form("constrained") if isinstance(body, WholeBody) else body
+    is_base, p = base_coordinates(body), driven.input_size
+    moved_by, place = np.flatnonzero(~is_base[driven.input_coordinates]), np.flatnonzero(is_base)
+    coordinate = driven.input_coordinates[moved_by]
+    arm = _joints(driven, coordinate, moved_by)
+    alone = replace(plant, base_time_constant=0.0, camera=None)
+    servos = alone.start(arm, q0[coordinate], dt, steps, seed)
+    velocity = driven.limits.velocity if plant.rate_limit else np.full(p, np.inf)
+    tau = as_positive("plant.base_time_constant", plant.base_time_constant, zero_allowed=True)
+    delay, oldest = begun_periods("plant.delay", plant.delay, dt)
+    noise, late, weight, foreseen = _sight(plant.camera, dt, steps, len(place), seed)
+
+    head = np.zeros(_HEAD)
+    head[: _DRIVES + 1] = dt, body.input_size, p, len(coordinate), len(place), len(body.drives)
+    head[_DECAY] = math.exp(-dt / tau) if tau else 0.0
+    head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
+    head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
+    indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
+    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), servos.parameters])
+    scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
+    state = np.concatenate([scratch, q0[place], queue, np.tile(q0[place], late + 1), servos.state])
+    return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)
+
+
+def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp]) -> SerialArm:
+    """Return the joints of a body as an arm of their own, for their servos; without inertia its shape is the same."""
+    n, limits = len(coordinate), body.limits
+    frames = np.tile([1.0, 0, 0, 0, 0, 0, 0], (n + 1, 1))
+    types = [body.joint_types[i] for i in coordinate]
+    kept = Limits(
+        limits.lower[coordinate], limits.upper[coordinate], limits.velocity[moved_by], limits.effort[moved_by]
+    )
+    return SerialArm(frames, types, limits=kept, name=body.name)
+
+
+def _sight(
+    camera: Camera | None, dt: float, steps: int, places: int, seed: int
+) -> tuple[Array, int, float, list[tuple[Channel, Array]]]:
+    """Return the camera's noise (steps, 2 + places), its delay in periods, the weight of a frame, and its signals."""
+    noise = np.zeros((steps, 2 + places))
+    noise[:, :2] = 1.0
+    if camera is None:
+        return noise, 0, 1.0, []
+    late = whole_periods("plant.camera.delay", camera.delay, dt)
+    found = camera.schedule(dt, late, steps, places // 3, seed)
+    noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
+    values = found.age[:, None], found.share[:, None]
+    return noise, late, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))

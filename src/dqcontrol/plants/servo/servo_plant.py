@@ -1,0 +1,164 @@
+"""Position servos: lag, gravity sag, delay, encoders, rate and position limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.plants.camera import Camera
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.plant import Array, CompiledPlant, Plant, begun_periods, start_configuration
+from dqcontrol.plants.servo import servo_step as at
+from dqcontrol.plants.servo.servo_base import start_on_base
+from dqcontrol.plants.servo.servo_step import servo
+from dqcontrol.robots.gravity import WORK, body_table
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
+
+COMMAND_MODES = ("integrated", "measured")
+
+
+class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
+    """Joints with position servos that lag first-order and sag under gravity.
+
+    Each period the target of joint i moves by T uᵢ, starting from where it was (``integrated``) or from the measured
+    position (``measured``: what a velocity command through a position interface becomes; gravity then drags the arm
+    down at every sample until the law holds it). The joint follows q̇ = (target − s(q) − q)/τ, integrated exactly with
+    s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above q0 by s(q0).
+
+    Of whole bodies the joints do that. Mobile bases move with the speeds that they get, delayed as the targets: drives
+    on the arc of their v and ω, with a lag on that of the mean of each over the period. ``rate_limit`` scales v and ω
+    to the rim speed.
+
+    Parameters
+    ----------
+    command_mode
+        ``"integrated"`` or ``"measured"``.
+    time_constant
+        τ in s; 0 for none.
+    sag
+        α, a factor on the gravity sag; 0 for none. Needs a robot with inertia.
+    stiffness
+        K in N·m/rad (N/m for sliding joints): one number, or one a joint.
+    delay
+        From command to joint, s. Where it ends within a period, joints follow the older target up to there and then
+        the newer one, exactly; bases the mean of both commands.
+    encoder_resolution
+        Step of the measured position, rad or m; 0 for none.
+    encoder_noise
+        Standard deviation of the measured position, rad or m, white.
+    rate_limit
+        True: targets move no faster than the robot's velocity limits.
+    position_limit
+        True: targets do not leave the robot's position limits.
+    gravity
+        m/s² in the base frame.
+    base_time_constant
+        With which the speeds of mobile bases follow their commands, s; 0: at once.
+    camera
+        What measures where mobile bases are; without one that is known exactly.
+    """
+
+    has_velocity_limits: ClassVar[bool] = True
+    command_mode: Literal["integrated", "measured"] = "integrated"
+    time_constant: Annotated[float, Meta(ge=0, description="τ, s")] = 0.05
+    sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
+    stiffness: Annotated[float | list[float], Meta(description="K, N·m/rad or N/m")] = 500.0
+    delay: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    encoder_resolution: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
+    encoder_noise: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
+    rate_limit: bool = True
+    position_limit: bool = True
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    base_time_constant: Annotated[float, Meta(ge=0, le=100, description="of bases, s")] = 0.0
+    camera: Camera | None = None
+
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at rest at q0.
+
+        Raises
+        ------
+        Error
+            If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
+            what is said of one.
+        """
+        q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
+        if base_coordinates(robot).any():
+            return start_on_base(self, robot, q0, dt, steps, seed)
+        for field in ("base_time_constant", "camera"):
+            if getattr(self, field):
+                raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
+        if self.command_mode not in COMMAND_MODES:
+            raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
+        delay_steps, oldest, decay = self._delay(dt)
+        stiffness = as_each("plant.stiffness", self.stiffness, n)
+        if (stiffness <= 0).any():
+            raise ValueRangeError(f"plant.stiffness: must be > 0, got {stiffness.min():g}")
+        sag = as_positive("plant.sag", self.sag, zero_allowed=True)
+        compliance = sag / stiffness
+        sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
+        target = q0 + sag0
+        rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
+        ends = robot.limits if self.position_limit else Limits.none(n)
+        head = np.zeros(at.HEAD)
+        head[at.DT] = dt
+        head[at.DECAY] = decay
+        head[at.MEASURED_MODE] = self.command_mode == "measured"
+        head[at.DELAY], head[at.OLDEST] = delay_steps, oldest
+        head[at.RESOLUTION] = as_positive(
+            "plant.encoder_resolution", self.encoder_resolution, zero_allowed=True
+        )
+        head[at.NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
+        head[at.SAG] = sag
+        head[at.GRAVITY : at.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
+        bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
+        parameters = np.concatenate(
+            [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]
+        )
+        state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1), np.zeros(WORK * n)])
+        noise = (
+            np.random.default_rng(seed).standard_normal((steps, n))
+            if self.encoder_noise
+            else np.zeros((steps, n))
+        )
+        return CompiledPlant(servo, parameters, state, q0, noise)
+
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+        """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
+
+        None for mobile bases, which move otherwise than joints.
+
+        t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ); where
+        the delay ends within a period, t⁺ is the mean of the two that are in force then, by their weights.
+        """
+        if base_coordinates(robot).any():
+            return None
+        delay, oldest, decay = self._delay(dt)
+        transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
+        transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
+        inputs[1] = dt
+        for late in range(2, delay + 2):
+            transition[late, late - 1] = 1.0
+        transition[0] = (1 - decay) * (oldest * transition[-1] + (1 - oldest) * transition[-2] * (delay > 0))
+        transition[0, 0] += decay
+        inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
+        return LinearModel(transition, inputs)
+
+    def _delay(self, dt: float) -> tuple[int, float, float]:
+        """Return the delay in periods begun, the weight of the oldest target, and exp(−T/τ).
+
+        A target that is followed for the first share f of a period, before the next one is for the rest, counts with
+        (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
+        """
+        delay, share = begun_periods("plant.delay", self.delay, dt)
+        tau = as_positive("plant.time_constant", self.time_constant, zero_allowed=True)
+        if not tau:
+            return delay, 1.0 if share == 1 else 0.0, 0.0
+        decay = math.exp(-dt / tau)
+        oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
+        return delay, oldest, decay

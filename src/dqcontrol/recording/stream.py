@@ -1,0 +1,187 @@
+"""A recording written while the robot moves: whatever happens, what was written stays readable."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections import deque
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import Error, ExistsError
+from dqcontrol.loop.record import Record, pose_errors
+from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.supervision import INTERVENTIONS
+from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
+from dqcontrol.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+_EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
+_CHUNK_DRAINS = 5  # in one chunk, of which the library keeps 1 kB of index in memory: 7 MB an hour
+_URGENCY = (
+    1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
+)
+_SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
+
+
+def prepare_to_record(robot: Robot) -> None:
+    """Import and compile what a recording needs: now, not while the robot moves."""
+    from mcap.writer import Writer
+
+    _ = Writer, pose_errors.compiled, robot.fkm(np.zeros((1, robot.configuration_size)))
+
+
+class RecordStream:
+    """Writes samples to an MCAP file from a thread, twice a second.
+
+    Killed at any moment, the file holds all but the last half second; `load_record` reads it. If the disk is full,
+    ``failure`` says so, and the loop stops the robot.
+
+    Parameters
+    ----------
+    path
+        A file that does not exist yet; missing folders are made.
+    robot
+        For the poses of the hand, and names.
+    spec
+        Text of the experiment, kept with the data.
+
+    Raises
+    ------
+    ExistsError
+        If the file exists.
+
+    Examples
+    --------
+    >>> with RecordStream("out/record.mcap", arm) as stream:  # doctest: +SKIP
+    ...     stream.take(sample.data, q, measured, command)
+    """
+
+    path: Path
+
+    def __init__(self, path: str | Path, robot: Robot, spec: str = "") -> None:
+        self.path, self._robot = Path(path), robot
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self.failure: str = ""
+        self._waiting: deque[tuple[Array, Array, Array, Array, float]] = deque()
+        self._held: list[tuple[Array, Array, Array, Array, float]] = []
+        self._written, self._first, self._drains = 0, 0.0, 0
+        self._is_urgent = hasattr(os, "SCHED_FIFO") and bool(os.sched_getscheduler(0) & os.SCHED_FIFO)
+        self._end = threading.Event()
+        try:
+            self._file = open(self.path, "xb")  # noqa: SIM115 — closed by `close`
+        except FileExistsError:
+            raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
+        self._writer = SampleWriter(self._file)
+        signal = Signal(INTERVENTIONS, (), ("",), np.zeros((0, 1)))
+        self._writer.file.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
+        self._file.flush()
+        prepare_to_record(robot)
+        self._switch = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH)
+        self._thread = threading.Thread(target=self._work, name="recording", daemon=True)
+        self._thread.start()
+
+    def take(
+        self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
+    ) -> None:
+        """Hand over one sample; returns at once.
+
+        Parameters
+        ----------
+        sample
+            As of ``Sample.data``, shape (21,); the time increases.
+        q, measured
+            True and measured configuration, shape (n,), rad or m.
+        command
+            Inputs after all limits, shape (m,), rad/s or m/s.
+        interventions
+            Code of the supervisor.
+        """
+        self._waiting.append((sample.copy(), q.copy(), measured.copy(), command.copy(), interventions))
+
+    def close(self, stopped: str = "") -> None:
+        """Write what is left, and why it ended.
+
+        Raises
+        ------
+        Error
+            If the file could not be written.
+        """
+        if self._end.is_set():
+            return
+        self._end.set()
+        self._thread.join()
+        sys.setswitchinterval(self._switch)
+        try:
+            if not self.failure:
+                self._drain(everything=True)
+                self._writer.file.add_metadata(
+                    END, {"samples": str(self._written), "stopped": stopped or "duration"}
+                )
+                self._writer.file.finish()
+        except OSError as error:
+            self.failure = _worded(error)
+        finally:
+            with suppress(OSError):  # said already
+                self._file.close()
+        if self.failure:
+            raise Error(f"{self.path}: {self.failure}")
+
+    def __enter__(self) -> RecordStream:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(f"broken off: {error}" if error else "")
+
+    def _work(self) -> None:
+        if self._is_urgent:
+            with suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_URGENCY))
+        while not self._end.wait(_EVERY):
+            try:
+                self._drain()
+            except Exception as error:  # whatever it is: the robot must not move on unrecorded
+                self.failure = _worded(error)
+                return
+
+    def _drain(self, *, everything: bool = False) -> None:
+        """Write what waits; the last sample is held back until the next one gives its velocity."""
+        new = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        rows = self._held + new
+        ready = len(rows) - (not everything)
+        if ready < 1:
+            self._held = rows
+            return
+        samples, q, measured, command, codes = (np.array(column) for column in zip(*rows, strict=True))
+        if not self._written:
+            self._first = min(0.0, float(samples[0, -1]))
+        record = Record(
+            samples[:, -1],
+            q,
+            measured,
+            command,
+            self._robot.fkm(q),
+            samples,
+            self._robot.joint_names,
+            self._robot.input_names,
+            readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), codes[:, None])},
+        )
+        self._writer.write(record, ready, self._first)
+        self._drains += 1
+        if self._drains % _CHUNK_DRAINS == 0:
+            self._writer.file.flush()
+        self._written += ready
+        self._held = rows[ready:]
+
+
+def _worded(error: Exception) -> str:
+    return f"the recording cannot be written: {getattr(error, 'strerror', None) or error}"

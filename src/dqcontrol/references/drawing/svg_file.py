@@ -1,0 +1,186 @@
+"""SVG drawings as pen strokes: every path becomes lines and arcs whose tangents agree, needing svgelements."""
+
+from __future__ import annotations
+
+import cmath
+import importlib
+import io
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.files.input_file import read_whole
+from dqcontrol.references.strokes import Arc, Line, Stroke
+
+_LARGEST = 2_000_000  # bytes
+_MOST_STROKES = 20_000
+_PIECES = 12  # pairs of arcs for each curve of a path
+_STEP = 1e-5  # of a curve's parameter, for its tangents
+_FLAT = 1e-6  # of a chord's length: an arc as flat as that is a line
+
+
+@dataclass(frozen=True)
+class PenStroke:
+    """What is drawn without lifting the pen.
+
+    Attributes
+    ----------
+    start
+        Where the pen is put down, paper coordinates.
+    strokes
+        Lines and arcs from there on, in the same coordinates.
+    """
+
+    start: tuple[float, float]
+    strokes: tuple[Stroke, ...]
+
+
+def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
+    """Return the outlines of all shapes of an SVG file, in its own units, y up, at speed 1.
+
+    Lines, curves, rectangles, circles, ellipses and polygons count, with their transformations; fill, width, colour
+    and text do not. Curves become pairs of arcs that join without a corner.
+
+    Parameters
+    ----------
+    path
+        The file, at most 2 MB. A document type, which could define entities, is refused.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is no SVG, is too large, has a document type or uses within uses, or holds no path.
+    MissingExtraError
+        If svgelements is not installed.
+    """
+    content = _read(path)
+    svg = _svgelements()
+    try:
+        document = svg.SVG.parse(io.BytesIO(content), reify=True)
+        shapes = [svg.Path(e) for e in document.elements() if isinstance(e, svg.Shape)]
+    except (ValueError, TypeError, ZeroDivisionError, AttributeError, IndexError, KeyError) as error:
+        raise FileFormatError(f"{path}: svgelements cannot read it: {error}") from None
+    pens: list[PenStroke] = []
+    count = 0
+    for shape in shapes:
+        for part in shape.as_subpaths():
+            strokes = tuple(_strokes(part))
+            count += len(strokes)
+            if count > _MOST_STROKES:
+                raise FileFormatError(f"{path}: more than {_MOST_STROKES} strokes; simplify its paths")
+            if strokes:
+                first = _number(part[0].end)
+                pens.append(PenStroke((first.real, first.imag), strokes))
+    if not pens:
+        raise FileFormatError(f"{path}: holds no path to draw; texts must be turned into paths first")
+    return tuple(pens)
+
+
+def _read(path: str | os.PathLike[str]) -> bytes:
+    try:
+        content = read_whole(path, _LARGEST)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+
+    def refuse(*_: object) -> None:
+        raise FileFormatError(f"{path}: has a document type (<!DOCTYPE …>), which is refused; delete it")
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(content, True)
+        root = ElementTree.fromstring(content)
+    except (expat.ExpatError, ElementTree.ParseError) as error:
+        raise FileFormatError(f"{path}: no XML: {error}") from None
+    if root.tag.rpartition("}")[2] != "svg":
+        raise FileFormatError(f"{path}: expected <svg>, got <{root.tag.rpartition('}')[2]:.40}>")
+    nested = {
+        e.get("id") for e in root.iter() if any(map(_is_use, e.iter()))
+    }  # uses of uses can grow without end
+    if any(_target(e) in nested for e in root.iter() if _is_use(e)):
+        raise FileFormatError(f"{path}: a <use> of what holds a <use>; flatten the drawing")
+    return content
+
+
+def _is_use(element: Any) -> bool:
+    return isinstance(element.tag, str) and element.tag.rpartition("}")[2] == "use"
+
+
+def _target(use: Any) -> str:
+    return (use.get("href") or use.get("{http://www.w3.org/1999/xlink}href") or "").removeprefix("#")
+
+
+def _svgelements() -> Any:
+    try:
+        return importlib.import_module("svgelements")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"svgelements: SVG drawings need it and it cannot be imported ({error}); "
+            "pip install 'dqcontrol[paint]'"
+        ) from None
+
+
+def _number(point: Any) -> complex:
+    return complex(point.x, -point.y)
+
+
+def _strokes(part: Any) -> Iterator[Stroke]:
+    for segment in part:
+        kind = type(segment).__name__
+        if kind == "Move":
+            continue
+        start, end = _number(segment.start), _number(segment.end)
+        if kind in ("Line", "Close"):
+            if abs(end - start) > 1e-9:
+                yield Line(end.real, end.imag, 1.0)
+            continue
+        marks = [k / _PIECES for k in range(_PIECES + 1)]
+        points = [_number(segment.point(t)) for t in marks]
+        if max(abs(p - start) for p in points) < 1e-9:
+            continue
+        tangents = [_tangent(segment, t) for t in marks]
+        for k in range(_PIECES):
+            yield from _two_arcs(points[k], tangents[k], points[k + 1], tangents[k + 1])
+
+
+def _tangent(segment: Any, t: float) -> complex:
+    before, after = max(t - _STEP, 0.0), min(t + _STEP, 1.0)
+    way = _number(segment.point(after)) - _number(segment.point(before))
+    return way / (abs(way) or 1.0)
+
+
+def _two_arcs(a: complex, u: complex, b: complex, v: complex) -> Iterator[Stroke]:
+    """Join two points with unit tangents by two arcs that meet smoothly (K. Bolton, Biarc curves, 1975)."""
+    way, both = b - a, u + v
+    if abs(way) < 1e-9:
+        return
+    apart, along = 1.0 - _dot(u, v), _dot(way, both)
+    if apart > 1e-9:
+        length = (cmath.sqrt(along**2 + 2.0 * apart * abs(way) ** 2).real - along) / (2.0 * apart)
+    else:
+        length = abs(way) ** 2 / (2.0 * along) if along > 0 else 0.5 * abs(way)
+    middle = 0.5 * (a + b + length * (u - v))
+    yield from _arc(a, middle, a, u)
+    yield from _arc(middle, b, b, v)
+
+
+def _arc(start: complex, end: complex, touched: complex, tangent: complex) -> Iterator[Stroke]:
+    """Return the arc between two points that has this tangent at the one of them that is touched."""
+    normal, chord = 1j * tangent, (end if touched == start else start) - touched
+    across = _dot(normal, chord)
+    if abs(end - start) < 1e-9:
+        return
+    if abs(across) < _FLAT * abs(chord):
+        yield Line(end.real, end.imag, 1.0)
+        return
+    radius = abs(chord) ** 2 / (2.0 * across)
+    centre = touched + radius * normal
+    yield Arc(end.real, end.imag, centre.real, centre.imag, clockwise=radius < 0, speed=1.0)
+
+
+def _dot(a: complex, b: complex) -> float:
+    return (a.conjugate() * b).real

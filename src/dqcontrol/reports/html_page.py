@@ -1,0 +1,144 @@
+"""Pages that need nothing else: no network, no scripts, no files beside them; made for screens and for paper."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterable, Mapping
+from html import escape
+from typing import TYPE_CHECKING
+
+from dqcontrol.figures.figure_files import for_page
+from dqcontrol.measures.table_cells import Cell, Ratio, Verdict
+from dqcontrol.measures.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARKS = {True: ("good", "✓"), False: ("bad", "✗"), None: ("open", "•")}
+_SHORT = 30  # rows; such a table is never cut
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; color: #222; background: #fff; max-width: 60rem;
+  margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; margin-bottom: 0.2rem; }
+h2 { font-size: 1.15rem; margin-top: 2.2rem; border-bottom: 1px solid #ddd; break-after: avoid; }
+p.facts { color: #555; margin-top: 0; }
+p.notice { background: #fdecea; border-left: 4px solid #b2182b; padding: 0.5rem 0.8rem; }
+table { border-collapse: collapse; font-size: 0.92rem; font-variant-numeric: tabular-nums; margin: 1rem 0; }
+caption { text-align: left; font-weight: 600; padding: 0.2rem 0.8rem; break-after: avoid; }
+th, td { padding: 0.18rem 0.8rem; border-bottom: 1px solid #eee; text-align: left; vertical-align: top; }
+th { border-bottom-color: #999; }
+th.number, td.number { text-align: right; }
+td:first-child { min-width: 4em; }
+td.number { white-space: nowrap; }
+td.good, td.bad, td.open { font-weight: 600; white-space: nowrap; }
+td.good { color: #00664a; }
+td.bad { color: #b2182b; }
+td.open { color: #7a5200; }
+div.wide { overflow-x: auto; }
+figure { margin: 1.4rem 0; }
+figure img { max-width: 100%; height: auto; }
+figcaption { color: #555; font-size: 0.9rem; }
+pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; }
+pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
+@page { size: A4; margin: 16mm 14mm; }
+@media print {
+  body { font-size: 10pt; max-width: none; margin: 0; padding: 0; color: #000; }
+  h1 { font-size: 16pt; }
+  h2 { font-size: 12pt; margin-top: 1.4rem; }
+  p.facts, figcaption { color: #333; }
+  div.wide { overflow: visible; }
+  table { font-size: 8pt; }
+  th, td { padding: 0.12rem 0.4rem; overflow-wrap: break-word; }
+  thead { display: table-header-group; }
+  tbody tr:nth-child(-n+2) { break-before: avoid; }
+  div.short, tr, figure, p.notice, pre.command { break-inside: avoid; }
+  figure { margin: 0.8rem 0; }
+  figure img { max-height: 235mm; }
+  pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; border: 1px solid #ccc; }
+  pre.spec { columns: 2; }
+  a { color: inherit; text-decoration: none; }
+}
+"""
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="Content-Security-Policy"
+  content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<h1>{title}</h1>
+{body}
+</body>
+</html>
+"""
+
+
+def page(title: str, parts: Iterable[str]) -> str:
+    """Return a page of these parts, which are HTML, under a title, which is text."""
+    return _PAGE.format(title=escape(title), style=_STYLE, body="\n".join(parts))
+
+
+def heading(text: str) -> str:
+    """Return the heading of a section."""
+    return f"<h2>{escape(text)}</h2>"
+
+
+def paragraph(text: str, kind: str = "") -> str:
+    """Return a paragraph, perhaps of a kind that the style knows."""
+    return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
+
+
+def code(text: str, kind: str = "") -> str:
+    """Return text as it stands."""
+    return f'<pre class="{kind}">{escape(text)}</pre>' if kind else f"<pre>{escape(text)}</pre>"
+
+
+def links(places: Mapping[str, str]) -> str:
+    """Return a list of links to files beside the page, by what they are called."""
+    items = (f'<li><a href="{escape(place)}">{escape(name)}</a></li>' for name, place in places.items())
+    return f"<ul>{''.join(items)}</ul>"
+
+
+def html_table(table: Table) -> str:
+    """Return a table; verdicts in it have a colour and a mark."""
+    numeric = table.numeric()
+    classes = [" class=number" if right else "" for right in numeric]
+    headings = zip(table.columns, classes, strict=True)
+    head = "".join(f"<th{kind}>{escape(column.heading)}</th>" for column, kind in headings)
+    rows = [
+        "".join(map(_cell, cells, texts, classes))
+        for cells, texts in zip(table.rows, table.texts(), strict=True)
+    ]
+    caption = f"<caption>{escape(table.title)}</caption>" if table.title else ""
+    body = "\n".join(f"<tr>{row}</tr>" for row in rows)
+    size = "" if len(rows) > _SHORT else " short"
+    return (
+        f'<div class="wide{size}"><table>{caption}\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody></table></div>"
+    )
+
+
+def html_figure(figure: Figure, caption: str) -> str:
+    """Return a figure with its caption; as an image of its own, so that the ids in several cannot clash."""
+    kind, content = for_page(figure)
+    width = round(96 * figure.get_figwidth())  # CSS pixels: on paper it has the size that it was drawn in
+    source = f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+    text = escape(caption)
+    return (
+        f'<figure><img src="{source}" width="{width}" alt="{text}"><figcaption>{text}</figcaption></figure>'
+    )
+
+
+def _cell(cell: Cell, text: str, kind: str) -> str:
+    if isinstance(cell, Verdict):
+        name, mark = _MARKS[cell.good]
+        return f"<td class={name}>{mark} {escape(text)}</td>"
+    if isinstance(cell, Ratio) and math.isfinite(cell):
+        name, mark = _MARKS[cell.good]
+        return f'<td class="number {name}">{mark} {cell.words}: {escape(text)}</td>'
+    return f"<td{kind}>{escape(text)}</td>"

@@ -1,0 +1,83 @@
+"""The figures of a run, and its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.experiments.run import Run, units_of
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop.record import has_failed
+from dqcontrol.measures.lyapunov import Certificate
+from dqcontrol.measures.metric_tables import metrics_tables
+from dqcontrol.reports.provenance import AGAIN, command, evaluation_command, origins
+from dqcontrol.reports.run_verdicts import interventions_tables, run_verdicts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def figures_of(run: Run) -> dict[str, Figure]:
+    """Return all figures of a run by name, as wide as `dqcontrol.figures.column_width` says.
+
+    Examples
+    --------
+    >>> figures_of(dqc.run("examples/circle.yaml"))["errors"].savefig("errors.pdf")  # doctest: +SKIP
+    """
+    return _figures(run, Certificate.recorded(run.record))
+
+
+def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
+    """Write ``report.html`` and the figures of a run as PNG files into an existing folder.
+
+    ``outside`` leads from there out of all results.
+    """
+    from dqcontrol.figures import save_figures, timing_table
+    from dqcontrol.figures.figure_files import laid_out
+    from dqcontrol.reports import write_report
+
+    data: dict[str, Any] = parse_yaml("spec", run.spec)
+    certificate, stopped = Certificate.recorded(run.record), run.record.stopped
+    figures = _figures(run, certificate)
+    tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
+    if run.timing and len(run.timing.begin) > 1:
+        tables.append(timing_table(run.timing))
+    with laid_out(figures.values()):
+        save_figures(figures, folder)
+        write_report(
+            folder,
+            run.label,
+            facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+            notice=f"The run {stopped}" if has_failed(stopped) else "",
+            command=_command(run, data, outside),
+            verdicts=[run_verdicts(run, certificate)],
+            tables=tables,
+            figures=figures,
+            spec=run.spec,
+            origins=origins(data),
+        )
+
+
+def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
+    from dqcontrol.figures import run_figures
+
+    units = units_of(run.robot)
+    draw = run_figures(
+        run.record,
+        run.robot.limits,
+        **units,
+        robot=run.robot,
+        timing=run.timing,
+        certificate=certificate,
+    )
+    return {name: each() for name, each in draw.items()}
+
+
+def _command(run: Run, data: dict[str, Any], outside: str) -> str:
+    """Return the line that gives the run again; none of one that somebody's hand or another process drove."""
+    if "evaluation" in data:
+        return evaluation_command(data["evaluation"])
+    if run.expected is None:
+        return ""
+    return command("run", MARK, real_time=run.timing is not None, out=f"{outside}/{AGAIN}")

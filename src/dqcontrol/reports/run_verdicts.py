@@ -1,0 +1,148 @@
+"""What is to be said of a run: whether it ended well, kept its limits, and did what theory promises."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.experiments.check import LoopCheck, judged
+from dqcontrol.limits import list_interventions
+from dqcontrol.loop import Record, Timing
+from dqcontrol.loop.supervision import INTERVENTIONS
+from dqcontrol.measures.lyapunov import Certificate
+from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures.task_range import RANGE, TaskRange
+from dqcontrol.measures.task_result import TaskResult
+from dqcontrol.plants.plant import command_mode
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.run import Run
+
+_ROUND_OFF = 1e-9  # as a share of a velocity limit
+_STUCK = 0.9  # share of the twist asked for that the robot cannot give
+_ARRIVED = 1e-3  # |1 − x* x_d|; below it nothing worth speaking of is asked for
+_RISE = 1e-3  # of V in a sample, as a share of its first value
+
+Row = list[Cell]
+
+
+def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
+    """Return one row a question: the verdict, and the number that decides it.
+
+    Parameters
+    ----------
+    run
+        The run.
+    certificate
+        Of its Lyapunov function; None where there is none.
+    """
+    rows = [
+        *_end(run),
+        *_task(run.task),
+        *_joint_limits(run),
+        *_velocity_limits(run),
+        *_interventions(run.record),
+        *_range(run.record),
+        *_periods(run.timing),
+    ]
+    if certificate is not None:
+        rows.append(_lyapunov(certificate))
+    if run.expected is not None:
+        rows.append(_loop_gains(run.expected))
+    return Table([Column("Question"), Column("Verdict"), Column("Number")], rows)
+
+
+def interventions_tables(record: Record) -> list[Table]:
+    """Return when a supervisor intervened, and why, as one table; none where it never did, or there is none."""
+    if INTERVENTIONS not in record.readings:
+        return []
+    found = list_interventions(record.time, record.readings[INTERVENTIONS].values)
+    columns = [Column("from", "s", ".3f"), Column("to", "s", ".3f"), Column("reason")]
+    table = Table(columns, [list(row) for row in found], "Interventions of the supervisor")
+    return [table] if found else []
+
+
+def _end(run: Run) -> Iterator[Row]:
+    words = "failed" if run.task.outcome == "failed" else "succeeded" if run.task.succeeded else "fell short"
+    yield ["End", Verdict(words, run.task.succeeded), f"{run.record.stopped}; {run.record.duration:.4g} s"]
+
+
+def _task(task: TaskResult) -> Iterator[Row]:
+    if task.error:
+        allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
+        allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
+        words = (
+            f"{task.error}; counts as {'reached' if task.rests else 'followed'} up to {', '.join(allowed)}"
+        )
+        yield ["Task", Verdict(task.outcome, task.succeeded), words]
+
+
+def _joint_limits(run: Run) -> Iterator[Row]:
+    margin, joint = run.metrics.limit_margin, run.metrics.limit_joint
+    if joint:
+        unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
+        where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
+        yield ["Joint limits", Verdict(*(("kept", True) if margin >= 0 else ("exceeded", False))), where]
+
+
+def _velocity_limits(run: Run) -> Iterator[Row]:
+    shares = np.abs(run.record.command) / run.robot.limits.velocity
+    if not np.isfinite(shares).all() or not shares.any():  # no commands, no limits, or a diverged run
+        return
+    joint = int(shares.max(axis=0).argmax())
+    if run.plant is not None and command_mode(run.plant) == "measured":
+        return  # an offset of the target, which also carries gravity: no velocity
+    kept = bool(shares.max() <= 1 + _ROUND_OFF)
+    words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
+    if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
+        words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
+    yield ["Velocity limits", Verdict("kept" if kept else "exceeded", kept), words]
+
+
+def _interventions(record: Record) -> Iterator[Row]:
+    if INTERVENTIONS not in record.readings:
+        return
+    found = list_interventions(record.time, record.readings[INTERVENTIONS].values)
+    if not found:
+        yield ["Supervisor", Verdict("never intervened", True), ""]
+        return
+    times = "once" if len(found) == 1 else f"{len(found)} times"
+    yield ["Supervisor", Verdict("intervened", None), f"{times}, first at {found[0][0]:.3f} s: {found[0][2]}"]
+
+
+def _range(record: Record) -> Iterator[Row]:
+    if RANGE not in record.readings:
+        return
+    last = float(TaskRange.recorded(record).share[-1])
+    stuck = last > _STUCK and record.error[-1] > _ARRIVED
+    words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
+    yield ["Range of J", Verdict("stuck" if stuck else "not stuck", not stuck), words]
+
+
+def _periods(timing: Timing | None) -> Iterator[Row]:
+    if timing is not None:
+        kept = not timing.missed
+        words = f"{timing.missed} of {len(timing.begin)} missed, {timing.overruns} began late"
+        yield ["Control periods", Verdict("kept" if kept else "missed", kept), words]
+
+
+def _lyapunov(certificate: Certificate) -> Row:
+    rise = certificate.largest_rise
+    falls = rise < _RISE
+    words = f"largest rise {rise:.2g} of its first value"
+    return ["Lyapunov function V", Verdict("falls" if falls else "rises", falls), words]
+
+
+def _loop_gains(found: LoopCheck) -> Row:
+    words = found.unknown
+    if found.loops:
+        worst = found.worst
+        words = (
+            f"{worst.gain.loop}: k = {abs(worst.gain.value):.3g} 1/s, limit "
+            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {100 * found.overshoot:.2g} %"
+        )
+    return ["Loop gains", judged(found), words]

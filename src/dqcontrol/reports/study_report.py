@@ -1,0 +1,100 @@
+"""The report of a study: how its runs ended, their tables and figures together, and the pages of single runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.run_comparison import MOST_CURVES
+from dqcontrol.experiments.study import Study, by_label
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop.record import Record, has_failed
+from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.compared_runs import write_comparison_figures
+from dqcontrol.reports.provenance import AGAIN, command, origins
+
+if TYPE_CHECKING:
+    pass
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def write_study_report(
+    study: Study,
+    folder: Path,
+    tables: Sequence[Table],
+    records: Mapping[str, Record],
+    pages: Mapping[str, str],
+) -> None:
+    """Write ``report.html`` and the figures of a study into an existing folder.
+
+    Parameters
+    ----------
+    study
+        What came of all its trials.
+    folder
+        Where its other files are.
+    tables
+        Beside that of its runs.
+    records
+        That are compared, by label.
+    pages
+        Of single runs, relative to the folder, by label.
+    """
+    from dqcontrol.reports import write_report
+
+    data: dict[str, Any] = parse_yaml("spec", study.spec)
+    write_report(
+        folder,
+        study.name,
+        facts=f"{len(study.rows)} runs" if len(study.rows) > 1 else "1 run",
+        notice="; ".join(study.failures()),
+        command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
+        verdicts=[study_verdicts(study.rows)],
+        tables=[study.table(), *tables],
+        figures=write_comparison_figures(records, folder) | _write_repeats(study, folder),
+        files=pages,
+        spec=study.spec,
+        origins=origins(data),
+    )
+
+
+def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
+    """Write the figure of repeats, and return it; none where there are none, or too many for it."""
+    if not study.is_repeated or len(by_label(study.rows)) > MOST_CURVES:
+        return {}
+    from dqcontrol.figures import repeats_figure, save_figures
+
+    figures = {"repeats": repeats_figure(study.rows)}
+    save_figures(figures, folder)
+    return figures
+
+
+def study_verdicts(rows: Sequence[Row]) -> Table:
+    """Return one row a combination of robot, law, set and plant: how its runs ended, and whether limits were kept."""
+    lines: list[list[Cell]] = []
+    for label, trials in by_label(rows).items():
+        well = sum(not has_failed(str(row["stopped"])) for row in trials)
+        end = Verdict("succeeded" if well == len(trials) else "failed", well == len(trials))
+        short = [str(row["task"]) for row in trials if str(row.get("task")).startswith("not ")]
+        done = len(trials) - len(short)
+        words = short[0] if len(trials) == 1 and short else f"{done} of {len(trials)}"
+        task = Verdict(words if short else str(trials[0].get("task")), not short) if well else None
+        margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
+        least = min(margins, default=None)
+        kept = None if least is None else Verdict("kept" if least >= 0 else "exceeded", least >= 0)
+        lines.append([label, f"{well} of {len(trials)}", end, task, kept, least])
+    columns = [
+        Column("Run"),
+        Column("Ended well"),
+        Column("End"),
+        Column("Task"),
+        Column("Joint limits"),
+        Column("Least margin", "rad or m", ".3g"),
+    ]
+    return Table(columns, lines)

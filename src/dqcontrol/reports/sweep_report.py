@@ -1,0 +1,36 @@
+"""The report of a parameter study: its best points, and how many of its runs ended well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dqcontrol.experiments.ranking import Ranking
+from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.provenance import AGAIN, command, origins
+from dqcontrol.reports.report import write_report
+
+
+def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
+    """Write ``report.html`` of a parameter study and the figure of its points into an existing folder."""
+    from dqcontrol.figures import save_figures, sweep_figure
+
+    table, count = ranking.table(), len(ranking.groups)
+    figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
+    save_figures(figures, folder)
+    data = parse_yaml(MARK, spec)
+    whole = ranking.placed == count
+    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("succeeded" if whole else "failed", whole)]
+    write_report(
+        folder,
+        str(data["name"]),
+        facts=f"{count:,} points, ranked by {ranking.by}",
+        command=command("sweep", MARK, by=ranking.by, out=f"{OUTSIDE}/{AGAIN}"),
+        verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
+        tables=[table],
+        figures=figures,
+        spec=spec,
+        origins=origins(data),
+    )

@@ -1,0 +1,92 @@
+"""Which experiments of [P16] can be reproduced, and from which specs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dqcontrol.errors import UnknownNameError
+from dqcontrol.reproductions.catalogue import Experiment
+
+SOURCE = "pereira2016"
+SERVO, PHYSICS = "servo", "meka-physics"
+PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
+
+
+@dataclass(frozen=True)
+class Reproduction(Experiment):
+    """One experiment of [P16].
+
+    Attributes
+    ----------
+    about
+        What it is, and its tables in [P16].
+    plants
+        What can stand for the Meka.
+    specs
+        Names of the specs by the name that the published tables give their experiment.
+    error
+        The metric that stands for the source's error norm: of the whole run or of its settled part.
+    scaled
+        Whether the robust laws run a second time with gains scaled by the second fit.
+    control_unit
+        What the source's control signal counts in: 1 for rad/s, or the period in s where it printed T u for u.
+    """
+
+    plants: tuple[str, ...] = PLANTS
+    specs: Mapping[str, str] = field(default_factory=dict)
+    error: str = "error.integral"
+    scaled: bool = False
+    control_unit: float = 1.0
+
+
+EXPERIMENTS = {
+    "lqr": Reproduction("circle, both LQR laws, four pairs of weights (Tables 5.2–5.4)", specs={"": "lqr"}),
+    "h-infinity": Reproduction(
+        "spiral, five γ (Tables 5.5–5.7, eq. 5.8), and Definition 3.1 itself",
+        specs={"": "h-infinity"},
+        error="settled_error.integral",
+        scaled=True,
+    ),
+    "circle": Reproduction("circle, six laws (Tables 5.8–5.9)", specs={"": "circle"}, scaled=True),
+    "spiral": Reproduction(
+        "spiral, six laws, three sets of gains, 50 repeats (Tables 5.10–5.15)",
+        specs={"": "spiral"},
+        scaled=True,
+    ),
+    "sampling-time": Reproduction(
+        "periods kept in the real-time loop (Table 61, Figs 5.5–5.6)", specs={"": "sampling-time"}
+    ),
+    "circle-and-square": Reproduction(
+        "circle and square, iiwa 7 and Meka (App. C, Tables 3–4)",
+        specs={
+            f"{robot} {shape}": f"{robot}-{shape}"
+            for robot in ("iiwa", "meka")
+            for shape in ("circle", "square")
+        },
+        control_unit=0.025,
+    ),
+    "lqr-surface": Reproduction(
+        "circle over a grid of weights (App. D, Figs 7–8)",
+        specs={"iiwa": "iiwa-surface", "meka": "meka-surface"},
+    ),
+    "light-painting": Reproduction("a drawing by LQR-DQ (Section 5.9)", specs={"": "light-painting"}),
+    "calibration": Reproduction("the fit of the sag on one published cell, and the second fit of HIR"),
+}
+
+
+def spec_path(name: str) -> Path:
+    """Return the file of a published experiment's spec.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none of that name.
+    """
+    folder = Path(__file__).parent / "specs"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = sorted(spec.stem for spec in folder.glob("*.yaml"))
+        raise UnknownNameError(f"spec: no '{name}'; there are {', '.join(known)}")
+    return path

@@ -1,0 +1,45 @@
+"""The specs of the published experiments, with the Meka on servos or in physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dqcontrol.errors import unknown_name
+from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, SERVO, spec_path
+
+FITTED = {SERVO: "sag", PHYSICS: "gravity_factor"}
+"""Which number of each plant is fitted."""
+
+_MEKA = "meka-a2"
+
+
+def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
+    """Return a published experiment's spec, file names absolute; a simulated iiwa keeps its servos on any plant.
+
+    Parameters
+    ----------
+    name
+        Of its file.
+    plant
+        One of `PLANTS`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such spec or plant.
+    """
+    if plant not in PLANTS:
+        raise unknown_name("plant", plant, PLANTS)
+    path = spec_path(name)
+    data = _read(path)
+    if "file" in data["reference"]:
+        data["reference"]["file"] = str(path.parent / data["reference"]["file"])
+    if plant == PHYSICS and data["robot"] == _MEKA:
+        data["plant"] = _read(Path(__file__).parent / f"{PHYSICS}.yaml")
+    return data
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return parse_yaml(str(path), read_text(path))

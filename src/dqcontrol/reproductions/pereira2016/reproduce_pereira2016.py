@@ -1,0 +1,136 @@
+"""Experiments of [P16] run again, their tables beside the printed ones, verdicts on the claims."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dqcontrol.experiments.run_study import run_study
+from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
+from dqcontrol.experiments.study import Study
+from dqcontrol.measures.attenuation import attenuation_table
+from dqcontrol.measures.tables import Table
+from dqcontrol.reproductions.catalogue import Conditions
+from dqcontrol.reproductions.judgement import verdict_table
+from dqcontrol.reproductions.pereira2016 import second_fit
+from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
+    EXPERIMENTS,
+    PHYSICS,
+    SERVO,
+    SOURCE,
+    Reproduction,
+)
+from dqcontrol.reproductions.pereira2016.pereira2016_figures import (
+    parity_figures,
+    period_figures,
+    study_figures,
+)
+from dqcontrol.reproductions.pereira2016.published_numbers import claims, published_cells
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
+from dqcontrol.reproductions.pereira2016.verdicts.h_infinity_verdicts import attenuations
+from dqcontrol.reproductions.pereira2016.verdicts.sampling_time_verdicts import PERIODS
+from dqcontrol.reproductions.pereira2016.when_to_use import when_to_use
+from dqcontrol.reproductions.printed_comparison import command_table, comparison_tables
+from dqcontrol.reproductions.reproduced import Draw, Reproduced
+from dqcontrol.reproductions.results import Results
+
+_SHORT = "P16"
+_SECOND = {SERVO: "second fit, no evidence", PHYSICS: "second fit, made on servos, no evidence"}
+
+
+def reproduce(name: str, conditions: Conditions) -> Reproduced:
+    """Run one of `EXPERIMENTS` again and hold it against what was printed."""
+    chosen, plant = EXPERIMENTS[name], conditions.plant
+    full = f"{SOURCE}/{name}"
+    if name == "calibration":
+        return Reproduced(full, [calibrate(plant)], plant=plant)
+    if name == "sampling-time":
+        return _in_real_time(chosen, conditions)
+    sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
+    if chosen.scaled:
+        sources |= {_scaled(spec): second_fit.scaled_spec(spec, plant) for spec in chosen.specs.values()}
+    if conditions.repeats:
+        for source in sources.values():
+            source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
+    studies = {
+        label: run_study(source, jobs=conditions.jobs, progress=conditions.of(label))
+        for label, source in sources.items()
+    }
+    figures = study_figures(name, studies)
+    if name == "light-painting":
+        tables = [study.table() for study in studies.values()]
+        return Reproduced(full, tables, studies, figures, plant)
+    return _compared(name, chosen, plant, studies, figures)
+
+
+def _compared(
+    name: str, chosen: Reproduction, plant: str, studies: Mapping[str, Study], figures: Mapping[str, Draw]
+) -> Reproduced:
+    """Hold the studies against the printed tables and claims."""
+    cells = published_cells(name)
+    ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
+    settings = {where: studies[spec].setting() for where, spec in chosen.specs.items()}
+    title = "" if plant == SERVO else plant
+    tables = []
+    for where, setting in settings.items():
+        here = [cell for cell in cells if cell.experiment == where]
+        in_physics = setting.cases[0].names.plant != SERVO
+        tables += comparison_tables(here, ours, _SHORT, title=title if in_physics else "")
+    second = None
+    if chosen.scaled:
+        scaled = {experiment: studies[_scaled(spec)] for experiment, spec in chosen.specs.items()}
+        second = _results(chosen, scaled)
+        fit = f"gains × {second_fit.FACTOR:g}: {_SECOND[plant]}"
+        tables += comparison_tables(
+            cells, second, _SHORT, suffix=second_fit.SUFFIX, title=f"{title} · {fit}" if title else fit
+        )
+    if any(cell.metric == "control" for cell in cells):
+        tables.append(command_table(cells, ours, settings, title))
+    if name == "h-infinity":
+        tables.append(attenuation_table(attenuations()))
+    fitted = second if plant == SERVO else None  # in physics these loops shake
+    evidence = Evidence(ours, settings, fitted, plant)
+    if name == "spiral":
+        tables.append(when_to_use(evidence))
+    tables.append(_verdicts(name, evidence, title))
+    figures = {**figures, **parity_figures(cells, ours, second)}
+    return Reproduced(f"{SOURCE}/{name}", tables, studies, figures, plant)
+
+
+def _results(chosen: Reproduction, studies: Mapping[str, Study]) -> Results:
+    rows = {experiment: study.rows for experiment, study in studies.items()}
+    return Results(rows, chosen.error, chosen.control_unit)
+
+
+def _verdicts(name: str, evidence: Evidence, title: str = "") -> Table:
+    caption = " · ".join(filter(None, (f"Claims of {_SHORT}: {name}", title)))
+    return verdict_table(claims(name), judge(name, evidence), _SHORT, caption)
+
+
+def _in_real_time(chosen: Reproduction, conditions: Conditions) -> Reproduced:
+    (spec,), plant, samples = chosen.specs.values(), conditions.plant, conditions.samples
+    source, periods = published_spec(spec, plant), list(PERIODS.values())
+    rows = sampling_times(source, periods, samples, progress=conditions.of(spec))
+    sets = {period: label for label, period in PERIODS.items()}
+    measured = [
+        {
+            "law": row.label.split(" · ")[0],
+            "set": sets[row.timing.period],
+            "stopped": "",
+            "period": float(value),
+        }
+        for row in rows
+        for value in row.timing.periods
+    ]
+    ours = Results({"": measured})
+    tables = [
+        *comparison_tables(published_cells(spec), ours, _SHORT),
+        sampling_table(rows, f"{samples} samples in real time on this machine"),
+        _verdicts(spec, Evidence(ours, {}, plant=plant)),
+    ]
+    return Reproduced(f"{SOURCE}/{spec}", tables, figures=period_figures(rows), plant=plant)
+
+
+def _scaled(spec: str) -> str:
+    return f"{spec}-scaled"

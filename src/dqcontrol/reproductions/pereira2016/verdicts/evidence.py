@@ -1,0 +1,113 @@
+"""What a verdict looks at, and how verdicts on claims are registered and given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.run import execute
+from dqcontrol.loop import Record
+from dqcontrol.reproductions.judgement import Judgement
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.results import Results
+
+PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
+LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
+START = 5.0  # s; "in the beginning of the trajectory"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The results of a reproduction, and the means to run more of it.
+
+    Attributes
+    ----------
+    ours
+        Metrics of all repeats.
+    settings
+        The specs made ready, by the experiment's name in the published tables.
+    second
+        What the robust laws gave with the second fit; told beside a number, never the ground of a verdict.
+    plant
+        What the Meka is, one of `PLANTS`.
+    """
+
+    ours: Results
+    settings: Mapping[str, Setting]
+    second: Results | None = None
+    plant: str = PLANTS[0]
+    _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
+
+    def mean(self, law: str, parameters: str = "", metric: str = "error", experiment: str = "") -> float:
+        """Return the mean of a metric over the repeats."""
+        return self.ours.mean(law, parameters, metric, experiment)
+
+    def period(self, experiment: str = "") -> float:
+        """Return the control period, s."""
+        return self.settings[experiment].spec.period
+
+    def record(self, law: str, parameters: str = "", experiment: str = "") -> Record:
+        """Return the first repeat, sample by sample; it is run again, which gives the same numbers."""
+        names = self.ours.sets(law, experiment)
+        parameters = names[0] if not parameters and len(names) == 1 else parameters
+        key = (experiment, law, parameters)
+        if key not in self._records:
+            self._records[key] = record_of(self.settings[experiment], law, parameters)
+        return self._records[key]
+
+    def first_peak(self, signal: str, law: str, parameters: str = "", experiment: str = "") -> float:
+        """Return the peak of hand_speed, hand_acceleration or joint_step in the first five seconds."""
+        record = self.record(law, parameters, experiment)
+        count = int(np.searchsorted(record.time, START))
+        period = self.period(experiment)
+        if signal == "joint_step":
+            values = np.diff(record.q[:count], axis=0)
+        else:
+            values = np.diff(record.position[:count], axis=0) / period
+            if signal == "hand_acceleration":
+                values = np.diff(values, axis=0) / period
+        return float(np.linalg.norm(values, axis=1).max())
+
+    def changed(self, spec: str, labels: tuple[str, ...], **changes: Any) -> Setting:
+        """Return a published spec with some laws only, run once, on the same plant, with other keys changed.
+
+        A change ``laws`` overrides keys of the laws; None takes a key away.
+        """
+        data = published_spec(spec, self.plant)
+        overrides = changes.pop("laws", {})
+        data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
+        for key in ("sets", "grids", "repeats", "settle"):
+            data.pop(key, None)
+        for key, value in changes.items():
+            if value is None:
+                data.pop(key, None)
+            else:
+                data[key] = value
+        return prepare(data)
+
+
+Judge = Callable[[Evidence], Judgement]
+JUDGES: dict[str, Judge] = {}
+
+
+def decides(claim: str) -> Callable[[Judge], Judge]:
+    """Register a function that decides a claim."""
+
+    def register(judge: Judge) -> Judge:
+        JUDGES[claim] = judge
+        return judge
+
+    return register
+
+
+def record_of(setting: Setting, law: str, parameters: str = "", *, plant: str | None = None) -> Record:
+    """Run one case of a setting once."""
+    for case in setting.cases:
+        if case.names.law == law and case.names.set == parameters and plant in (None, case.names.plant):
+            return execute(setting, case)
+    raise LookupError(f"{law} · {parameters}")

@@ -1,0 +1,139 @@
+"""Verdicts on claims of [P16] that need runs beside the published ones."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.measures.metrics import evaluate
+from dqcontrol.references import Sample
+from dqcontrol.reproductions.judgement import Judgement, listed
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import LAWS, LQR, Evidence, decides, record_of
+
+_CALLS, _ROUNDS = 400, 15
+
+
+@decides("exponential-decay-checked")
+def _decay(evidence: Evidence) -> Judgement:
+    """Measure the decay of a pure position error, at a period so short that (1 − kT) is the exponential."""
+    period = 2e-4
+    setting = evidence.changed(
+        "spiral",
+        LAWS,
+        period=period,
+        plant={"kind": "integrator"},
+        reference={"kind": "set-point", "duration": 0.2, "offset": {"translation": [0, 0, 0.07]}},
+        laws={"LQR-R8": {"error_weight": 270}},
+        judged=None,
+    )
+    gains = {
+        "K": 125,
+        "K+FF": 125,
+        "LQR-R8": np.sqrt(27000),
+        "LQR-DQ": np.sqrt(27000),
+        "HIR": 2.4,
+        "HIRT": 2.4,
+    }
+    slopes = []
+    for law in LAWS:
+        record = record_of(setting, law)
+        kept = record.position_error > 0.02 * record.position_error[0]
+        slope = np.polyfit(record.time[kept], np.log(record.position_error[kept]), 1)[0]
+        slopes.append(float(-slope / gains[law]))
+    holds = bool((np.abs(np.array(slopes) - 1) < 0.1).all())
+    return Judgement(holds, f"decay over gain, ideal joints: {listed(slopes)} ({', '.join(LAWS)})")
+
+
+@decides("lqr-takes-longer")
+def _time(evidence: Evidence) -> Judgement:
+    setting = evidence.settings[""]
+    laws = {}
+    for case in setting.cases:
+        if case.names.set == "best":
+            laws[case.names.law] = (case.prepare_law(setting.spec), case.scene.samples[100], case.scene.start)
+    times: dict[str, list[float]] = {law: [] for law in laws}
+    for _ in range(_ROUNDS):
+        for law, (prepared, row, q) in laws.items():
+            state, sample = prepared.initial_state(q), Sample(row[0:8], row[8:14], row[14:20], row[20])
+            out = np.empty(len(q))
+            start = time.perf_counter()
+            for _ in range(_CALLS):
+                prepared.command(q, sample, state, out)
+            times[law].append((time.perf_counter() - start) / _CALLS)
+    median = {law: float(np.median(values)) for law, values in times.items()}
+    ratios = [median[law] / median["K"] for law in LQR]
+    share = max(median[law] for law in LQR) / setting.spec.period
+    return Judgement(
+        min(ratios) > 1,
+        f"one command of R8 and DQ over K's: {listed(ratios, '.2f')}; {100 * share:.2g} % of the period at most",
+    )
+
+
+@decides("duration-does-not-matter")
+def _duration(evidence: Evidence) -> Judgement:
+    printed = 0.00824  # s; controllers in physics tick each ms
+    errors, longer = [], 0.009 if evidence.plant == PHYSICS else printed
+    for period in (0.008, longer):
+        seconds = 2999 * period
+        reference = {
+            "kind": "spiral",
+            "radius": 0.07,
+            "length": 0.07,
+            "axis": [0, 1, 0],
+            "turns": 3,
+            "duration": seconds,
+            "offset": {"translation": [0, 0, 0.07], "rotation": [0, 0.1, 0]},
+        }
+        setting = evidence.changed("spiral", ("LQR-DQ",), period=period, reference=reference)
+        errors.append(evaluate(record_of(setting, "LQR-DQ")).error.integral)
+    ratio = errors[1] / errors[0]
+    number = f"Err of LQR-DQ at {1e3 * longer:g} ms over 8 ms: {ratio:.3f}"
+    if longer != printed:
+        ratio **= np.log(printed / 0.008) / np.log(longer / 0.008)
+        number += f", which is {ratio:.3f} for the printed {1e3 * printed:g} ms"
+    return Judgement(abs(ratio - 1) <= 0.01, number)
+
+
+@decides("shorter-period-improves-lqr")
+def _shorter(evidence: Evidence) -> Judgement:
+    circle, spiral = _mean_error(_circle(evidence), "LQR-R8"), evidence.mean("LQR-R8", "best", "error.mean")
+    return Judgement(
+        spiral < circle,
+        f"mean Err {spiral:.4f} (spiral, 8 ms, gain 164) against {circle:.4f} (circle, 20 ms, 31.6)",
+    )
+
+
+@decides("lqr-varies-with-trajectory")
+def _varies(evidence: Evidence) -> Judgement:
+    circle = _circle(evidence)
+    spreads = {}
+    for law, gain, high in (("K", 50, 125), ("LQR-R8", 31.62, 164.3), ("LQR-DQ", 31.62, 164.3)):
+        products = [_mean_error(circle, law) * gain * 0.02]
+        for share, each in ((1.0, "best"), (np.log(2), "ln2"), (np.log(2) ** 2, "ln2²")):
+            part = share if law == "K" else np.sqrt(share)
+            products.append(evidence.mean(law, each, "error.mean") * high * part * 0.008)
+        spreads[law] = float(np.ptp(products) / np.mean(products))
+    text = ", ".join(f"{law} {100 * spread:.0f} %" for law, spread in spreads.items())
+    return Judgement(
+        min(spreads["LQR-R8"], spreads["LQR-DQ"]) > spreads["K"],
+        f"spread of mean Err × gain × period over circle and spiral: {text}",
+    )
+
+
+@decides("high-gain-chatters")
+def _chatters(evidence: Evidence) -> Judgement:
+    setting = evidence.changed("spiral", ("K",), laws={"K": {"gain": 2.2 / 0.008}})
+    record = record_of(setting, "K")
+    high, low = (evaluate(each).hand_acceleration.integral for each in (record, evidence.record("K", "best")))
+    return Judgement(high / low > 2, f"L.Acc of K at kT = 2.2 over kT = 1: {high / low:.2f}")
+
+
+def _circle(evidence: Evidence) -> Setting:
+    return evidence.changed("circle", ("K", *LQR))
+
+
+def _mean_error(setting: Setting, law: str) -> float:
+    return evaluate(record_of(setting, law)).error.mean

@@ -1,0 +1,68 @@
+"""Reproductions: published experiments run again, their tables beside the printed ones, verdicts on the claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from dqcontrol.errors import ValueRangeError, unknown_name
+from dqcontrol.reproductions.catalogue import (
+    SAMPLES,
+    Conditions,
+    Progress,
+    chosen_plant,
+    experiments,
+    names,
+    source,
+)
+from dqcontrol.reproductions.reproduced import Reproduced
+
+
+def reproduce(
+    name: str,
+    *,
+    plant: str | None = None,
+    jobs: int | None = None,
+    samples: int = SAMPLES,
+    repeats: int | None = None,
+    progress: Progress | None = None,
+) -> Reproduced:
+    """Run a published experiment again and hold it against what was printed.
+
+    Parameters
+    ----------
+    name
+        As `catalogue_table` lists them, with or without the source's name.
+    plant
+        What stands for the source's robot, one of those listed; default: the first.
+    jobs
+        Processes that work in parallel; as for `run_study`.
+    samples
+        Of each run in real time.
+    repeats
+        At most so many of each run, at least 1; default: as many as were printed.
+    progress
+        Called with the name of what is run, how much of it is done, and how much it is in all.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such experiment or plant.
+    ValueRangeError
+        If ``repeats`` is below 1.
+
+    Examples
+    --------
+    >>> from dqcontrol.reproductions import reproduce
+    >>> reproduce("light-painting", plant="servo", jobs=1).studies["light-painting"].rows[0]["stopped"]
+    'duration'
+    """
+    if repeats is not None and repeats < 1:
+        raise ValueRangeError(f"repeats: must be at least 1, got {repeats}")
+    full, *others = names(name)
+    if others:
+        raise unknown_name("reproduction", name, list(experiments()))
+    folder, _, short = full.partition("/")
+    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
+    chosen = {} if repeats is None else {"repeats": repeats}
+    chosen |= {} if samples == SAMPLES else {"samples": samples}
+    return replace(source(folder).reproduce(short, conditions), conditions=chosen)

@@ -1,0 +1,105 @@
+"""[S17 5.2.3.2]: clamping that spares the motors of the robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dqcontrol.experiments.run_study import run_study
+from dqcontrol.limits import CommandLimits, ModifiedClamping
+from dqcontrol.loop.record import Record
+from dqcontrol.loop.simulate import follow
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.reproductions.catalogue import Conditions
+from dqcontrol.reproductions.judgement import Judgement
+from dqcontrol.reproductions.reproduced import Draw, Reproduced
+from dqcontrol.reproductions.silva2017.motors import HOLDS, TiringMotors
+from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, setting_of, spec_data, verdicts
+
+LIMITS = {
+    "no clamping": CommandLimits(),
+    "modified clamping": CommandLimits(position=ModifiedClamping()),
+}
+
+
+def reproduce(conditions: Conditions) -> Reproduced:
+    """Run both on motors that give up."""
+    study = run_study(
+        spec_data("clamping-robot"), jobs=conditions.jobs, progress=conditions.of("clamping-robot")
+    )
+    (case,) = setting_of("clamping-robot").cases
+    scene, period = case.scene, setting_of("clamping-robot").spec.period
+    records = {
+        label: follow(
+            case.variant.law.prepare(scene.robot, scene.reference, period, limits),
+            TiringMotors(),
+            scene.start,
+            scene.samples,
+        )
+        for label, limits in LIMITS.items()
+    }
+    robot = scene.robot
+    figures: dict[str, Draw] = {
+        "figure-5.11": lambda: _view("superimposed")(robot, records),
+        "figure-5.12": lambda: _view("compare_poses")(records),
+        "figure-5.13": lambda: _view("compare_joints")(
+            records, robot.limits, range(3, 8), _given_up(records["no clamping"])
+        ),
+    }
+    return Reproduced(
+        "silva2017/clamping-robot",
+        [_table(records), verdicts("clamping-robot", _judge(records))],
+        {"clamping-robot": study},
+        figures,
+    )
+
+
+def _torques(record: Record) -> np.ndarray:
+    return record.readings["motor_torque"].values.max(axis=0)
+
+
+def _given_up(record: Record) -> tuple[float, float] | None:
+    """Return the time from which a motor has given up to the end."""
+    if not record.stopped.startswith("faulted"):
+        return None
+    return float(record.stopped.split()[2]), float(record.time[-1])
+
+
+def _table(records: dict[str, Record]) -> Table:
+    rows: list[list[Cell]] = [
+        [label, *(float(each) for each in _torques(record)), record.stopped, float(record.error[-1])]
+        for label, record in records.items()
+    ]
+    columns = [
+        Column("Limits"),
+        *(Column(f"Joint {i}: largest torque", "N·m", ".3f") for i in range(1, 6)),
+        Column("Ended by"),
+        Column("Error at the end", "", ".3g"),
+    ]
+    return Table(
+        columns, rows, f"S17 Figs 5.11–5.13; motors give up after a second above {HOLDS} N·m, assumed"
+    )
+
+
+def _judge(records: dict[str, Record]) -> dict[str, Judgement]:
+    free, clamped = records["no clamping"], records["modified clamping"]
+    torques = {label: _torques(record) for label, record in records.items()}
+    pairs = [
+        f"joint {i + 1} {torques['no clamping'][i]:.2f} N·m, {torques['modified clamping'][i]:.2f} with clamping"
+        for i in (1, 2)
+    ]
+    return {
+        "motor-stops-without-clamping": Judgement(
+            "joint_3" in free.stopped and bool(free.error[-1] > GOOD_ENOUGH),
+            f"{free.stopped}; error {free.error[-1]:.3f}. Largest torques: {'; '.join(pairs)}",
+        ),
+        "clamping-spares-motors": Judgement(
+            not clamped.stopped.startswith("faulted") and bool(clamped.error[-1] < GOOD_ENOUGH),
+            f"{clamped.stopped}, error {clamped.error[-1]:.3f}",
+        ),
+    }
+
+
+def _view(name: str):
+    import dqcontrol.figures
+
+    return getattr(dqcontrol.figures, name)

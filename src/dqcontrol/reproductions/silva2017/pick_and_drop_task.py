@@ -1,0 +1,183 @@
+"""A cube into a basket, where the camera sees them. [S17 Fig. 5.1]"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol import algebra
+from dqcontrol.errors import as_array
+from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop import Record
+from dqcontrol.loop.simulate import simulate
+from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene
+from dqcontrol.references import Points
+from dqcontrol.robots import load_robot
+
+Array = NDArray[np.float64]
+
+ROBOT, PERIOD = "little-john", 0.02
+START = (0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0)
+LAW = FeedbackLinearization(stiffness=16.0, damping=6.0)
+CAMERA = Camera(rate=30.0, delay=0.04, position_noise=0.002, angle_noise=0.004, filter_time=0.1)
+LINK_MASS = [0.125, 0.405, 0.18, 0.12, 0.13]
+CUBE, BASKET = Cube(position=(0.8, 0.2), yaw=0.3), Basket(position=(0.5, 0.9))
+
+_STEEP, _FLAT = (
+    math.radians(72),
+    math.radians(50),
+)  # how far the hand looks down where it grips, and where it carries
+_REACH = 0.27, 0.34  # m; from the axle to the hand there
+_ABOVE, _GRIP, _CARRY = 0.09, 0.02, 0.22  # m; heights of the hand
+_SPEED, _TURN_RATE = 0.12, 0.4  # m/s, rad/s
+_LEAST = 1.5  # s; of every move and pause
+
+
+@dataclass(frozen=True, eq=False)
+class Errand:
+    """Hand poses over time, and when the gripper opens and closes.
+
+    Attributes
+    ----------
+    times
+        Shape (N,), s.
+    poses
+        Shape (N, 8), inertial frame, m.
+    schedule
+        Of the gripper.
+    """
+
+    times: Array
+    poses: Array
+    schedule: list[GripperEvent]
+
+
+@dataclass(frozen=True, eq=False)
+class PickAndDrop:
+    """What came of it.
+
+    Attributes
+    ----------
+    plant, record
+        As in any run.
+    seen
+        The cube and the basket as the camera showed them, x, y and yaw, shape (2, 3), m and rad.
+    errand
+        What was planned from that.
+    """
+
+    plant: MobilePlant
+    record: Record
+    seen: Array
+    errand: Errand
+
+    @property
+    def path(self) -> Array:
+        """Where the cube was over time, shape (N, 3), m."""
+        return self.record.readings["cube_1_position"].values
+
+    @property
+    def is_in_basket(self) -> bool:
+        """Whether the cube ended up in the basket."""
+        return bool(self.plant.scene.baskets[0].holds(self.path[-1]))
+
+
+def plan(hand: ArrayLike, cube: ArrayLike, basket: ArrayLike) -> Errand:
+    """Return the errand of a hand that starts somewhere, takes a cube and drops it into a basket.
+
+    The hand goes straight from pose to pose, rests above the cube, at it and above the basket, and always looks away
+    from where the base should stand. It comes from the side of the cube that faces it best.
+
+    Parameters
+    ----------
+    hand
+        Pose of the hand at the start, shape (8,).
+    cube, basket
+        x, y and yaw, shape (3,), m and rad; the yaw of the basket does not matter.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> hand = dqc.load_robot("little-john").fkm(START)
+    >>> errand = plan(hand, [0.8, 0.2, 0.3], [0.5, 0.9, 0])
+    >>> [event.closed for event in errand.schedule]
+    [True, False]
+    """
+    first = as_array("hand", hand, (8,))
+    thing, goal = as_array("cube", cube, (3,)), as_array("basket", basket, (3,))
+    bearing = _bearing(algebra.translation(first)[:2], thing[:2])
+    side = thing[2] + math.pi / 2 * round((bearing - thing[2]) / (math.pi / 2))
+    stand = thing[:2] - _REACH[0] * np.array([math.cos(side), math.sin(side)])
+    way = side + math.remainder(_bearing(stand, goal[:2]) - side, 2 * math.pi)
+    above = _pose(thing, _ABOVE, side, _STEEP)
+    grip = _pose(thing, _GRIP, side, _STEEP)
+    lifted = _pose(thing, _CARRY, side, _FLAT)
+    over = _pose(goal, _CARRY, way, _FLAT)
+    stops = [first, first, above, above, grip, grip, lifted, over, over]
+    times = np.cumsum([0.0, *(_time(a, b) for a, b in pairwise(stops))])
+    times[-1] += 1.0
+    close, open_ = times[4] + 0.5, times[7] + 1.2
+    schedule = [GripperEvent(time=float(close), closed=True), GripperEvent(time=float(open_), closed=False)]
+    return Errand(times, np.array(stops), schedule)
+
+
+def pick_and_drop(
+    cube: Cube = CUBE, basket: Basket = BASKET, camera: Camera = CAMERA, seed: int = 0
+) -> PickAndDrop:
+    """Let Little John put a cube into a basket, in physics, from what a camera at the ceiling measures.
+
+    One frame tells where cube and basket are. On the way the camera measures the base, and the encoders the joints; the
+    cube is held by friction alone.
+
+    Parameters
+    ----------
+    cube, basket
+        Where they really are.
+    camera
+        Its noise is that of the frame and of the measured base.
+    seed
+        Of that noise.
+
+    Examples
+    --------
+    >>> from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
+    >>> pick_and_drop().is_in_basket  # doctest: +SKIP
+    True
+    """
+    robot = load_robot(ROBOT)
+    seen = camera.glance([[*cube.position, cube.yaw], [*basket.position, 0.0]], seed)
+    errand = plan(robot.fkm(START), *seen)
+    plant = MobilePlant(
+        location="camera",
+        camera=camera,
+        link_mass=LINK_MASS,
+        gripper=Gripper(closes="y", schedule=errand.schedule),
+        scene=Scene(cubes=[cube], baskets=[basket]),
+    )
+    reference = Points(errand.times, errand.poses)
+    unscaled = CommandLimits(velocity=False)
+    record = simulate(robot, reference, LAW, plant, START, PERIOD, limits=unscaled, seed=seed)
+    return PickAndDrop(plant, record, seen, errand)
+
+
+def _bearing(start: Array, end: Array) -> float:
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _pose(place: Array, height: float, heading: float, down: float) -> Array:
+    """Return the pose of a hand whose x axis points along a heading, and down."""
+    about_z = [math.cos(heading / 2), 0, 0, math.sin(heading / 2), 0, 0, 0, 0]
+    about_y = [math.cos(down / 2), 0, math.sin(down / 2), 0, 0, 0, 0, 0]
+    return algebra.pose(algebra.multiply(about_z, about_y)[:4], [place[0], place[1], height])
+
+
+def _time(start: Array, end: Array) -> float:
+    """Return how long the hand takes from pose to pose, s."""
+    way = float(np.linalg.norm(algebra.translation(end) - algebra.translation(start)))
+    turn = 2 * math.acos(min(1.0, abs(float(start[:4] @ end[:4]))))
+    return max(_LEAST, way / _SPEED, turn / _TURN_RATE)

@@ -1,0 +1,117 @@
+"""The laws of [S17]'s comparison on many random goals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dqcontrol.laws import ClassicWholeBody, Law
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.references import SetPoint, random_goals
+from dqcontrol.reproductions.silva2017.race import Outcome, guided_outcome, matched_gain, outcome
+from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, setting_of
+
+SEED = 2017
+_SECONDS = 120.0
+_SETTLED = 1e-3  # last error norm of a run that has arrived
+_NONLINEAR, _CLASSIC, _MATCHED = "nonlinear", "classic", "classic, matched on each goal"
+_GUIDED = "remedy: guided K along a planned way"
+
+
+@dataclass(frozen=True)
+class Box:
+    """Where goals are drawn: half the side of the box for the base, m, and the range of its heading, rad."""
+
+    name: str
+    reach: float
+    heading: float
+
+
+BOXES = (Box("near", 0.5, math.pi / 4), Box("far", 1.5, math.pi))
+
+
+def random_table(
+    box: Box, laws: Mapping[str, Law], count: int, progress: Callable[[float, int], None] | None = None
+) -> Table:
+    """Return one row a law: how many goals it reached, and medians over those that it shares with the classic law.
+
+    The goals are hand poses of configurations with the base in the box and the arm within its limits; runs last two
+    minutes on ideal joints, without limits, which the remedy's plan keeps nevertheless.
+    """
+    setting = setting_of("comparison", duration=_SECONDS)
+    scene, period = setting.scene, setting.spec.period
+    goals = scene.robot.fkm(
+        random_goals(scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED)
+    )
+    found: dict[str, list[Outcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
+    if progress:
+        progress(0, count)
+    for done, goal in enumerate(goals):
+        samples = SetPoint(goal).samples(scene.samples[:, -1])
+
+        def run(law: Law, samples: np.ndarray = samples) -> Outcome:
+            return outcome(scene.robot, scene.start, samples, law, period)
+
+        for label, law in laws.items():
+            found[label].append(run(law))
+        found[_GUIDED].append(guided_outcome(scene.robot, scene.start, samples, period))
+        target = found[_NONLINEAR][-1]
+        gain = matched_gain(
+            lambda k, run=run: run(ClassicWholeBody(gain=k)).settling, target.settling if target else math.nan
+        )
+        found[_MATCHED].append(None if gain is None else run(ClassicWholeBody(gain=gain)))
+        if progress:
+            progress(done + 1, count)
+    rows = [_row(label, found[label], found[_CLASSIC], found[_NONLINEAR]) for label in found]
+    columns = [
+        Column("Law"),
+        Column(f"Settled below {GOOD_ENOUGH}"),
+        Column(f"Below {_SETTLED:g} at the end"),
+        Column("Iterations, median", "", ".4g"),
+        Column("Effort over classic, median", "", ".3g"),
+        Column("Quartiles"),
+        Column("Nonlinear effort over it, median", "", ".3g"),
+        Column("First command over classic, median", "", ".3g"),
+        Column("Overshoot above 1 %"),
+    ]
+    title = (
+        f"{count} {box.name} goals: base within ±{box.reach:g} m and ±{math.degrees(box.heading):.0f}°, any arm within "
+        f"its limits, hand above 5 cm, seed {SEED}; {_SECONDS:g} s without limits"
+    )
+    return Table(columns, rows, title)
+
+
+def _row(
+    label: str, mine: list[Outcome | None], classic: list[Outcome | None], nonlinear: list[Outcome | None]
+) -> list[Cell]:
+    runs = [each for each in mine if each is not None]
+    effort = _ratios(mine, classic, "effort")
+    quartiles = f"{np.quantile(effort, 0.25):.3g} … {np.quantile(effort, 0.75):.3g}" if effort else ""
+    settled = [each.settling for each in runs if math.isfinite(each.settling)]
+    return [
+        label,
+        len(settled),
+        sum(each.final < _SETTLED for each in runs),
+        float(np.median(settled)) if settled else None,
+        _median(effort),
+        quartiles,
+        _median(_ratios(nonlinear, mine, "effort")),
+        _median(_ratios(mine, classic, "first")),
+        sum(each.overshoot > 0.01 for each in runs),
+    ]
+
+
+def _ratios(over: list[Outcome | None], under: list[Outcome | None], number: str) -> list[float]:
+    """Return ratios over the goals where both runs settled."""
+    return [
+        getattr(a, number) / getattr(b, number)
+        for a, b in zip(over, under, strict=True)
+        if a and b and math.isfinite(a.settling) and math.isfinite(b.settling)
+    ]
+
+
+def _median(values: list[float]) -> float | None:
+    return float(np.median(values)) if values else None

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+from test_plots import drawn, run, shifted
+
+from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.figures.criteria import compare_criteria
+from dqcontrol.figures.save import save_comparison
+from dqcontrol.loop.record import Record
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def panels(figure):
+    return {axes.get_ylabel(): axes for axes in drawn(figure)}
+
+
+def changed(record, **arrays):
+    names = ("time", "q", "measured", "command", "pose", "desired")
+    values = {name: getattr(record, name) for name in names} | arrays
+    return Record(*values.values(), record.joint_names)
+
+
+def test_criteria_are_the_norms_that_the_metrics_integrate():
+    record = run(count=80)
+    shown = panels(compare_criteria({"K": record}))
+    assert len(shown) == 12
+    step = record.time[1] - record.time[0]
+    expected = {
+        "$|1 - x^{*} x_d|$": np.full(80, 0.005),
+        "control [rad/s or m/s]": np.linalg.norm(record.command, axis=1)[:-1],
+        "joint step [rad or m]": np.linalg.norm(np.diff(record.q, axis=0), axis=1),
+        "hand speed [m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle
+        "hand acc. [m/s²]": np.full(78, 0.09 * (2 * np.sin(np.pi * step / 2) / step) ** 2),
+    }
+    for label, values in expected.items():
+        np.testing.assert_allclose(shown[label].lines[0].get_ydata(), values, rtol=1e-9)
+        assert shown[label].get_yscale() == "log"
+    np.testing.assert_allclose(shown["$x$ [m]"].lines[0].get_ydata(), record.position[:, 0])
+    np.testing.assert_allclose(shown["$z$ [m]"].lines[-1].get_ydata(), record.desired_position[:, 2])
+
+
+def test_the_same_orientation_has_one_sign_in_all_runs():
+    record = run()
+    pose, desired = record.pose.copy(), record.desired.copy()
+    pose[10:30] *= -1
+    desired[20:, :8] *= -1
+    shown = panels(
+        compare_criteria({"plain": record, "jumping": changed(record, pose=pose, desired=desired)})
+    )
+    for line in shown["orientation $w$"].lines:
+        np.testing.assert_allclose(line.get_ydata(), 1.0)
+
+
+def test_many_runs_differ_and_the_desired_pose_is_that_of_the_longest():
+    records = {f"gain {i}": run(lag=0.001 * (i + 1)) for i in range(8)}
+    short = records["gain 0"]
+    records["gain 0"] = Record(
+        *(getattr(short, name)[:5] for name in ("time", "q", "measured", "command", "pose", "desired")),
+        short.joint_names,
+    )
+    figure = compare_criteria(records)
+    for axes in drawn(figure):
+        looks = {
+            (line.get_color(), line.get_linestyle()) for line in axes.lines if line.get_label() in records
+        }
+        assert len(looks) == 8
+    assert len(panels(figure)["$y$ [m]"].lines[-1].get_ydata()) == 60
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width
+    assert not any(box.overlaps(axes.get_window_extent()) for axes in figure.axes)
+
+
+def test_a_resting_and_a_diverged_run_can_be_compared():
+    resting = changed(run(), pose=np.repeat(shifted([[0.5, 0, 0.4]]), 60, axis=0), q=np.zeros((60, 3)))
+    pose, q = run().pose.copy(), run().q.copy()
+    pose[40:], q[41:] = np.nan, np.inf
+    drawn(compare_criteria({"resting": resting, "diverged": changed(run(), pose=pose, q=q)}))
+
+
+def test_peaks_stay_in_sight_above_exact_zeros():
+    command = np.zeros((60, 3))
+    command[3] = 1.0
+    low, high = panels(compare_criteria({"one": changed(run(), command=command)}))[
+        "control [rad/s or m/s]"
+    ].get_ylim()
+    assert low > 1e-6
+    assert high > np.sqrt(3)
+
+
+def test_no_run_is_refused():
+    with pytest.raises(ShapeError, match="records: expected at least one run"):
+        compare_criteria({})
+
+
+def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
+    files = save_comparison({"K": run(), "LQR": run(lag=0.02)}, tmp_path / "new")
+    assert [path.name for path in files] == ["paths.png", "errors.png", "criteria.png"]
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in files)
+    (tmp_path / "criteria.png").write_text("precious")
+    with pytest.raises(ExistsError, match=r"criteria\.png: exists already"):
+        save_comparison({"K": run()}, tmp_path)
+    assert not (tmp_path / "paths.png").exists()

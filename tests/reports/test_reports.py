@@ -1,0 +1,291 @@
+"""Reports of runs and studies: what they say of a run, and the line that gives it again, pasted as it stands."""
+
+import shlex
+import shutil
+import sys
+from dataclasses import replace
+from html import unescape
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import dqcontrol as dqc
+import dqcontrol.figures
+from dqcontrol import cli
+from dqcontrol.experiments import load_run, run_study_to, run_sweep_to
+from dqcontrol.experiments.parameter_units import parameter_unit, with_unit
+from dqcontrol.limits.supervisor.interventions import VELOCITY
+from dqcontrol.loop import Timing
+from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.supervision import INTERVENTIONS
+from dqcontrol.measures.lyapunov import Certificate
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.provenance import command, evaluation_command, origins
+from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.reports.study_report import study_verdicts
+from dqcontrol.reproductions.reproduced import Reproduced
+
+SPEC = {
+    "name": "again",
+    "robot": "ax18",
+    "start": [0, -0.9, 0.9, 0.9, 0],
+    "period": 0.02,
+    "reference": {"kind": "circle", "radius": 0.02, "duration": 0.4},
+    "law": {"kind": "partial-proportional", "part": "position", "gain": 2},
+    "plant": {"kind": "servo", "encoder_noise": 1e-4},
+    "seed": 7,
+}
+
+
+def paste(report, monkeypatch, where):
+    """Run the line of a report in a folder; return the line."""
+    page = report.read_text(encoding="utf-8")
+    line = unescape(page.partition('<pre class="command">')[2].partition("</pre>")[0])
+    monkeypatch.chdir(where)
+    monkeypatch.setattr(sys, "argv", shlex.split(line))
+    cli.main()
+    return line
+
+
+@pytest.fixture(scope="module")
+def run():
+    return dqc.run(SPEC)
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Draw no figures: their files are looked at elsewhere."""
+    for name in ("run_figures", "comparison_figures"):
+        monkeypatch.setattr(f"dqcontrol.figures.{name}", lambda *_, **__: {})
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_line_of_a_run_gives_it_again(run, tmp_path, monkeypatch):
+    first = run.save(tmp_path / "first run")
+    line = paste(first / "report.html", monkeypatch, first)
+    assert line == "dqcontrol run spec.yaml --out ../again"
+    assert (tmp_path / "again/metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
+    np.testing.assert_array_equal(load_run(tmp_path / "again").q, run.q)
+    run.save(first, force=True)  # nothing foreign lies there now
+    page = (first / "report.html").read_text(encoding="utf-8")
+    assert "<td>seed</td><td>7</td>" in page
+    assert "<td>numpy</td>" in page
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_line_of_a_study_gives_it_again_and_its_page_leads_to_the_runs(tmp_path, monkeypatch):
+    spec = {key: value for key, value in SPEC.items() if key != "law"}
+    laws = {"slow": SPEC["law"], "fast": SPEC["law"] | {"gain": 10}}
+    first = tmp_path / "study"
+    run_study_to(spec | {"laws": laws}, first)
+    paste(first / "report.html", monkeypatch, first)
+    assert (tmp_path / "again/table.csv").read_bytes() == (first / "table.csv").read_bytes()
+    shutil.rmtree(tmp_path / "again")
+    paste(first / "fast-servo/report.html", monkeypatch, first / "fast-servo")
+    assert (tmp_path / "again/metrics.json").read_bytes() == (first / "fast-servo/metrics.json").read_bytes()
+    run_study_to(spec | {"laws": laws}, first, force=True)  # nothing foreign lies there now
+    page = (first / "report.html").read_text(encoding="utf-8")
+    assert '<a href="fast-servo/report.html">fast · servo</a>' in page
+    assert (first / "fast-servo/report.html").is_file()
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
+    pytest.importorskip("pyarrow")
+    monkeypatch.setattr("dqcontrol.figures.save_figures", lambda *_: [])
+    over = {"law.gain": {"low": 1, "high": 9}}
+    run_sweep_to(
+        SPEC | {"sweep": {"method": "sobol", "points": 4, "over": over}}, tmp_path / "sweep", by="effort"
+    )
+    line = paste(tmp_path / "sweep/report.html", monkeypatch, tmp_path / "sweep")
+    assert line == "dqcontrol sweep spec.yaml --by effort --out ../again"
+    assert (tmp_path / "again/best.csv").read_bytes() == (tmp_path / "sweep/best.csv").read_bytes()
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_line_of_a_comparison_gives_it_again_from_anywhere(run, tmp_path, monkeypatch):
+    run.save(tmp_path / "a b")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["dqcontrol", "compare", "a b", "--out", "both"])
+    cli.main()
+    (tmp_path / "elsewhere").mkdir()
+    paste(tmp_path / "both/report.html", monkeypatch, tmp_path / "elsewhere")
+    assert (tmp_path / "elsewhere/again/table.csv").read_bytes() == (tmp_path / "both/table.csv").read_bytes()
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_line_of_an_evaluation_gives_it_again_from_anywhere(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run.export("log.csv")
+    (tmp_path / "wanted.yaml").write_text(yaml.safe_dump({"reference": SPEC["reference"]}))
+    words = "evaluate log.csv --robot ax18 --reference wanted.yaml --duration 0.3 --angles rad --out first"
+    monkeypatch.setattr(sys, "argv", ["dqcontrol", *words.split()])
+    cli.main()
+    (tmp_path / "elsewhere").mkdir()
+    line = paste(tmp_path / "first/report.html", monkeypatch, tmp_path / "elsewhere")
+    assert "--duration 0.3" in line
+    again = tmp_path / "elsewhere/again/metrics.json"
+    assert again.read_bytes() == (tmp_path / "first/metrics.json").read_bytes()
+
+
+def test_the_line_of_a_reproduction_names_what_was_chosen(tmp_path):
+    table = Table([Column("Law")], [["K"]])
+    done = Reproduced("pereira2016/circle", [table], plant="servo", conditions={"repeats": 2})
+    assert done.command == "dqcontrol reproduce pereira2016/circle --plant servo --repeats 2"
+    assert f"{done.command} --out again" in (done.save(tmp_path / "r") / "report.html").read_text(
+        encoding="utf-8"
+    )
+
+
+def test_arguments_are_quoted_and_what_is_off_is_left_out():
+    assert (
+        command("run", "my spec.yaml", jobs=None, force=False, out="x")
+        == "dqcontrol run 'my spec.yaml' --out x"
+    )
+    about = {
+        "log": "l.csv",
+        "robot": {"source": "ax18", "base_link": None, "tip_link": "tip"},
+        "joints": ["a", "b"],
+    }
+    assert evaluation_command(about | {"settle": 0.0}) == (
+        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --settle 0.0 --joints a,b --out again"
+    )
+
+
+def test_seeds_of_repeats_and_points_are_told():
+    told = dict(origins(SPEC | {"repeats": 3, "sweep": {"seed": 5}}).rows)
+    assert told["seeds"] == "7 … 9, one a repeat"
+    assert told["seed of the points"] == "5"
+    assert "seed" not in dict(origins({}).rows)
+
+
+def verdicts(run, certificate=None) -> dict[str, Any]:
+    rows: Any = run_verdicts(run, certificate).rows
+    return {row[0]: (row[1], row[1].good, row[2]) for row in rows}
+
+
+def test_a_good_run_is_called_good():
+    slow = {"reference": SPEC["reference"] | {"duration": 6}, "law": SPEC["law"] | {"gain": 20}}
+    found = verdicts(dqc.run(SPEC | slow | {"plant": {"kind": "integrator"}}))
+    assert {question: good for question, (_, good, _) in found.items()} == {
+        "End": True,
+        "Task": True,
+        "Joint limits": True,
+        "Velocity limits": True,
+        "Loop gains": True,
+    }
+    assert found["End"][2] == "duration; 6 s"
+
+
+def test_a_bad_run_is_called_bad(run):
+    record, limits = run.record, run.robot.limits
+    q, command = record.q.copy(), record.command.copy()
+    q[3, 1], command[5, 2] = limits.upper[1] + 0.1, -1.5 * limits.velocity[2]
+    signal = Signal(INTERVENTIONS, ("",), ("",), np.array([[0.0], [VELOCITY], [0.0]] * 7))
+    broken = replace(
+        record, q=q, command=command, stopped="faulted at 0.2 s: too hot", readings={INTERVENTIONS: signal}
+    )
+    timing = Timing(0.02, 0.03 * np.arange(9), np.full(9, 0.01), np.full(9, 0.01), np.full(9, True))
+    found = verdicts(replace(run, record=broken, timing=timing))
+    assert found["End"][:2] == ("failed", False)
+    assert found["Joint limits"] == ("exceeded", False, "joint_2: 0.1 rad beyond")
+    assert found["Velocity limits"] == (
+        "exceeded",
+        False,
+        "joint_3: commands up to 150 % of its limit, there or beyond in 5 % of the samples",
+    )
+    assert found["Supervisor"] == ("intervened", None, "7 times, first at 0.020 s: velocity limit")
+    assert found["Control periods"][:2] == ("missed", False)
+    quiet = replace(broken, readings={INTERVENTIONS: replace_values(signal, 0.0)})
+    assert verdicts(replace(run, record=quiet))["Supervisor"][:2] == ("never intervened", True)
+
+
+def replace_values(signal, value):
+    return signal._replace(values=np.full_like(signal.values, value))
+
+
+def test_stability_proof_and_range_are_judged():
+    spec = {
+        "name": "drive",
+        "robot": "little-john",
+        "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
+        "period": 0.05,
+        "duration": 2,
+        "reference": {"kind": "set-point", "offset": {"translation": [0.2, 0.0, 0]}},
+        "law": {"kind": "feedback-linearization", "stiffness": 1.0, "damping": 1.0},
+        "plant": {"kind": "integrator"},
+    }
+    run = dqc.run(spec)
+    certificate = Certificate.recorded(run.record)
+    assert certificate is not None
+    found = verdicts(run, certificate)
+    assert found["Lyapunov function V"][:2] == ("falls", True)
+    assert found["Range of J"][:2] == ("not stuck", True)
+    assert found["Loop gains"][:2] == ("good", True)
+    rising = replace(certificate, pose_part=certificate.pose_part[::-1])
+    assert verdicts(run, rising)["Lyapunov function V"][:2] == ("rises", False)
+    stuck = run.record.readings["range_condition"]
+    values = stuck.values.copy()
+    values[-1, 1] = values[-1, 0]
+    record = replace(
+        run.record, readings={**run.record.readings, "range_condition": stuck._replace(values=values)}
+    )
+    assert verdicts(replace(run, record=record))["Range of J"][:2] == ("stuck", False)
+
+
+def test_the_verdicts_of_repeats_count_those_that_failed():
+    row = {
+        "robot": "",
+        "law": "K",
+        "set": "",
+        "plant": "",
+        "seed": 0,
+        "stopped": "duration",
+        "limit_margin": 0.1,
+        "task": "reached",
+    }
+    bad = row | {"repeat": 1, "stopped": "diverged at 1 s", "limit_margin": -0.2}
+    rows: Any = study_verdicts([row | {"repeat": 0}, bad]).rows
+    ((label, count, end, task, kept, least),) = rows
+    assert (label, count, end, task, kept, least) == ("K", "1 of 2", "failed", "reached", "exceeded", -0.2)
+    assert (end.good, kept.good) == (False, False)
+
+
+def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch, capsys):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dqcontrol.figures.save_figures", lambda *_: [])
+        run.save(tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    draw = dqcontrol.figures.run_figures
+    monkeypatch.setattr("dqcontrol.figures.run_figures", lambda *a, **o: {"errors": draw(*a, **o)["errors"]})
+    words = "figures run --format pdf --format png --width single"
+    monkeypatch.setattr(sys, "argv", ["dqcontrol", *words.split()])
+    cli.main()
+    assert capsys.readouterr().out == "errors\nresults: figures\n"
+    assert (tmp_path / "figures/errors.pdf").read_bytes()[:5] == b"%PDF-"
+    png = (tmp_path / "figures/errors.png").read_bytes()
+    assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 in of 300 dots
+    for words, message in (
+        ("figures", "give at least one folder"),
+        ("figures nowhere --out other", "nowhere: does not exist"),
+        ("figures run --format gif --out other", "gif"),
+        ("figures run", "figures: exists"),
+    ):
+        monkeypatch.setattr(sys, "argv", ["dqcontrol", *words.split()])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        assert end.value.code == 2
+        error = capsys.readouterr().err
+        assert (message in error, error.count("\n")) == (True, 1), error
+
+
+def test_units_of_parameters_come_from_their_descriptions():
+    assert with_unit("laws.*.gain") == "laws.*.gain [1/s]"
+    assert with_unit("error_weight") == "error_weight"
+    assert parameter_unit("plant.encoder_noise") == "rad or m"
+    assert parameter_unit("plants.servo.delay") == "s"
+    assert parameter_unit("plants.servo.stiffness") == ""  # N·m/rad of servos, but a share of compliant arms
+    assert parameter_unit("stiffness") == "1/s²"
+    assert parameter_unit("no.such.key") == ""

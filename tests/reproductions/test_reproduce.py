@@ -1,0 +1,168 @@
+"""Published experiments run again: specs, comparison, verdicts, the fit."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from dqcontrol import reproductions as published
+from dqcontrol.errors import LimitWarning, UnknownNameError
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.run import execute, measure
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.reproductions import pereira2016
+from dqcontrol.reproductions.pereira2016 import second_fit
+from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
+from dqcontrol.reproductions.printed_comparison import comparison_tables
+from dqcontrol.reproductions.results import Results
+
+SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
+ON_THE_ARM = [name for name in SPECS if not name.startswith("iiwa") and name != "sampling-time"]
+
+
+def test_every_source_offers_experiments_with_plants_and_says_what_they_are():
+    for name, experiment in published.experiments().items():
+        assert name.split("/")[0] in published.SOURCES
+        assert experiment.about
+    assert set(published.SOURCES) == {name.split("/")[0] for name in published.experiments()}
+
+
+def test_every_claim_has_a_judge_and_every_judge_a_claim():
+    ids = {claim.id for name in pereira2016.REPRODUCTIONS for claim in pereira2016.claims(name)}
+    assert ids == set(JUDGES)
+
+
+def test_every_published_cell_has_its_case():
+    for name, chosen in EXPERIMENTS.items():
+        if name not in pereira2016.REPRODUCTIONS:
+            continue
+        cases = {
+            (experiment, case.names.law, case.names.set)
+            for experiment, spec in chosen.specs.items()
+            for case in prepare(spec_path(spec)).cases
+        }
+        for cell in pereira2016.published_cells(name):
+            if name == "sampling-time":
+                assert ("", cell.law, "") in cases
+            elif cell.set:
+                assert (cell.experiment, cell.law, cell.set) in cases
+            else:
+                assert len([case for case in cases if case[:2] == (cell.experiment, cell.law)]) == 1
+
+
+def test_all_experiments_on_the_arm_have_one_plant():
+    plants = {name: read_spec(spec_path(name))[0].plant for name in ON_THE_ARM}
+    assert len(plants) == 8
+    assert all(plant == plants["spiral"] for plant in plants.values())
+
+
+def last_gain(law):
+    return law.translation_gain.values[-1]
+
+
+def test_the_gains_of_the_spiral_fall_by_ln2():
+    variants = {(v.label, v.set): v.law for v in read_spec(spec_path("spiral"))[0].variants}
+    for law in ("K", "K+FF"):
+        gains = [variants[law, each].gain for each in ("best", "ln2", "ln2²")]
+        assert gains[1:] == pytest.approx([gains[0] * np.log(2), gains[0] * np.log(2) ** 2], rel=1e-3)
+    for law in ("HIR", "HIRT"):
+        ends = [last_gain(variants[law, each]) for each in ("best", "ln2", "ln2²")]
+        assert ends[1:] == pytest.approx([ends[0] * np.log(2), ends[0] * np.log(2) ** 2], rel=1e-3)
+    gammas = [np.sqrt(2) / last_gain(variants["HIR", each]) for each in ("best", "ln2", "ln2²")]
+    assert gammas == pytest.approx([0.372, 0.537, 0.775], rel=2e-3)  # as printed
+
+
+def test_the_second_fit_scales_the_robust_laws_only():
+    data = second_fit.scaled_spec("spiral", factor=10.0)
+    assert set(data["laws"]) == {"HIR scaled", "HIRT scaled"}
+    assert data["laws"]["HIR scaled"]["translation_gain"]["values"] == [24.0, 38.0]
+    assert data["sets"]["ln2"]["HIRT scaled"]["orientation_gain"]["values"] == pytest.approx([18.38, 36.76])
+    assert data["laws"]["HIR scaled"]["translation_gain"]["times"] == [0, 7.1976]
+
+
+def test_ratios_are_means_over_printed_means():
+    cells = [cell for cell in pereira2016.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
+    keys = {
+        metric: f"{metric}.integral"
+        for metric in ("error", "control", "joint_step", "hand_speed", "hand_acceleration")
+    }
+    printed = {keys[cell.metric]: cell.mean for cell in cells}
+    row = {"law": "K", "set": "best", "stopped": "duration"}
+    rows = [{**row, **{key: factor * value for key, value in printed.items()}} for factor in (1.9, 2.1)]
+    rows.append({**row, **dict.fromkeys(printed, 100.0), "stopped": "diverged at 1 s: lost"})
+    (table,) = comparison_tables(cells, Results({"": rows}), "P16")
+    assert table.title == "P16 5.15"
+    assert [line[-1] for line in table.rows] == pytest.approx([2.0] * 5)
+    assert table.rows[0][6] == pytest.approx(np.std([1.9, 2.1], ddof=1) * 1.232)
+    increments = Results({"": rows}, control_unit=0.025)
+    assert increments.mean("K", "best", "control") == pytest.approx(0.05 * printed["control.integral"])
+    scaled = [{**line, "law": "K scaled"} for line in rows]
+    assert comparison_tables(cells, Results({"": scaled}), "P16") == []
+    assert (
+        comparison_tables(cells, Results({"": scaled}), "P16", suffix=" scaled")[0].rows[0][0] == "K scaled"
+    )
+
+
+def test_the_sag_in_the_specs_is_the_one_that_fits():
+    table = calibrate("servo")
+    for line in table.rows:
+        assert line[3] == pytest.approx(line[4], rel=2e-3)
+
+
+def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
+    """Each number was printed for the robot; one cell, K with the best gain, is what the sag was fitted on."""
+    setting = prepare(spec_path("spiral"))
+    printed = {(c.law, c.set): c.mean for c in pereira2016.published_cells("spiral") if c.metric == "error"}
+    ratios = {}
+    for case in setting.cases:
+        record = execute(setting, case)
+        error = measure(record, case.scene.robot, 0.0, "measured").error.integral
+        ratios[case.names.law, case.names.set] = error / printed[case.names.law, case.names.set]
+    assert ratios["K", "best"] == pytest.approx(1.0, abs=2e-3)
+    for each in ("ln2", "ln2²"):
+        assert ratios["K", each] == pytest.approx(1.0, abs=0.04)
+        assert ratios["K+FF", each] == pytest.approx(1.0, abs=0.04)
+    for each in ("best", "ln2", "ln2²"):
+        assert 0.8 < ratios["LQR-DQ", each] < 0.95
+        assert ratios["HIR", each] > 8  # the printed gains cannot have been applied as printed
+
+
+def test_names():
+    assert published.names("pereira2016") == [f"pereira2016/{name}" for name in EXPERIMENTS]
+    assert published.names("pereira2016/lqr") == published.names("lqr") == ["pereira2016/lqr"]
+    assert published.chosen_plant("pereira2016/lqr", None) == pereira2016.PLANTS[0]
+    with pytest.raises(UnknownNameError):
+        published.reproduce("pereira2016")
+    with pytest.raises(UnknownNameError, match=r"did you mean 'pereira2016/spiral'"):
+        published.reproduce("pereira2016/spiral2")
+    with pytest.raises(UnknownNameError, match="light-painting"):
+        spec_path("painting")
+
+
+@pytest.mark.slow
+def test_light_painting_and_its_folder(tmp_path):
+    with pytest.warns(LimitWarning):
+        done = published.reproduce("light-painting", plant="servo", jobs=1)
+    folder = done.save(tmp_path / "painting")
+    assert (folder / "light-painting.png").stat().st_size > 10_000
+    assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**light-painting**")
+    assert dataclasses.replace(done, figures={}).save(folder, force=True)
+    assert not (folder / "light-painting.png").exists()
+
+
+def test_the_command_lists_and_refuses():
+    def command(*arguments):
+        line = [sys.executable, "-m", "dqcontrol", "reproduce", *arguments]
+        return subprocess.run(line, capture_output=True, text=True, check=False)
+
+    listed = command()
+    assert listed.returncode == 0
+    assert all(f"pereira2016/{name}" in listed.stdout for name in EXPERIMENTS)
+    refused = command("pereira2016/spirral")
+    assert refused.returncode == 2
+    assert refused.stderr.strip().count("\n") == 0
+    assert "spiral" in refused.stderr

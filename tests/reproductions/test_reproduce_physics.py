@@ -1,0 +1,156 @@
+"""Published experiments on the compliant arm: which plant runs, the fit, predictions, faults."""
+
+from pathlib import Path
+
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import reproductions as published
+from dqcontrol.errors import SafetyWarning, UnknownNameError
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.run import execute, measure
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.reproductions import pereira2016
+from dqcontrol.reproductions.pereira2016 import second_fit
+from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
+from dqcontrol.reproductions.printed_comparison import command_table
+from dqcontrol.reproductions.results import Results
+
+pytest.importorskip("mujoco")
+
+SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_the_meka_is_compliant_and_the_iiwa_stays_simulated(name):
+    on_servos, in_physics = published_spec(name, SERVO), published_spec(name, PHYSICS)
+    if name.startswith("iiwa"):
+        assert in_physics == on_servos
+        return
+    plant = prepare(in_physics).cases[0].plant
+    assert isinstance(plant, CompliantPlant)
+    assert (plant.mode, plant.command_mode, plant.hand) == ("THETA_GC", "measured", True)
+    del on_servos["plant"], in_physics["plant"]
+    assert in_physics == on_servos
+
+
+def test_what_was_done_on_the_arm_runs_in_physics_unless_told():
+    """All of it: the iiwa alone was simulated, and its specs keep their servos."""
+    for name in EXPERIMENTS:
+        assert published.chosen_plant(f"pereira2016/{name}", None) == PHYSICS
+        assert published.chosen_plant(f"pereira2016/{name}", SERVO) == SERVO
+    done = published.reproduce("light-painting", jobs=1)
+    assert done.plant == PHYSICS
+    (row,) = done.studies["light-painting"].rows
+    assert row["stopped"] == "duration"
+    assert row["error.integral"] > 0
+
+
+def test_specs_of_other_plants_are_refused_and_files_found_from_anywhere():
+    with pytest.raises(
+        UnknownNameError, match=r"^plant: unknown name 'meka-physic'.*did you mean 'meka-physics'"
+    ):
+        published.reproduce("lqr", plant="meka-physic")
+    assert Path(published_spec("light-painting", PHYSICS)["reference"]["file"]).is_absolute()
+
+
+def test_the_second_fit_and_further_runs_take_the_same_plant():
+    chosen = published_spec("spiral", PHYSICS)["plant"]
+    assert second_fit.scaled_spec("spiral", PHYSICS)["plant"] == chosen
+    setting = Evidence(Results({}), {}, plant=PHYSICS).changed("circle", ("K",), period=0.008)
+    assert setting.cases[0].plant.gravity_factor == chosen["gravity_factor"]
+    assert Evidence(Results({}), {}, plant=SERVO).changed("circle", ("K",)).cases[0].plant.sag == 0.69
+
+
+def test_the_mean_of_t_u_is_the_printed_integral_over_the_duration_in_periods():
+    cells = [cell for cell in pereira2016.published_cells("spiral") if (cell.law, cell.set) == ("K", "best")]
+    rows = [{"law": "K", "set": "best", "stopped": "duration", "control.integral": 300.0}]
+    setting = prepare(published_spec("spiral"))
+    (row,) = command_table(cells, Results({"": rows}), {"": setting}).rows
+    assert row[3:] == pytest.approx([0.008 * 342.94 / 23.992, 0.008 * 300.0 / 23.992])
+    printed = [cell for cell in pereira2016.published_cells("circle-and-square") if cell.law == "K"]
+    (cell,) = [each for each in printed if (each.experiment, each.metric) == ("meka circle", "control")]
+    ours = Results({"meka circle": rows}, control_unit=0.025)  # here T u is what was printed
+    (row,) = command_table([cell], ours, {"meka circle": prepare(published_spec("meka-circle"))}).rows
+    assert row[3:] == pytest.approx([5.198 / 37.475, 0.025 * 300.0 / 37.475])
+
+
+def test_one_run_of_each_predicts_the_other_cells():
+    """Each number was printed for the robot; K with the best gain is the cell that f was fitted on."""
+    spec = published_spec("spiral", PHYSICS)
+    printed = {
+        (c.law, c.set, c.metric): c.mean
+        for c in pereira2016.published_cells("spiral")
+        if c.law in ("K", "LQR-DQ")
+    }
+    found = {}
+    for case in prepare(spec | {"repeats": 1}).cases:
+        law, parameters = case.names.law, case.names.set
+        if law in ("K", "LQR-DQ"):
+            setting = prepare(
+                spec
+                | {
+                    "laws": {law: spec["laws"][law]},
+                    "sets": {parameters: {law: spec["sets"][parameters][law]}},
+                }
+            )
+            metrics = measure(execute(setting, setting.cases[0]), case.scene.robot, 0.0, "measured")
+            found[law, parameters, "error"] = metrics.error.integral
+            found[law, parameters, "hand_speed"] = metrics.hand_speed.integral
+    ratios = {key: value / printed[key] for key, value in found.items()}
+    assert ratios["K", "best", "error"] == pytest.approx(1.0, abs=3e-3)
+    for each in ("ln2", "ln2²"):
+        assert ratios["K", each, "error"] == pytest.approx(1.0, abs=0.06)
+    for each in ("best", "ln2", "ln2²"):
+        assert 0.8 < ratios["LQR-DQ", each, "error"] < 0.95
+        for law in ("K", "LQR-DQ"):  # nothing shakes
+            assert ratios[law, each, "hand_speed"] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.slow
+def test_the_gravity_factor_in_use_is_the_one_that_fits():
+    (line,) = calibrate(PHYSICS).rows
+    assert line[3] == pytest.approx(line[4], rel=2e-3)
+
+
+@pytest.mark.slow
+def test_verdicts_are_given_on_all_claims_about_the_spiral():
+    spec = published_spec("spiral", PHYSICS)
+    study = dqc.run_study(spec | {"repeats": 2})
+    evidence = Evidence(Results({"": study.rows}), {"": study.setting()}, plant=PHYSICS)
+    found = judge("spiral", evidence)
+    assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}
+    assert found["feedforward-changes-nothing"].holds
+    assert not found["h-infinity-best-everywhere"].holds
+    assert "9 ms" in found["duration-does-not-matter"].number
+
+
+def test_a_run_whose_motors_went_off_says_so_and_counts_as_failed():
+    spec = {
+        "name": "blind",
+        "robot": "meka-a2",
+        "start": [0, 0.63, 0, 1.57, 0, 0.63, 0],
+        "period": 0.02,
+        "reference": {"kind": "set-point", "duration": 0.6},
+        "laws": {"K": {"kind": "proportional", "gain": 5}},
+        "plants": {
+            "well": {"kind": "compliant"},
+            "blind": {
+                "kind": "compliant",
+                "encoder_losses": [{"joint": 4, "time": 0.2, "duration": 0.3}],
+            },
+        },
+    }
+    with pytest.warns(SafetyWarning, match="encoder lost"):
+        study = dqc.run_study(spec)
+    well, blind = study.rows
+    assert well["stopped"] == "duration"
+    assert str(blind["stopped"]).startswith("faulted at 0.3 s: right_arm_j")
+    assert study.runs["K · blind"].record.time[-1] == pytest.approx(0.6)  # the run went on
+    assert study.failures() == [f"K · blind: {blind['stopped']}"]
+    rows = [row | {"law": row["plant"], "plant": "", "set": "", "robot": ""} for row in study.rows]
+    assert len(Results({"": rows}).values("well")) == 1
+    assert len(Results({"": rows}).values("blind")) == 0
