@@ -98,7 +98,7 @@ def test_a_closed_or_full_output_gives_no_traceback():
 
 
 WRITE = """
-    import resource, sys
+    import resource, sys, tempfile
     from pathlib import Path
     import numpy as np
     from dqcontrol.errors import Error
@@ -129,6 +129,9 @@ WRITE = """
     writers = {"run": saved, "r.mcap": lambda path: save_record(record, path)}
     writers |= dict.fromkeys(("e.csv", "e.parquet", "e.mat"), lambda path: export_record(record, path))
     writers |= dict.fromkeys(("c.mp4", "c.webp", "c.gif"), clipped)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, write in writers.items():
+            write(Path(folder) / name)  # what it compiles cannot be cached on a full disk
     resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))  # as if the disk were full
     resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
     for name, write in writers.items():
