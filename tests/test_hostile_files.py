@@ -142,6 +142,7 @@ WRITE = """
 """
 
 
+@pytest.mark.slow
 @unix
 def test_every_writer_ends_on_a_full_disk_and_leaves_nothing(tmp_path):
     code = textwrap.dedent(WRITE)

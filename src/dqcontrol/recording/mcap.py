@@ -204,6 +204,7 @@ _FIELDS = {
 
 def _record(found: _Contents) -> Record:
     metadata = found.metadata
+    joints, inputs = _names(metadata, "joint_names"), _names(metadata, "input_names")
     readings = {name: (parts, units) for name, parts, units in json.loads(metadata.get("readings", "[]"))}
     topics = [STATES, MEASURED, COMMAND, SAMPLE, *(READINGS + name for name in readings)]
     values = {}
@@ -229,8 +230,8 @@ def _record(found: _Contents) -> Record:
         command=values[COMMAND],
         pose=sample[:, 1:9],
         desired=sample[:, 9:],
-        joint_names=_names(metadata, "joint_names"),
-        input_names=_names(metadata, "input_names"),
+        joint_names=joints,
+        input_names=inputs,
         stopped=stopped,
         disturbance=values[DISTURBANCE][:, [3, 4, 5, 0, 1, 2]] if DISTURBANCE in values else None,
         readings={
