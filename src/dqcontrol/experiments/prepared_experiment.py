@@ -27,6 +27,7 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
+from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.plants.plant import lagging_mode
@@ -237,6 +238,11 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     ends = chosen.base_link, chosen.tip_link
     robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
     start = as_array("start", chosen.start, (robot.configuration_size,))
+    if (far := np.abs(start) > FARTHEST).any():
+        i = int(far.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}; at most {FARTHEST:g} rad or m, no robot goes farther"
+        )
     outside = (start < robot.limits.lower) | (start > robot.limits.upper)
     if outside.any():
         i = int(outside.argmax())

@@ -24,7 +24,7 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.record import has_failed, thinned
 from dqcontrol.measures.repeat_tables import (
     confidence_table,
     differences_table,
@@ -35,6 +35,7 @@ from dqcontrol.measures.tables import Table
 
 ROWS = "runs.parquet"
 _WORTH_PROCESSES = 4  # runs whose figures take longer than starting processes
+_DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes more memory than the study
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ class Study:
         setting, records = self.setting(), {}
         for case in setting.cases[:MOST_CURVES]:
             with suppress(DivergedError):
-                records[case.names.label] = execute(setting, case)
+                records[case.names.label] = thinned(execute(setting, case), _DRAWN)
         return records
 
 

@@ -204,6 +204,37 @@ class Record:
         return _locked(error)
 
 
+def part_of(record: Record, first: int, last: int) -> Record:
+    """Return the samples first … last of a record, without copying them."""
+    return _rows_of(record, slice(first, last))
+
+
+def thinned(record: Record, most: int) -> Record:
+    """Return at most so many samples of a record, and that of the largest error: all that a picture of it shows."""
+    step = -(-len(record) // most)
+    if step == 1:
+        return record
+    largest = int(np.argmax(record.error))
+    return _rows_of(record, np.unique([*range(0, len(record), step), largest, len(record) - 1]))
+
+
+def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
+    disturbance = record.disturbance
+    return Record(
+        record.time[rows],
+        record.q[rows],
+        record.measured[rows],
+        record.command[rows],
+        record.pose[rows],
+        record.desired[rows],
+        record.joint_names,
+        record.input_names,
+        stopped=record.stopped,
+        disturbance=None if disturbance is None else disturbance[rows],
+        readings={name: each._replace(values=each.values[rows]) for name, each in record.readings.items()},
+    )
+
+
 def _position(poses: Array) -> Array:
     """Return the positions of poses, NaN where one is not finite."""
     if np.isfinite(poses).all():
