@@ -33,7 +33,8 @@ samples = circle.samples(0.005 * np.arange(round(seconds / 0.005)))
 recording = RecordStream(path, arm, "name: killed")
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-record = follow(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(), clock=Clock(), recording=recording,
+record = follow(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
+    recording=recording,
     progress=lambda done, count: print(samples[done - 1, -1], flush=True))
 print("ended", record.stopped, np.abs(record.command[-1]).max(), flush=True)
 recording.close(record.stopped)

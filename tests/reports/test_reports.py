@@ -16,10 +16,9 @@ import dqcontrol.figures
 from dqcontrol import cli
 from dqcontrol.experiments import load_run, run_study_to, run_sweep_to
 from dqcontrol.experiments.parameter_units import parameter_unit, with_unit
-from dqcontrol.limits.supervisor.interventions import VELOCITY
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, VELOCITY
 from dqcontrol.loop import Timing
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.provenance import command, evaluation_command, origins

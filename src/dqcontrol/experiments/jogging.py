@@ -96,7 +96,9 @@ def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) 
     guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])
     live = plant.start(robot, start, spec.period, _STEPS, spec.seed)
-    return Jog(law, guard, live, poses, speeds, _STEPS)
+    jog = Jog(law, guard, live, poses, speeds, _STEPS)
+    jog.spec = setting.single_text(case, 0)
+    return jog
 
 
 def _is_spec(source: str) -> bool:

@@ -25,6 +25,7 @@ from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
@@ -222,6 +223,7 @@ def execute(
     clock: Clock | None = None,
     recording: RecordStream | None = None,
     watch: Watch | None = None,
+    black_box: BlackBox | None = None,
 ) -> Record:
     """Return the record of one trial of a prepared spec; with a clock in real time.
 
@@ -245,6 +247,7 @@ def execute(
         clock=clock,
         recording=recording,
         watch=watch,
+        black_box=black_box,
     )
     record = with_range(scene.robot, record)
     if not spec.keeps_records:

@@ -58,6 +58,26 @@ class AgedPlant(Protocol):
 
 
 @runtime_checkable
+class EffortPlant(Protocol):
+    """A live plant that measures the efforts of its joints."""
+
+    @property
+    def effort(self) -> Array:
+        """Of each input, shape (m,), N·m or N."""
+        ...
+
+
+@runtime_checkable
+class WrenchPlant(Protocol):
+    """A live plant that measures what acts on its hand."""
+
+    @property
+    def wrench(self) -> Array:
+        """Force and torque, shape (6,), N and N·m."""
+        ...
+
+
+@runtime_checkable
 class TargetPlant(Protocol):
     """Parameters of a plant whose commands move targets of joint controllers."""
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record, pose_errors
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
 

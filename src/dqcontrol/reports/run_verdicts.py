@@ -10,8 +10,8 @@ import numpy as np
 
 from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.limits import list_interventions
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table

@@ -132,8 +132,8 @@ def _store_pose(w, x, y, z, px, py, pz, out):
     out[7] = pz * w + px * y - py * x
 
 
-@kernel(CHAIN)
-def forward(chain, q, out):
+@inlined
+def joint_frames(chain, q, out):
     """Write the end pose (8), or with more room all joint frames after their screws and the end pose (8 (n + 1))."""
     n = chain.shape[0] - 1
     if q.shape[0] != n:
@@ -153,6 +153,12 @@ def forward(chain, q, out):
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def forward(chain, q, out):
+    """Write what `joint_frames` does."""
+    return joint_frames(chain, q, out)
 
 
 @inlined

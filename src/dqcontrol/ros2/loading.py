@@ -86,17 +86,8 @@ class Loaded:
 
         The second is whether its inputs are counted from the measured joints.
         """
-        limits = msgspec.structs.replace(
-            self.supervisor,
-            ramp=0.0,
-            slow_below=0.0,
-            hold_below=0.0,
-            tracking_error=1e9,
-            jerk=None,
-            workspace=None,
-        )
         mode = self._mode(interface)
-        return limits.prepare(self.robot, self.period, mode), mode == "measured"
+        return self.supervisor.limits_alone().prepare(self.robot, self.period, mode), mode == "measured"
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
         return command_mode(self.case.plant) if interface != "velocity" else "integrated"

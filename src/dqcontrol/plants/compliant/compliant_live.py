@@ -116,6 +116,16 @@ class LiveCompliant:
         self._measure()
 
     @property
+    def effort(self) -> Array:
+        """Measured torques of the springs, shape (n,), N·m."""
+        return self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
+
+    @property
+    def wrench(self) -> Array:
+        """Force and torque measured at the wrist, shape (6,), N and N·m."""
+        return self._other_readings[0:6]
+
+    @property
     def time(self) -> float:
         """Time since the start, s."""
         return float(self._shared[of.TICKS]) * TICK
