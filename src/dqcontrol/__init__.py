@@ -89,7 +89,6 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
-    "view",
 ]
 
 _ROOMS = (
