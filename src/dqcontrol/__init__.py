@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
+        Chassis,
         DifferentialDrive,
         HolonomicBase,
         Inertia,
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Chassis",
     "DifferentialDrive",
     "DualQuaternion",
     "Error",
@@ -89,7 +91,6 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
-    "view",
 ]
 
 _ROOMS = (

@@ -24,6 +24,7 @@ import dqcontrol as dqc
 from dqcontrol.experiments.run import measure
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.recording import load_record
+from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
 
@@ -76,8 +77,6 @@ def test_two_processes_err_as_one_does(spec, start, tmp_path, loop):
         ratio, _ = compare_with_in_process(start, path, tmp_path / "run", "velocity")
     else:
         import yaml
-
-        from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 
         (tmp_path / "p16.yaml").write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
         ratio, _ = compare_with_in_process(start, tmp_path / "p16.yaml", tmp_path / "run", "trajectory")
@@ -209,13 +208,14 @@ def test_joint_states_that_cannot_be_right_are_refused(spec, node, diagnostics, 
     states, names = node.create_publisher(JointState, "/joint_states", 1), list(IIWA.joint_names)
     right = JointState(name=names, position=[0.0] * 7)
     right.header.stamp.sec = 5
-    assert node.publish(states, right, lambda: np.isfinite(controller.following.age))
+    following = controller.following
+    assert following
+    assert node.publish(states, right, lambda: np.isfinite(following.age))
     for joints, positions, why in (
         (["a"], [1.0], "has no joint"),
         (names, [1.0] * 3, "7 names, but 3 positions"),
         ([names[0], *names[:6]], [1.0] * 7, "is there twice"),
         (names, [np.nan] * 7, "number 1 is not finite"),
-        (names, [1.0] * 7, "s before the last one's"),  # stamped 0: long ago
     ):
         wrong = JointState(name=joints, position=positions)
         assert node.publish(
@@ -277,6 +277,33 @@ def test_pereira_s_graph_has_his_nodes_and_topics_and_stays_on_the_loopback(star
         assert {address for _, address in opened} <= local, opened
     launch.send_signal(signal.SIGINT)
     assert launch.wait(PATIENCE) == 0
+
+
+@pytest.mark.parametrize(("side", "error"), [("meka", 3.0), ("kuka", 0.3)])
+def test_pereira_s_robots_stay_on_their_references(side, error, tmp_path):
+    """Under the supervisor that the nodes have; the Kuka starts 70 mm off."""
+    loaded = load(graph_spec(SIDES[side], "K", "servo"))
+    control = Control(
+        loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor("trajectory")
+    )
+    steps, off = round(8.0 / loaded.period), []
+    plant = loaded.case.plant.start(loaded.robot, loaded.case.scene.start, loaded.period, steps, 0)
+    control.activate(plant.measured.copy())
+    for k in range(steps):
+        control.step(k * loaded.period, plant.measured.copy(), 0.0)
+        assert control.phase is Phase.ACTIVE, control.reason
+        hand, wanted = loaded.robot.fkm(plant.measured), control.desired[:8]
+        off.append(np.linalg.norm(dqc.algebra.translation(hand) - dqc.algebra.translation(wanted)))
+        plant.step(control.command)
+    assert 1e3 * max(off[steps // 2 :]) < error
+
+
+@pytest.mark.slow
+def test_pereira_s_kuka_draws_its_circle_to_the_end(start):
+    launch = start("pereira2016", "kuka")
+    log, _ = launch.communicate(timeout=PATIENCE)
+    assert launch.returncode == 0, log
+    assert "inactive: soft stop" in log
 
 
 def test_without_ros_one_line_says_what_to_install(spec):

@@ -37,13 +37,13 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
             assert time.monotonic() < end
             assert _take_news([following], None)
             time.sleep(0.02)
-    assert time.monotonic() - active - track.record.time[-1] < 2.0  # half a second on a quiet machine
+    assert time.monotonic() - active - track.record.time[-1] < 3.0  # a second on a quiet machine
     controller.send_signal(signal.SIGKILL)
     killed = time.monotonic() - active
     controller.wait()
     growing.close()
     record = load_run(out).record
-    assert record.time[-1] > killed - 2.0  # a second, and what a machine full of tests is late
+    assert record.time[-1] > killed - 3.0  # a second, and what a machine full of tests is late
     assert record.stopped.startswith("cut off at")
     assert record.position_error.max() < 0.05
 

@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
+from dqcontrol.algebra.batch import (
+    UNIT_TOLERANCE,
+    WRITTEN_TOLERANCE,
+    Array,
+    apply,
+    as_unit,
+    broadcast_lead,
+    index_of,
+)
 from dqcontrol.algebra.functions import translation
 from dqcontrol.errors import ValueRangeError, as_array
 
@@ -27,7 +35,8 @@ def pose(rotation: ArrayLike, translation: ArrayLike) -> Array:
     Raises
     ------
     ShapeError, ValueRangeError
-        If a shape is wrong, a value not finite, or r has not norm 1.
+        If a shape is wrong, a value not finite, or the norm of r is not 1 within 0.001. Quaternions that were written
+        with four digits or more are within, and are normalised.
 
     Examples
     --------
@@ -206,12 +215,20 @@ def rpy_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
-    """Return unit quaternions (…, 4), freed of round-off."""
+    """Return unit quaternions (…, 4): normalised, if their norms are 1 within 0.001, as after four digits.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the shape is wrong, a value not finite, or a norm farther from 1.
+    """
     r = as_array(field, value, (4,))
     norm = np.linalg.norm(r, axis=-1, keepdims=True)
-    bad = ~(np.abs(norm[..., 0] - 1) <= UNIT_TOLERANCE)
+    bad = ~(np.abs(norm[..., 0] - 1) <= WRITTEN_TOLERANCE)
     if bad.any():
-        raise ValueRangeError(f"{field}: expected norm 1, got {norm[..., 0][bad][0]:.6g}{index_of(bad)}")
+        raise ValueRangeError(
+            f"{field}: expected norm 1 within {WRITTEN_TOLERANCE:g}, got {norm[..., 0][bad][0]:.9g}{index_of(bad)}"
+        )
     return r / norm
 
 

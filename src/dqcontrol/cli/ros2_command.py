@@ -68,13 +68,13 @@ def controller(
         read_spec(spec)  # a wrong file is to be known now, not when somebody configures
         if out:
             check_new(out, force=force)
+        interrupts.only_count()  # in the middle of ROS's start an exception would leave threads that never end
         with middleware.ros(ros_arguments, [name], network=network):
             from dqcontrol.ros2.controller_node import ControllerNode
 
             node = ControllerNode(
                 spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
             )
-            interrupts.only_count()
             node.serve(interrupts, priority)
         if node.recorder:
             print(f"results: {node.recorder.save()}")
@@ -113,11 +113,11 @@ def robot(
         middleware.check_installed()
         loaded = load(spec)
         names = [name, *([wrench_node] if wrench_node else [])]
+        interrupts.only_count()  # as above
         with middleware.ros(ros_arguments, names, network=network):
             from dqcontrol.ros2.robot_node import RobotNode
 
             node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
-            interrupts.only_count()
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=priority)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
@@ -26,8 +27,10 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
+from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
+from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import Robot, load_robot
 
@@ -90,9 +93,12 @@ class Case:
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
+        mode = lagging_mode(self.plant)
         if self.prepared is not None:
-            return self.prepared
-        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, self.limits)
+            return self.prepared.in_mode(mode)
+        return self.variant.law.prepare(
+            self.scene.robot, self.scene.reference, spec.period, self.limits, mode
+        )
 
 
 @dataclass(frozen=True)
@@ -232,6 +238,11 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     ends = chosen.base_link, chosen.tip_link
     robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
     start = as_array("start", chosen.start, (robot.configuration_size,))
+    if (far := np.abs(start) > FARTHEST).any():
+        i = int(far.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}; at most {FARTHEST:g} rad or m, no robot goes farther"
+        )
     outside = (start < robot.limits.lower) | (start > robot.limits.upper)
     if outside.any():
         i = int(outside.argmax())
@@ -245,6 +256,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     if spec.settle > samples[-1, -1]:
         raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
     check_reach(robot, start, samples)
+    check_clearance(robot, start, samples)
     return Scene(robot, start, reference, samples)
 
 

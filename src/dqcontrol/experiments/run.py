@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.clearance import least_clearance
 from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
@@ -129,7 +130,7 @@ class Run:
         record = as_judged(self.record, self.robot, self.judged)
         return task_result(record, law=self.law, settle=min(self.settle, record.duration))
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+    def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
 
         Parameters
@@ -138,6 +139,8 @@ class Run:
             A new folder.
         force
             Replace it, if it holds an earlier run.
+        figures
+            False: neither plots nor figures in the report, which take seconds; ``dqcontrol figures`` draws them later.
 
         Raises
         ------
@@ -145,7 +148,7 @@ class Run:
             If the folder exists (and is not an earlier run, with ``force``).
         """
         with new_folder(folder, force=force) as new:
-            self.write(new)
+            self.write(new, figures=figures)
         return Path(folder)
 
     def export(self, path: str | Path, *, force: bool = False) -> Path:
@@ -166,10 +169,10 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path, outside: str = OUTSIDE) -> None:
+    def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
-        result_pages().write_run(self, folder, outside)
+        result_pages().write_run(self, folder, outside, figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
@@ -205,7 +208,9 @@ def measure(
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
-    return evaluate(as_judged(record, robot, judged), limits, settle=min(settle, record.duration), law=law)
+    shown = as_judged(record, robot, judged)
+    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law)
+    return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 
 def execute(

@@ -75,7 +75,10 @@ def run_study_to(
     *,
     force: bool = False,
     jobs: int | None = None,
+    figures: bool = True,
     progress: StudyProgress | None = None,
+    computed: Callable[[Study], None] | None = None,
+    drawing: Callable[[int, int], None] | None = None,
 ) -> Study:
     """Run a study and save it; after an interruption the same call goes on with the trials that are left.
 
@@ -90,6 +93,12 @@ def run_study_to(
         A new folder; a spec of one run makes a folder of a run.
     force
         Replace the folder, if it holds earlier results, and discard the finished trials of another spec or version.
+    figures
+        False: no plots, and reports without figures, which take most of the time of short runs.
+    computed
+        Called with the study once it has run, before figures and reports are written.
+    drawing
+        Called with the number of reports of single runs that are written, and of all of them.
 
     Raises
     ------
@@ -103,11 +112,18 @@ def run_study_to(
         study = _run(setting, jobs, progress, None)
         if not study.runs:
             raise DivergedError(str(study.rows[0]["stopped"]))
-        (next(iter(study.runs.values())) if setting.spec.is_single else study).save(target, force=force)
+        if computed:
+            computed(study)
+        if setting.spec.is_single:
+            next(iter(study.runs.values())).save(target, force=force, figures=figures)
+        else:
+            study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study
     with Journal(working_folder(target), setting, force=force) as journal:
         study = _run(setting, jobs, progress, journal)
-        study.save(target, force=force)
+        if computed:
+            computed(study)
+        study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         journal.discard()
     return study
 

@@ -6,7 +6,8 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from dqcontrol.errors import LimitWarning, TaskWarning
+from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
+from dqcontrol.experiments.clearance import went_through
 from dqcontrol.experiments.prepared_experiment import Case
 from dqcontrol.laws import (
     ClassicProportional,
@@ -46,6 +47,7 @@ def warn_of_shortfalls(cases: Sequence[tuple[Case, Trials]], *, stacklevel: int)
     found = (
         (LimitWarning, (beyond_limits(case.names.label, trials) for case, trials in cases)),
         (LimitWarning, (beyond_velocities(case.names.label, trials) for case, trials in cases)),
+        (CollisionWarning, (went_through(case.names.label, trials) for case, trials in cases)),
         (TaskWarning, (not_done(case, trials) for case, trials in cases)),
     )
     for kind, said in found:

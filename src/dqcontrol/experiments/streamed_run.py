@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.errors import Error
-from dqcontrol.experiments.results_folder import MARK, check_new, new_folder, note_contents
+from dqcontrol.errors import writing
+from dqcontrol.experiments.results_folder import MARK, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
@@ -54,7 +54,7 @@ class StreamedRun:
         Error
             If it cannot be written.
         """
-        try:
+        with writing(self.folder):
             if not self._count:
                 with new_folder(self.folder, force=self._force) as new:
                     (new / MARK).write_text(self._spec, encoding="utf-8")
@@ -63,8 +63,6 @@ class StreamedRun:
             self._count += 1
             recording = RecordStream(self.path, self._robot, self._spec)
             note_contents(self.folder)
-        except OSError as error:
-            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None
         return recording
 
     def complete(self, run: Run) -> None:
@@ -75,10 +73,5 @@ class StreamedRun:
         Error
             If it cannot be written; the recording is then still there.
         """
-        try:
-            streamed = self.path.rename(self.folder / "streamed.mcap")
-            run.write(self.folder)
-            streamed.unlink()
-            note_contents(self.folder)
-        except OSError as error:
-            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None
+        with writing(self.folder), added_files(self.folder) as new:
+            run.write(new)

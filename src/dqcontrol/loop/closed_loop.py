@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import OK, Kernel
-from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
@@ -288,6 +288,11 @@ class _Steps:
                 if not self.is_sent:
                     self.done, self.is_sent = self.done - 1, True
                 return str(error), "", ""
+            except FallenError as error:
+                self.is_sent, self._fault = True, str(error)
+                if self.supervision:
+                    self.supervision.stop()
+                return None, "", "duration"
             if progress and self.done % _PROGRESS_EVERY == 0:
                 progress(self.done, len(self.samples))
         return None, "", "duration"
@@ -306,6 +311,7 @@ class _Steps:
         elapsed = self.clock.elapsed if self.clock else None
         if supervision:
             self.rests = supervision.step(k, row[TIME], measured, command, self.senses, elapsed)
+            self.law.sent(self.law_state, command)
             code = supervision.codes[k]
             supervision.black_box.take(elapsed or supervision.period, row, q, measured, command, code)
         if self.recording:

@@ -197,6 +197,7 @@ class Control:
         rests = self.supervisor.step(
             self.measured, self.wanted, self._state, age, request, self.command, self._elapsed, effort, wrench
         )
+        self.law.sent(self._law_state, self.command)
         code = self.supervisor.code(self._state)
         self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)
         self._follow_supervisor(rests)

@@ -19,7 +19,7 @@ from dqcontrol.loop.signals import actuator_command
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.plant import Plant, command_mode, limits_before
+from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
@@ -109,7 +109,7 @@ def simulate(
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
     return follow(
-        law.prepare(robot, reference, period, limits_before(plant, limits, robot)),
+        law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),
         plant,
         q0,
         samples,

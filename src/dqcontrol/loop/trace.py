@@ -13,7 +13,7 @@ from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
 Array = NDArray[np.float64]
-_FAR = 1e4  # rad or m: no robot goes there
+FARTHEST = 1e4  # rad or m: no robot goes there
 
 
 class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -55,9 +55,9 @@ def ended(
     finished: str = "",
 ) -> Trace:
     """Return the samples done, and say why there are no more: by failure, by a halt, or ``finished`` as it is said."""
-    lost = _first_beyond(_FAR, records[0][:done])
+    lost = _first_beyond(FARTHEST, records[0][:done])
     if lost > 0:
-        done, failure = lost, f"a joint went beyond {_FAR:g} rad or m"
+        done, failure = lost, f"a joint went beyond {FARTHEST:g} rad or m"
     if failure is not None:
         stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
     elif halted:

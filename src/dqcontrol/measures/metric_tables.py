@@ -55,6 +55,7 @@ METRIC_COLUMNS: dict[str, Column] = {
     "peak_velocity_share": Column("Velocity peak of its limit"),
     "saturation": Column("Samples at velocity limits"),
     "outside_range": Column("Outside the range of J"),
+    "hand_clearance": Column("Clearance of the hand", "m"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 

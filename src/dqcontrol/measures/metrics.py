@@ -139,6 +139,9 @@ class Metrics:
     outside_range
         How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
         see `task_range`. NaN without differential drives.
+    hand_clearance
+        Least height of the hand above the floor, or distance from the chassis where the robot's file has one, m;
+        negative inside; see `clearance`. NaN without a mobile base.
     """
 
     duration: float
@@ -166,6 +169,7 @@ class Metrics:
     peak_velocity_share: float
     saturation: float
     outside_range: float
+    hand_clearance: float = math.nan
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""

@@ -17,6 +17,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 Array = NDArray[np.float64]
 
@@ -116,6 +117,11 @@ def command_mode(plant: Plant) -> Literal["integrated", "measured"]:
     return "measured" if measured else "integrated"
 
 
+def lagging_mode(plant: Plant) -> Literal["integrated", "measured"]:
+    """Return ``"integrated"`` if commands move a target that the joints follow with a lag, else ``"measured"``."""
+    return command_mode(plant) if isinstance(plant, TargetPlant) else "measured"
+
+
 def limits_before(plant: Plant, limits: CommandLimits | None, robot: Robot) -> CommandLimits:
     """Return what is done to commands before a plant: the limits as given, whether velocities are scaled decided.
 
@@ -164,6 +170,16 @@ def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
                 f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
             )
     return start
+
+
+def plants_that_drive(robot: Robot) -> str:
+    """Say which plants move a robot, in the words of an error about one that does not."""
+    bases = int(base_coordinates(robot).sum()) // 3
+    if not bases:
+        return "arms run on kind 'mujoco'"
+    if len(robot.drives) == bases == 1 and robot.drives[0, 0] == 0:
+        return "use kind 'mobile', or without physics 'servo' or 'integrator'"
+    return "no physics has such a base (mecanum wheels are not modelled); use kind 'servo' or 'integrator'"
 
 
 def as_command(command: ArrayLike, size: int) -> Array:

@@ -45,6 +45,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_task(run.task),
         *_joint_limits(run),
         *_velocity_limits(run),
+        *_clearance(run),
         *_interventions(run.record),
         *_range(run.record),
         *_periods(run.timing),
@@ -101,6 +102,16 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
         words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
     yield ["Velocity limits", Verdict("kept" if kept else "exceeded", kept), words]
+
+
+def _clearance(run: Run) -> Iterator[Row]:
+    least = run.metrics.hand_clearance
+    if np.isfinite(least):
+        where = (
+            f"hand {1e3 * abs(least):.3g} mm {'from' if least >= 0 else 'inside'} floor or chassis at least"
+        )
+        words = where if least >= 0 else where.replace(" at least", " at most")
+        yield ["Floor and chassis", Verdict(*(("kept", True) if least >= 0 else ("passed", False))), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:

@@ -30,6 +30,8 @@ def write_study_report(
     tables: Sequence[Table],
     records: Mapping[str, Record],
     pages: Mapping[str, str],
+    *,
+    figures: bool = True,
 ) -> None:
     """Write ``report.html`` and the figures of a study into an existing folder.
 
@@ -45,6 +47,8 @@ def write_study_report(
         That are compared, by label.
     pages
         Of single runs, relative to the folder, by label.
+    figures
+        False: draw none.
     """
     from dqcontrol.reports import write_report
 
@@ -57,11 +61,18 @@ def write_study_report(
         command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
-        figures=write_comparison_figures(records, folder) | _write_repeats(study, folder),
+        figures=_figures(study, records, folder) if figures else {},
         files=pages,
         spec=study.spec,
         origins=origins(data),
     )
+
+
+def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
+    """Write the figures of all runs together, and return them."""
+    kinds = {kind for run in study.runs.values() for kind in run.robot.input_types}
+    unit = {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
+    return write_comparison_figures(records, folder, unit) | _write_repeats(study, folder)
 
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
@@ -236,9 +237,11 @@ def fixed_pose(field: str, pose: FixedPose | None, unit: float) -> Array:
     at = shift(*pose.position)
     if pose.quaternion is not None:
         norm = np.linalg.norm(pose.quaternion)
-        if abs(norm - 1) > 1e-6:
-            raise FileFormatError(f"{field}.quaternion: must have norm 1, got {norm:.9g}")
-        return compose(at, np.array([*pose.quaternion, 0, 0, 0]))
+        if abs(norm - 1) > WRITTEN_TOLERANCE:
+            raise FileFormatError(
+                f"{field}.quaternion: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {norm:.9g}"
+            )
+        return compose(at, np.array([*(np.array(pose.quaternion) / norm), 0, 0, 0]))
     roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
     return compose(at, rotation_z(yaw), rotation_y(pitch), rotation_x(roll))
 

@@ -154,6 +154,16 @@ class WholeBody(Robot):
         driving.feasible_inputs(self.drives, starts, wanted, out)
         return out.reshape(*lead, size)
 
+    @property
+    def largest_acceleration(self) -> Array:
+        """Largest rate of each input in the constrained form, shape (n − k,), m/s² or rad/s²; infinite for joints."""
+        body = self if self.form == "constrained" else self.in_form("constrained")
+        rates = np.full(self.configuration_size, np.inf)
+        for first, part in placed(self.parts):
+            if not isinstance(part, SerialArm):
+                rates[first : first + 3] = part.acceleration, part.acceleration, part.turn_acceleration
+        return rates[body.input_coordinates]
+
     def input_map(self, q: ArrayLike) -> Array:
         """Return F, shape (…, n − k, n), from rates of the configuration to wheel and joint speeds. [S17 4.27]
 

@@ -18,7 +18,7 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import command_mode
+from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -74,7 +74,8 @@ class Loaded:
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
-        return self.law.prepare(self.robot, reference, self.period, self.case.limits)
+        mode = lagging_mode(self.case.plant)
+        return self.law.prepare(self.robot, reference, self.period, self.case.limits, mode)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""

@@ -88,7 +88,7 @@ def retune(
         raise Error("this law depends on time; it may be changed only while the controller is inactive")
     prepared = law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
     if not allow_unstable and (law is not loaded.law or not active):
-        check_stable(loaded, law, prepared, advise=not active)
+        check_stable(loaded, law, prepared, supervisor, advise=not active)
     supervisor.prepare(loaded.robot, loaded.period)
     changes = law is not loaded.law, supervisor is not loaded.supervisor
     loaded.law, loaded.supervisor = law, supervisor

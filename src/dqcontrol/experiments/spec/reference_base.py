@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol import references as shapes
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.robots import Robot
 
@@ -160,8 +161,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
 def _rotation(field: str, quaternion: Quaternion) -> Array:
     rotation = as_array(field, quaternion, (4,))
     norm = np.linalg.norm(rotation)
-    if abs(norm - 1) > 1e-3:
-        raise ValueRangeError(f"{field}: must have norm 1, got {norm:.6g}")
+    if abs(norm - 1) > WRITTEN_TOLERANCE:
+        raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {norm:.9g}")
     return rotation / norm
 
 

@@ -6,7 +6,6 @@ import math
 
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
 from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.limits.command_limits import scale_down
 from dqcontrol.limits.supervisor.braking import braked, fastest_stoppable
 from dqcontrol.limits.supervisor.interventions import (
     ACCELERATION,
@@ -56,6 +55,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     unpack_work,
 )
 from dqcontrol.limits.supervisor.supervisor_watch import judge
+from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.robots.driving import drive_speeds
 
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters

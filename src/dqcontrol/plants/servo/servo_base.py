@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
-from dqcontrol.limits.command_limits import scale_down
+from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, begun_periods, whole_periods
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
 
 # parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `scale_down` takes them; then those of the joints' servos
+# `scale_down` takes them; by how much each may change in a period; then those of the joints' servos
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
 _HEAD = 12
@@ -59,7 +59,9 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     place = parameters[at : at + places]
     at += places
     limits = parameters[at : at + p + 4 * drive_count]
-    servos = parameters[at + p + 4 * drive_count :]
+    at += p + 4 * drive_count
+    change = parameters[at : at + p]
+    servos = parameters[at + p :]
     drives = as_matrix(limits[p:], drive_count, 4)
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
@@ -95,6 +97,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     scale_down(q, limits, inputs)
     for i in range(p):
         inputs[i] *= noise[joints]
+        inputs[i] = min(max(inputs[i], speed[i] - change[i]), speed[i] + change[i])
         behind = speed[i] - inputs[i]
         speed[i] = inputs[i] + behind * parameters[_DECAY]
         inputs[i] += behind * parameters[_MEAN]
@@ -139,7 +142,8 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
     head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
-    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), servos.parameters])
+    change = dt * (driven.largest_acceleration if isinstance(driven, WholeBody) else np.full(p, np.inf))
+    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), change, servos.parameters])
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
     state = np.concatenate([scratch, q0[place], queue, np.tile(q0[place], late + 1), servos.state])
     return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)
