@@ -403,6 +403,7 @@ def test_its_own_period_is_watched(arm):
 def drive_to(supervisor, state, q, disturbed, count=60, wish=WISH, **options):
     """Move for a while, then measure something else, as a function of the step and the honest joints says."""
     follow(supervisor, state, wish, 60)
+    k = 0
     for k in range(count):
         supervisor.command(disturbed(k, supervisor.position(state).copy()), wish, state, **options)
         if supervisor.is_stopped(state):
