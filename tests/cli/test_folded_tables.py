@@ -64,4 +64,4 @@ def test_short_columns_are_not_starved_by_long_ones():
     columns = [Column("P16"), Column("Claim"), Column("Our number"), Column("P16's own numbers")]
     (shown,) = folded(Table(columns, [[*cells, "0.52, 0.71 and 0.93 of 1.00 all"]]), 100)
     widths = [column.width for column in shown.columns]
-    assert widths[3] > 10
+    assert (widths[3] or 0) > 10

@@ -168,6 +168,7 @@ def test_one_overloaded_joint_does_not_slow_the_path():
     """A circle that asks 1.33 times the limit of one joint: scaled as a whole the hand misses 10.1 mm."""
     panda = dqc.load_robot("panda")
     lower, upper, rng = panda.limits.lower, panda.limits.upper, np.random.default_rng(3)
+    q, radius, duration, plane = np.zeros(7), 0.0, 0.0, ""
     for _ in range(124):
         q = rng.uniform(0.9 * lower, 0.9 * upper)
         if np.linalg.svd(hand_jacobian(panda, q), compute_uv=False)[-1] >= 0.1:

@@ -236,6 +236,7 @@ def _drawn_size(axes: Any) -> tuple[float, float]:
 
     limits = [getattr(axes, f"get_{name}lim")() for name in "xyz"]
     corners = np.array(list(product(*limits)))
-    across, up, _ = proj3d.proj_transform(*corners.T, axes.get_proj())
+    x, y, z = corners.T
+    across, up, _ = proj3d.proj_transform(x, y, z, axes.get_proj())
     drawn = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([across, up])))
     return tuple(np.ptp(drawn, axis=0).tolist())
