@@ -11,7 +11,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 import dqcontrol
-from dqcontrol.extensions.user_code import POLICY, REFUSED
+from dqcontrol.extensions import POLICY, REFUSED
 
 USER_ERROR = 2
 INTERRUPTED = 130
