@@ -113,7 +113,7 @@ def _of_path(scene: Scene) -> Iterator[str]:
         slower = math.ceil(100 * demand.peak_share) / 100  # as much as it takes: 1.003 is not "1"
         yield (
             f"reference: needs {demand.joint} at {100 * demand.peak_share:.4g} % of its velocity limit, at "
-            f"t = {demand.time:.3g} s: make it {slower:.3g} times slower (duration), or start elsewhere"
+            f"t = {demand.time:.3g} s: make it {slower:g} times slower (duration), or start elsewhere"
         )
 
 
