@@ -150,7 +150,7 @@ def test_not_unit(function, argument):
     ("function", "argument"), [case for case in CASES if ARGUMENTS[case[0]][case[1]][1] == QUATERNION]
 )
 def test_not_a_unit_quaternion(function, argument):
-    with pytest.raises(ValueRangeError, match=rf"^{argument}: expected norm 1, got 0\.5 at index \(1,\)$"):
+    with pytest.raises(ValueRangeError, match=rf"^{argument}: must have norm 1, got 0\.5 at index \(1,\)$"):
         call(function, argument, np.array([X[:4], 0.5 * X[:4]]))
 
 

@@ -50,7 +50,8 @@ def test_each_key_moves_along_its_own_axis_only(jog, key):
 
 
 def test_each_key_is_in_the_help():
-    assert {key for line in HELP for key in line.split()} >= {*MOVES, "+", "-", "h", "p", "g", "c"}
+    assert {key for line in HELP for key in line.split()} >= {*MOVES, "+", "-", "h", "p", "g", "c", "q"}
+    assert max(map(len, HELP)) < 80
 
 
 def test_one_press_is_a_small_step_and_keys_without_a_meaning_are_none(jog):
@@ -112,7 +113,7 @@ def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
     assert jog.condition == "stopped: emergency stop"
     assert np.concatenate(hold(jog, "w", 0.3)) == pytest.approx(0, abs=1e-6)
     assert not jog.ended
-    assert jog.press("g") == "goes on"
+    assert jog.press("g") == "resumed"
     assert "is active, not stopped" in jog.press("g")
     moved, _ = hold(jog, "a", 0.4)
     assert moved[1] > 0.01

@@ -16,6 +16,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
+ROUNDED = 1e-3  # how far a quaternion that was written with three or four digits may be from it
 
 _UNARY = types.void(READ, WRITE)
 _BINARY = types.void(READ, READ, WRITE)

@@ -10,13 +10,15 @@ of the matrix give two angles with independent errors; the quaternion keeps thei
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
+from dqcontrol.algebra.batch import ROUNDED, UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
 from dqcontrol.algebra.functions import translation
-from dqcontrol.errors import ValueRangeError, as_array
+from dqcontrol.errors import NoteWarning, ValueRangeError, as_array
 
 _DEGENERATE = 5e-15  # sine below which the axis of an angle is round-off
 
@@ -206,12 +208,27 @@ def rpy_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
-    """Return unit quaternions (…, 4), freed of round-off."""
+    """Return unit quaternions (…, 4): those written with few digits are normalised, with a `NoteWarning`.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If the shape is wrong, a value not finite, or a norm further than 1/1000 from 1.
+    """
     r = as_array(field, value, (4,))
     norm = np.linalg.norm(r, axis=-1, keepdims=True)
-    bad = ~(np.abs(norm[..., 0] - 1) <= UNIT_TOLERANCE)
+    off = np.abs(norm[..., 0] - 1)
+    bad = ~(off <= ROUNDED)
     if bad.any():
-        raise ValueRangeError(f"{field}: expected norm 1, got {norm[..., 0][bad][0]:.6g}{index_of(bad)}")
+        unit = ", ".join(f"{each:.6g}" for each in r / norm) if r.ndim == 1 and r.any() else ""
+        hint = f"; normalised it is [{unit}]" if unit else ""
+        raise ValueRangeError(
+            f"{field}: must have norm 1, got {norm[..., 0][bad][0]:.6g}{index_of(bad)}{hint}"
+        )
+    if (off > UNIT_TOLERANCE).any():
+        warnings.warn(
+            f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.6g}", NoteWarning, stacklevel=2
+        )
     return r / norm
 
 

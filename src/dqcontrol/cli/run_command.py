@@ -23,7 +23,7 @@ def run(
     jobs: int | None = None,
     real_time: RealTime = False,
 ) -> None:
-    """Run an experiment and write its table, recordings and plots; interrupted, the same command goes on.
+    """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
     Parameters
     ----------
@@ -49,7 +49,9 @@ def run(
         with progress_bar() as progress:
             study = run_study_to(spec, folder, force=force, jobs=jobs, progress=progress)
     except KeyboardInterrupt:
-        kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
+        kept = (
+            "; finished trials are kept: rerun the same command to resume" * working_folder(folder).exists()
+        )
         raise KeyboardInterrupt(kept) from None
     print_table(study.table())
     for line in study.failures():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,9 @@ class LoopCheck:
     loops: tuple[Loop, ...]
     unknown: str = ""
 
+    def __repr__(self) -> str:
+        return f"LoopCheck({self.names.label!r}, {self.verdict})"
+
     @property
     def worst(self) -> Loop:
         """The loop nearest to its limit."""
@@ -155,6 +159,20 @@ class Checks(Sequence[LoopCheck]):
 
     def __getitem__(self, i: Any) -> Any:
         return self.rows[i]
+
+    def __repr__(self) -> str:
+        counts = Counter(row.verdict for row in self.rows)
+        return (
+            f"Checks({self.name!r}, {', '.join(f'{count} {verdict}' for verdict, count in counts.items())})"
+        )
+
+    def __str__(self) -> str:
+        """Return the table, and what to do."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the same."""
+        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
     @property
     def unstable(self) -> bool:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
@@ -16,10 +18,19 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.errors import NoteWarning, ReachError, ShapeError, ValueRangeError, as_array, naming
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
+from dqcontrol.experiments.slips import degrees_slip, length_slip
+from dqcontrol.experiments.spec import (
+    AnyLaw,
+    AnyPlant,
+    HandStart,
+    Spec,
+    StartedRobotSpec,
+    read_spec,
+    spec_text,
+)
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import PreparedLaw
@@ -28,7 +39,7 @@ from dqcontrol.loop.simulate import step_count
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.references import Reference
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -123,7 +134,7 @@ class Setting:
         one = msgspec.structs.replace(
             self.spec,
             robot=robot,
-            start=chosen.start,
+            start=case.scene.start.tolist(),
             robots=UNSET,
             law=case.variant.law,
             laws=UNSET,
@@ -217,25 +228,39 @@ def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
 
 
 def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> Scene:
-    near = folder / chosen.source
-    source = near if near.is_file() else chosen.source
-    ends = chosen.base_link, chosen.tip_link
-    robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
-    start = as_array("start", chosen.start, (robot.configuration_size,))
-    outside = (start < robot.limits.lower) | (start > robot.limits.upper)
-    if outside.any():
-        i = int(outside.argmax())
-        raise ValueRangeError(
-            f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
-            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
-        )
+    robot = _once(known, [str(folder), chosen.without_start()], lambda: chosen.load(folder))
+    start = _start(chosen.start, robot)
     reference = spec.reference.build(robot.fkm(start), folder)
     reference = spec.reference.of_robot(reference, robot, start)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
     if spec.settle > samples[-1, -1]:
         raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
-    check_reach(robot, start, samples)
+    try:
+        check_reach(robot, start, samples)
+    except ReachError as error:
+        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     return Scene(robot, start, reference, samples)
+
+
+def _start(given: list[float] | HandStart, robot: Robot) -> Array:
+    """Return the start configuration, within the limits."""
+    if isinstance(given, HandStart):
+        best = given.postures(robot)[0]
+        angles = ", ".join(
+            f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
+            for value, kind in zip(best.q, robot.joint_types, strict=True)
+        )
+        warnings.warn(f"start: [{angles}], {best.room}", NoteWarning, stacklevel=2)
+        return best.q
+    start = as_array("start", given, (robot.configuration_size,))
+    outside = (start < robot.limits.lower) | (start > robot.limits.upper)
+    if outside.any():
+        i = int(outside.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
+            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}{degrees_slip(start, robot)}"
+        )
+    return start
 
 
 def _prepared_laws(

@@ -68,6 +68,21 @@ class Run:
     timing: Timing | None = None
     expected: LoopCheck | None = None
 
+    def __post_init__(self) -> None:
+        lines = self.spec.splitlines()
+        if not any(line.startswith(("name:", "evaluation:", "{")) for line in lines):
+            raise ShapeError(
+                "spec: must be the YAML text that repeats the run; without one use its record: record.metrics, "
+                'record.save(path), summary({"mine": record})'
+            )
+
+    def __repr__(self) -> str:
+        return f"Run({self.label!r}, {len(self.record)} samples over {self.record.duration:g} s)"
+
+    def __str__(self) -> str:
+        """Return the metrics in a line of a table."""
+        return str(summary({self.label: self}))
+
     @property
     def time(self) -> Array:
         """Times, shape (N,), s."""

@@ -27,7 +27,7 @@ from dqcontrol.loop import Record
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def evaluate_log(
         chosen = convert(path, about["robot"], RobotSpec)
     else:
         raise ValueRangeError(f"robot: {path} does not name its robot; give one (--robot)")
-    arm = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
+    arm = chosen.load()
     data = read_joint_log(
         path, arm, joints=joints, angles=angles, joint_topic=joint_topic, command_topic=command_topic
     )
@@ -190,6 +190,8 @@ def about_log(path: Path) -> dict[str, Any]:
 
 
 def _absolute(robot: RobotSpec) -> RobotSpec:
+    if robot.source is None:
+        return robot
     file = Path(robot.source)
     return msgspec.structs.replace(robot, source=str(file.resolve())) if file.is_file() else robot
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.robots.limits import Limits
+
+if TYPE_CHECKING:
+    from dqcontrol.measures.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -152,6 +155,27 @@ class Metrics:
     peak_contact: float
     recovery_time: float
     outside_range: float
+
+    def __repr__(self) -> str:
+        """Return the errors that matter most, in a line."""
+        place, turn = self.position, self.orientation
+        return (
+            f"Metrics({self.duration:g} s: position RMS {place.rms:.3g} mm, peak {place.peak:.3g} mm; "
+            f"orientation RMS {turn.rms:.3g}°; effort {self.effort:.3g})"
+        )
+
+    def __str__(self) -> str:
+        """Return all numbers as a table."""
+        return str(self._table())
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: all numbers as a table."""
+        return self._table().markdown()
+
+    def _table(self) -> Table:
+        from dqcontrol.measures.metric_tables import summary_table
+
+        return summary_table(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""

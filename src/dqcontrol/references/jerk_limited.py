@@ -26,7 +26,7 @@ _PROBES = np.concatenate([[1e-3], np.linspace(0.01, 0.99, 29), [1 - 1e-3]])
 _TABLE_SIZE = 400_000  # nodes of all tables of path length together
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JerkLimited(Reference):
     """A reference's path from rest to rest, within limits of speed, acceleration and jerk along the path.
 

@@ -17,7 +17,7 @@ from dqcontrol.references.sample import TWIST
 _FARTHEST_TURN = 150.0  # degrees between two poses
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ViaPoints(Reference):
     """Run through poses smoothly: velocities and accelerations, also of turning, are continuous.
 
