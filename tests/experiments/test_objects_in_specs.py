@@ -131,7 +131,7 @@ def test_representations_are_short(arm, record):
         arm, arm.limits, arm.inertia, found, arm.solve(np.tile(arm.fkm(Q), (3, 1)), Q), circle,
         dqc.references.Sequence([circle, circle]), dqc.references.Curve(lambda t: [t, 0, 0], duration=1.0),
         dqc.laws.Proportional(gain=4.0), dqc.plants.Servo(), record, record.metrics, run, dqc.run_study(single),
-        checks, checks[0], summary({"mine": record}), dqc.DualQuaternion.identity(), read_spec(single)[0].reference,
+        checks, checks[0], summary({"mine": record}), dqc.DualQuaternion.identity(),
         dqc.WholeBody([dqc.DifferentialDrive(wheel_radius=0.04, half_track=0.13)]),
     ]  # fmt: skip
     for each in objects:

@@ -72,7 +72,7 @@ def test_faster_slower_and_the_axes_of_the_hand(jog):
         jog.press("+")
     assert jog.share == 1
     jog.press("h")
-    assert "axes of the hand" in jog.status
+    assert "hand axes" in jog.status
     axis = algebra.matrix_from_rotation(algebra.rotation(jog.pose))[:, 2]
     moved, _ = hold(jog, "q", 0.4)
     assert moved / np.linalg.norm(moved) == pytest.approx(-axis, abs=0.01)

@@ -33,7 +33,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "references": "List the kinds of motions for experiments, one line each.",
     "plants": "List the kinds of plants for experiments, one line each.",
 }
-_FILES = dict.fromkeys(("laws", "references", "plants"), "kinds")
+_FILES = {"laws": "kinds", "references": "kinds", "plants": "kinds"}
 
 app = App(
     name="dqcontrol",

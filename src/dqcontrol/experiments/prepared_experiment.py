@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
@@ -18,18 +16,19 @@ from msgspec import UNSET
 from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.errors import NoteWarning, ReachError, ShapeError, ValueRangeError, as_array, naming
+from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, naming
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.slips import degrees_slip, length_slip
 from dqcontrol.experiments.spec import (
     AnyLaw,
     AnyPlant,
-    HandStart,
     Spec,
+    Start,
     StartedRobotSpec,
     read_spec,
     spec_text,
+    start_configuration,
 )
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
@@ -242,17 +241,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     return Scene(robot, start, reference, samples)
 
 
-def _start(given: list[float] | HandStart, robot: Robot) -> Array:
+def _start(given: Start, robot: Robot) -> Array:
     """Return the start configuration, within the limits."""
-    if isinstance(given, HandStart):
-        best = given.postures(robot)[0]
-        angles = ", ".join(
-            f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
-            for value, kind in zip(best.q, robot.joint_types, strict=True)
-        )
-        warnings.warn(f"start: [{angles}], {best.room}", NoteWarning, stacklevel=2)
-        return best.q
-    start = as_array("start", given, (robot.configuration_size,))
+    start = start_configuration(given, robot)
     outside = (start < robot.limits.lower) | (start > robot.limits.upper)
     if outside.any():
         i = int(outside.argmax())

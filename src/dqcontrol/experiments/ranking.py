@@ -104,7 +104,8 @@ class Ranking:
         """Return the best, one row each, with means and standard deviations where there are repeats."""
         best = self.groups.slice(0, self.placed if self.each else min(top, self.placed)).to_pylist()
         keys = list(dict.fromkeys([self.by, *_BESIDE]))
-        varied = [name for name in self.varied if name != self.each]
+        parameters = [name for name in self.groups.column_names if self.each and name.startswith(_PARAMETER)]
+        varied = [name for name in dict.fromkeys([*self.varied, *parameters]) if name != self.each]
         names = [*(["point"] if "point" in self.groups.column_names else []), *varied]
         names = [self.each, *names] if self.each else names
         places = [] if self.each else [Column("Place")]

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 import yaml
-from msgspec import Meta
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.spec import RobotSpec, Spec, read_spec
+from dqcontrol.experiments.spec import RobotSpec, Spec, Start, read_spec, start_configuration
+from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -47,7 +47,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     """
 
     reference: AnyReference
-    start: Annotated[list[float], Meta(min_length=1)] | None = None
+    start: Start | None = None
 
 
 def evaluate_log(
@@ -240,11 +240,16 @@ def _from_file(
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
+def _short_form(file: Path, data: Any) -> ReferenceFile:
+    data = numbers_for_quantities(str(file), data, list(kinds_of(ReferenceFile)))
+    return convert(file, data, ReferenceFile)
+
+
 def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
-    spec: Spec | ReferenceFile = read_spec(file)[0] if whole else convert(file, data, ReferenceFile)
+    spec: Spec | ReferenceFile = read_spec(file)[0] if whole else _short_form(file, data)
     if spec.start is not None:
-        q0 = as_array(f"{file}: start", spec.start, (robot.configuration_size,))
+        q0 = start_configuration(spec.start, robot, f"{file}: start")
     folder = file.resolve().parent
     return spec.reference.build(robot.fkm(q0), folder), spec.settle if isinstance(spec, Spec) else None

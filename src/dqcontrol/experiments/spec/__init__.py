@@ -7,12 +7,14 @@ from dqcontrol.experiments.spec.spec import (
     Judged,
     RobotSpec,
     Spec,
+    Start,
     StartedRobotSpec,
     as_spec,
     quantities_at,
     read_data,
     read_spec,
     spec_text,
+    start_configuration,
 )
 
 __all__ = [
@@ -22,10 +24,12 @@ __all__ = [
     "Judged",
     "RobotSpec",
     "Spec",
+    "Start",
     "StartedRobotSpec",
     "as_spec",
     "quantities_at",
     "read_data",
     "read_spec",
     "spec_text",
+    "start_configuration",
 ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -11,10 +13,10 @@ import yaml
 from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol import algebra
-from dqcontrol.errors import Error, FileFormatError, ShapeError, as_array, naming
+from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, naming
 from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
-from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
+from dqcontrol.experiments.spec.reference_base import Array, Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
 from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
 from dqcontrol.extensions.registry import union_of
@@ -91,7 +93,20 @@ class HandStart(Part, frozen=True, kw_only=True):
             return postures(robot, pose, orientation=rotation is not None)
 
 
-Start = Annotated[list[float], Meta(min_length=1, description="rad or m")] | HandStart
+def start_configuration(given: Start, robot: Robot, field: str = "start") -> Array:
+    """Return a start configuration, shape (n,): as given, or the best for a pose of the hand, with a `NoteWarning`."""
+    if not isinstance(given, HandStart):
+        return as_array(field, given, (robot.configuration_size,))
+    best = given.postures(robot)[0]
+    numbers = ", ".join(
+        f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
+        for value, kind in zip(best.q, robot.joint_types, strict=True)
+    )
+    warnings.warn(f"{field}: [{numbers}], {best.room}", NoteWarning, stacklevel=2)
+    return best.q
+
+
+Start: TypeAlias = Annotated[list[float], Meta(min_length=1, description="rad or m")] | HandStart
 
 
 class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
