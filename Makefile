@@ -3,14 +3,22 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
+WITH_GROUPS := pip>=25.1
+TESTED := .[physics,robots,ros2,coppeliasim]
+# Each worker begins with a run of files of its own: of kernels that several files use, few are compiled twice.
+WORKERS := -n auto --maxprocesses 4 --dist worksteal
+LOCKED := $(if $(CI),-c ci.lock)
 
-.PHONY: demo test test-all lint docs gallery chromium format bench clean
+.PHONY: demo test test-all test-oldest test-newest lint docs gallery chromium format bench lock release-check clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
 	@echo "make test      check style and types, run the tests"
 	@echo "make test-all  also the long tests"
+	@echo "make test-oldest, make test-newest   the tests with the oldest and the newest dependencies"
+	@echo "make lock      write anew which versions CI installs (ci.lock)"
+	@echo "make release-check   build wheel and sdist, install the wheel elsewhere and run it, check types and layout"
 	@echo "make docs      build the documentation as a site: results/docs/index.html"
 	@echo "make bench     compare speed with Pinocchio, MuJoCo, DQ Robotics, Pink, Mink and C, physics with real time"
 	@echo "make clean     remove the environment and the results of the demo"
@@ -32,7 +40,8 @@ $(VENV)/demo: $(VENV)/created pyproject.toml
 
 $(VENV)/test: $(VENV)/created pyproject.toml
 	@echo "installing dqcontrol with everything that its tests compare it with"
-	@$(PIP) -e '.[physics,robots,ros2,coppeliasim,docs,test]'
+	@$(PIP) -q '$(WITH_GROUPS)'
+	@$(PIP) $(LOCKED) -e '$(TESTED)' --group dev
 	@touch $@
 
 chromium:
@@ -52,12 +61,13 @@ lint: $(VENV)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
 	@$(BIN)/pyright --project pyproject.toml
+	@$(BIN)/mypy
 
 test: lint chromium
-	@$(BIN)/pytest -n auto --maxprocesses 4
+	@$(BIN)/pytest $(WORKERS)
 
 test-all: lint chromium
-	@$(BIN)/pytest -n auto --maxprocesses 4 -m ''
+	@$(BIN)/pytest $(WORKERS) -m ''
 
 docs: $(VENV)/test
 	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs
@@ -67,12 +77,50 @@ gallery: $(VENV)/test
 	@for program in $(wildcard examples/[0-9]*.py); do \
 	  (cd docs/pictures/examples && "$(CURDIR)/$(BIN)/python" "$(CURDIR)/$$program") || exit 1; done
 
+# What releases are made with, away from the environment that they are checked in.
+RELEASE := $(VENV)-release
+UV := $(RELEASE)/bin/uv
+
+$(RELEASE)/tools: pyproject.toml
+	@$(PYTHON) -m venv $(RELEASE)
+	@$(RELEASE)/bin/python -m pip install --disable-pip-version-check --no-input -q '$(WITH_GROUPS)'
+	@$(RELEASE)/bin/python -m pip install --disable-pip-version-check --no-input -q --group release
+	@touch $@
+
+lock: $(RELEASE)/tools
+	@$(UV) pip compile -q pyproject.toml --upgrade --universal --python-version 3.11 --extra physics --extra robots \
+	  --extra ros2 --extra coppeliasim --group dev --no-annotate --no-emit-index-url --no-emit-find-links \
+	  --custom-compile-command 'make lock' -o ci.lock
+
+# The least releases that pyproject.toml allows, and the newest with Numba's upper bound lifted. The tests of ROS 2 and
+# of the site are left out for want of their packages; all others run.
+test-oldest: $(RELEASE)/tools
+	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-oldest
+	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-oldest $(UV) pip install -q --resolution lowest-direct -e '.[physics,robots]' --group test
+	@$(VENV)-oldest/bin/python -m pytest $(WORKERS)
+
+test-newest: $(RELEASE)/tools
+	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-newest
+	@echo numba >$(VENV)-newest/overrides.txt
+	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-newest $(UV) pip install -q --upgrade --override $(VENV)-newest/overrides.txt \
+	  -e '.[physics,robots]' --group test
+	@$(VENV)-newest/bin/python -m pytest $(WORKERS)
+
+release-check: $(VENV)/test $(RELEASE)/tools
+	@rm -rf dist
+	@$(RELEASE)/bin/python -m build -q
+	@$(RELEASE)/bin/twine check --strict dist/*
+	@$(RELEASE)/bin/repo-review .
+	@$(RELEASE)/bin/zizmor --offline --quiet .github
+	@$(BIN)/python tools/check_release.py dist
+
 PEERS := $(VENV)-bench
 
 $(PEERS)/bench: pyproject.toml
 	@$(PYTHON) -m venv $(PEERS)
 	@echo "installing dqcontrol's peers in $(PEERS)"
-	@$(PEERS)/bin/python -m pip install --disable-pip-version-check --no-input -e '.[physics,robots,test,bench]'
+	@$(PEERS)/bin/python -m pip install --disable-pip-version-check --no-input -q '$(WITH_GROUPS)'
+	@$(PEERS)/bin/python -m pip install --disable-pip-version-check --no-input -e '.[physics,robots]' --group test --group bench
 	@touch $@
 
 bench: $(PEERS)/bench
@@ -88,4 +136,4 @@ format: $(VENV)/test
 	@$(BIN)/ruff format .
 
 clean:
-	rm -rf $(VENV) $(PEERS) results/demo
+	rm -rf $(VENV) $(PEERS) $(RELEASE) $(VENV)-oldest $(VENV)-newest dist results/demo

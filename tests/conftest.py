@@ -1,9 +1,14 @@
 """Arms that the tests of several rooms drive."""
 
+import hypothesis
 import numpy as np
 import pytest
 
 from dqcontrol.robots import Inertia, SerialArm
+
+# The same examples in each run, and no bound on how long one takes: a busy machine is no fault.
+hypothesis.settings.register_profile("steady", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("steady")
 
 
 def _arm(n, prismatic=(), seed=0, limits=None, mass=None):

@@ -16,14 +16,14 @@ from dqcontrol.compiled.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, z, limit, damping, dx, dy, dz, out):
-    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr G⁻¹ · limit > 1.
+def least_norm(
+    twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
+):
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
 
-    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; G = L D Lᵀ, with 1/D in place of D.
-
-    W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
-    pose at half the distance d from the hand; see `solve_hand_twist`.
+    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
+    are diagonal, with one number for ω and one for ṗ. The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
+    G = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
 '''
@@ -65,32 +65,25 @@ def lines() -> list[str]:
 
 def damping_lines() -> list[str]:
     """Return the start of the sums: the lower triangle of W."""
-    d = ("dx", "dy", "dz")
-    cross = {(3, 1): "-dz", (3, 2): "dy", (4, 0): "dz", (4, 2): "-dx", (5, 0): "-dy", (5, 1): "dx"}
-    text = ["far = 1.0 + dx * dx + dy * dy + dz * dz"]
-    for i in range(SIZE):
-        for j in range(i + 1):
-            if i < 3:
-                value = f"{1.0 if i == j else 0.0} - {d[i]} * {d[j]} / far"
-            elif j >= 3:
-                value = f"{'far' if i == j else '0.0'} - {d[i - 3]} * {d[j - 3]}"
-            else:
-                value = cross.get((i, j), "0.0")
-            text.append(f"g{i}{j} = damping * ({value})")
-    return text
+    diagonal = ["angular_damping"] * 3 + ["linear_damping"] * 3
+    return [f"g{i}{j} = {diagonal[i] if i == j else 0.0}" for i in range(SIZE) for j in range(i + 1)]
 
 
 def trace_test() -> list[str]:
-    """Return what compares tr (L D Lᵀ)⁻¹ with the limit."""
-    text = ["trace = " + " + ".join(f"g{j}{j}" for j in range(SIZE))]
+    """Return what compares tr L (L D Lᵀ)⁻¹ with 1."""
+    names = ["angular"] * 3 + ["linear"] * 3
+    text = [
+        f"{name} = " + " + ".join(f"g{j}{j}" for j in range(first, first + 3))
+        for name, first in (("angular", 0), ("linear", 3))
+    ]
     for j in range(SIZE):  # column j of L⁻¹
         for i in range(j + 1, SIZE):
             terms = "".join(f" - g{i}{k} * h{k}{j}" for k in range(j + 1, i))
             text.append(f"h{i}{j} = -g{i}{j}{terms}")
         if j < SIZE - 1:
             terms = " + ".join(f"h{i}{j} * h{i}{j} * g{i}{i}" for i in range(j + 1, SIZE))
-            text.append(f"trace += {terms}")
-    return [*text, "if not trace * limit <= 1.0:", "    return False"]
+            text.append(f"{names[j]} += {terms}")
+    return [*text, "if not angular * angular_limit + linear * linear_limit <= 1.0:", "    return False"]
 
 
 def generate() -> str:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from dqcontrol import (
         algebra,
         browser,
+        errors,
         experiments,
         figures,
         films,
@@ -23,13 +24,19 @@ if TYPE_CHECKING:
         references,
         reports,
         reproductions,
+        robots,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
-    from dqcontrol.experiments import Run, Study, run, run_study
-    from dqcontrol.loop import simulate
+    from dqcontrol.experiments import Run, Study, run_study
+
+    # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
+    from dqcontrol.experiments.run import run
+    from dqcontrol.loop import Record
+    from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
+        Chassis,
         DifferentialDrive,
         HolonomicBase,
         Inertia,
@@ -46,6 +53,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Chassis",
     "DifferentialDrive",
     "DualQuaternion",
     "Error",
@@ -53,6 +61,7 @@ __all__ = [
     "Inertia",
     "Kinematics",
     "Limits",
+    "Record",
     "Robot",
     "Run",
     "Sample",
@@ -62,6 +71,7 @@ __all__ = [
     "WholeBody",
     "algebra",
     "browser",
+    "errors",
     "experiments",
     "figures",
     "films",
@@ -77,6 +87,7 @@ __all__ = [
     "reports",
     "reproductions",
     "robot_names",
+    "robots",
     "run",
     "run_study",
     "simulate",
@@ -85,6 +96,7 @@ __all__ = [
 _ROOMS = (
     "algebra",
     "browser",
+    "errors",
     "experiments",
     "figures",
     "films",
@@ -103,6 +115,7 @@ _ROOMS = (
 _HOMES = {
     "DualQuaternion": "algebra",
     "Error": "errors",
+    "Record": "loop",
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
@@ -126,7 +139,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_ROOMS})
+    return sorted([*__all__, *(name for name in globals() if name.startswith("__"))])
 
 
 register()

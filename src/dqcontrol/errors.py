@@ -49,12 +49,24 @@ class DivergedError(Error, ArithmeticError):
     """A run left the finite numbers."""
 
 
+class FallenError(Error, RuntimeError):
+    """A simulated robot has fallen over, or lost its grip on the floor."""
+
+
 class CacheWarning(UserWarning):
     """Compiled code cannot be cached and is compiled anew in each process."""
 
 
 class LimitWarning(UserWarning):
-    """A reference can be followed only beyond the robot's joint limits."""
+    """A reference or a law asks for more than the robot's joint limits allow."""
+
+
+class TaskWarning(UserWarning):
+    """A run did not do what was asked, or a robot cannot."""
+
+
+class CollisionWarning(UserWarning):
+    """A hand passes through the floor, or through the base that carries it."""
 
 
 class SafetyWarning(UserWarning):

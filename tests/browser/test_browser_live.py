@@ -24,7 +24,7 @@ SPEC = {
 }
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=240.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "nothing came"

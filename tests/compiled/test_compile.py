@@ -82,6 +82,7 @@ for each in q[smallest < 0.02]:  # where the general inverse works, a function t
 """
 
 
+@pytest.mark.slow
 def test_a_first_run_has_the_last_digits_of_all_others(tmp_path):
     """Code just compiled and code read from the cache: parts of kernels must be the same ones."""
     environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent), "DQCONTROL_CACHE": str(tmp_path)}

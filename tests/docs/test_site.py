@@ -16,6 +16,7 @@ pytest.importorskip("sphinx", reason="needs dqcontrol[docs]")
 ROOMS = tuple(dqcontrol._ROOMS)
 
 
+@pytest.mark.slow
 def test_the_site(tmp_path):
     """Build it as `make docs` does, once for all that is to be seen of it."""
     site = tmp_path / "html"

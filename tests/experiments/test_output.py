@@ -1,5 +1,10 @@
 """Folders of results: complete or absent, never overwritten unasked."""
 
+import signal
+import subprocess
+import sys
+import textwrap
+
 import pytest
 
 from dqcontrol.errors import Error, ExistsError
@@ -138,7 +143,7 @@ def test_the_old_results_survive_when_the_new_cannot_be_moved(tmp_path, monkeypa
         return rename(self, other)
 
     monkeypatch.setattr(type(target), "rename", failing)
-    with pytest.raises(OSError, match="disk trouble"):
+    with pytest.raises(Error, match="cannot be written: disk trouble"):
         fill(target, force=True)
     assert files(tmp_path) == ["run", "run/.dqcontrol-results", "run/new.txt", "run/spec.yaml"]
     assert (target / "new.txt").read_text() == "old"
@@ -149,3 +154,53 @@ def test_where_nothing_can_be_written(tmp_path):
     with pytest.raises(Error, match=r"run: cannot be written: .*file is no folder that may be written$"):
         check_new(tmp_path / "file" / "run", force=False)
     check_new(tmp_path / "new", force=False)
+
+
+def killed(code, *arguments):
+    """Run a program that kills itself."""
+    done = subprocess.run([sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)], check=False)
+    assert done.returncode == -signal.SIGKILL
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so")
+def test_what_a_killed_process_left_is_cleared_up(tmp_path):
+    fill(tmp_path / "run", "old")
+    (tmp_path / ".run-notadraft").mkdir()
+    code = """
+        import os, signal, sys
+        from dqcontrol.experiments import results_folder as output
+        with output.new_folder(sys.argv[1], force=True) as draft:
+            (draft / "half.txt").write_text("half")
+            if sys.argv[2] == "between":  # the two renames that replace the old folder by the new one
+                os.rename(sys.argv[1], f"{draft}-old")
+            os.kill(os.getpid(), signal.SIGKILL)
+    """
+    killed(code, tmp_path / "run", "writing")
+    killed(code, tmp_path / "run", "between")
+    assert not (tmp_path / "run").exists()
+    with new_folder(tmp_path / "other", force=False):
+        assert len(list(tmp_path.glob(".run-*"))) == 3  # nobody has asked for that folder
+    with pytest.raises(ExistsError, match="exists; choose another folder"):
+        fill(tmp_path / "run")  # the old one is back
+    assert (tmp_path / "run/new.txt").read_text() == "old"
+    assert [path.name for path in tmp_path.glob(".run-*")] == [".run-notadraft"]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so")
+@pytest.mark.parametrize("moment", ["writing", "moving"])
+def test_a_folder_to_which_a_killed_process_added_files_may_be_replaced(tmp_path, moment):
+    fill(tmp_path / "run", "old")
+    code = """
+        import os, pathlib, signal, sys
+        from dqcontrol.experiments import results_folder as output
+        with output.added_files(pathlib.Path(sys.argv[1])) as draft:
+            (draft / "new.txt").write_text("more")
+            (draft / "plot.png").write_text("half")
+            if sys.argv[2] == "writing":
+                os.kill(os.getpid(), signal.SIGKILL)
+            pathlib.Path.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    """
+    killed(code, tmp_path / "run", moment)
+    assert (tmp_path / "run/new.txt").read_text() == "old"
+    fill(tmp_path / "run", "newer", force=True)
+    assert files(tmp_path / "run") == [".dqcontrol-results", "new.txt", "spec.yaml"]

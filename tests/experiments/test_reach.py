@@ -123,3 +123,17 @@ def test_a_sliding_first_joint_has_no_sphere(make_arm):
     samples = np.zeros((1, 21))
     samples[:, :8] = arm.fkm(far)
     check_reach(arm, q0, samples)
+
+
+@pytest.mark.parametrize("name", ["iiwa7", "ur5", "meka-a2", "ax18"])
+def test_a_stretched_arm_may_stay_where_it_is(name):
+    """The hand of an outstretched arm is as far as its length to the last digits: rounding is no distance."""
+    arm = dqc.load_robot(name)
+    rng = np.random.default_rng(20261122)
+    for _ in range(10):
+        q = np.zeros(arm.configuration_size)
+        q[0], q[-1] = rng.uniform(-0.3, 0.3, 2)
+        q = np.clip(q, arm.limits.lower, arm.limits.upper)
+        samples = np.zeros((1, 21))
+        samples[:, :8] = arm.fkm(q)
+        check_reach(arm, q, samples)

@@ -32,7 +32,7 @@ SPEC = {
     "reference": {"kind": "circle", "radius": 0.05, "duration": 0.8},
     "law": {"kind": "proportional", "gain": 5},
     "plant": {"kind": "servo"},
-    "supervisor": {"velocity": 0.1},
+    "supervisor": {"velocity": 0.1, "stale_after": 1.0},  # machines that run tests are busy
 }
 
 
@@ -41,7 +41,8 @@ def test_the_folder_of_a_run_with_its_timing(tmp_path):
     run = run_in_real_time(SPEC, tmp_path / "out", watch=lambda *what: seen.append(what))
     assert time.monotonic() - begin >= 0.8
     assert run.timing is not None
-    assert len(run.timing.begin) == len(run.record) == 81
+    assert len(run.timing.begin) == len(run.record) == 82, "81 samples, and one that brakes"
+    assert not run.command[-1].any()
     assert seen[0][0] < 0.5
     assert "velocity limit" in seen[0][1]
     names = {path.name for path in (tmp_path / "out").iterdir()}
@@ -64,7 +65,8 @@ def test_the_folder_of_a_run_with_its_timing(tmp_path):
 
 @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_stops_softly(tmp_path, first):
-    long = SPEC | {"supervisor": {"velocity": 0.005}, "reference": SPEC["reference"] | {"duration": 30}}
+    slow = {"supervisor": {"velocity": 0.005, "stale_after": 1.0}}
+    long = SPEC | slow | {"reference": SPEC["reference"] | {"duration": 30}}
     before = signal.getsignal(first)
     sent = []
 
@@ -76,7 +78,7 @@ def test_an_interrupt_stops_softly(tmp_path, first):
     run = run_in_real_time(long, tmp_path / "out", watch=send)
     assert signal.getsignal(first) is before
     assert run.record.stopped.endswith("soft stop")
-    assert len(run.record) < 2000
+    assert len(run.record) < 3001
     assert np.abs(np.diff(run.command, axis=0)).max() <= 10.0 * 0.01 * (1 + 1e-9)
     assert not run.command[-1].any()
 
@@ -94,7 +96,11 @@ def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
     with pytest.raises(Error, match="does not answer"):
         run_in_real_time(SPEC, tmp_path / "out")
     record = load_record(tmp_path / "out/record.mcap")
-    assert len(record) == 41
+    assert len(record) == 42
+    assert not record.command[-1].any(), "at rest before the error is raised"
+    box = load_run(tmp_path / "out/black-box")
+    assert np.array_equal(box.command, record.command)
+    assert box.record.stopped == "broken off: plant: the robot does not answer"
     assert record.stopped == "broken off: plant: the robot does not answer"
     assert (tmp_path / "out/spec.yaml").is_file()
 
@@ -158,7 +164,7 @@ def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time"])
     cli.main()
     said = capsys.readouterr()
-    assert "81 steps of 10 ms:" in said.out
+    assert "82 steps of 10 ms:" in said.out
     assert "periods missed" in said.out
     assert said.out.endswith("ended: duration\nresults: results/tiny\n")
     assert "s: " in said.err

@@ -236,7 +236,7 @@ def test_files_that_cannot_be_read(tmp_path):
         ({"duration": 0.001}, ValueRangeError, r"^duration: 0.001 s is shorter than one period of 0.01 s$"),
         ({"duration": 1e5, "period": 1e-4}, ValueRangeError, r"^duration: 100000 s are 1000000001 periods; at most"),
         ({"reference": circle(start={"quaternion": [2, 0, 0, 0]})}, ValueRangeError,
-         r"^reference.start.quaternion: must have norm 1, got 2; normalised it is \[1, 0, 0, 0\]$"),
+         r"^reference.start.quaternion: must have norm 1 within 0.001, got 2; normalised it is \[1, 0, 0, 0\]$"),
         ({"reference": {"kind": "drawing", "file": "nowhere.txt"}}, FileFormatError, r"nowhere\.txt: "),
         ({"sets": {"good": {"proportional": {}}, "bad": {"proportional": {"gain": -3}}}}, ValueRangeError,
          r"^law proportional, set bad: gain: must be > 0, got -3$"),

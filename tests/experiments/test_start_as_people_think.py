@@ -125,7 +125,8 @@ def test_four_digits_of_a_quaternion_are_normalised_with_a_note():
     with pytest.warns(NoteWarning, match=r"reference.start.quaternion: normalised; its norm was 0.99999"):
         prepare({**SPEC, "reference": {**SPEC["reference"], "start": start}})
     with pytest.raises(
-        ValueRangeError, match=r"must have norm 1, got 0.98.*; normalised it is \[0.707107, 0, 0.70"
+        ValueRangeError,
+        match=r"must have norm 1 within 0.001, got 0.98.*; normalised it is \[0.707107, 0, 0.70",
     ):
         prepare({**SPEC, "reference": {**SPEC["reference"], "start": {"quaternion": [0.7, 0, 0.7, 0]}}})
     both = {"quaternion": [1, 0, 0, 0], "rpy": [0, 0, 0]}

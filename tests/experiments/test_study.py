@@ -11,7 +11,7 @@ from study_specs import AT_ONCE, FAR, LATER, spec
 import dqcontrol as dqc
 from dqcontrol.errors import ExistsError, FileFormatError, LimitWarning, ValueRangeError
 from dqcontrol.experiments import load_rows, load_run, load_runs, load_study, run_study_to
-from dqcontrol.experiments.run import beyond_limits
+from dqcontrol.experiments.shortfall import beyond_limits
 from dqcontrol.laws import LinearQuadraticR8
 
 LABELS = ("robot", "law", "set", "plant", "repeat")
@@ -177,6 +177,7 @@ def test_wrong_numbers_of_processes(jobs):
         dqc.run_study(spec(), jobs=jobs)
 
 
+@pytest.mark.slow
 def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
     arrow = pytest.importorskip("pyarrow.parquet")
     data = spec(sets={"fast": {"K": {}, "K+FF": {}}, "slow": {"K": {"gain": 4}}})
@@ -202,6 +203,7 @@ def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
         run_study_to(data, tmp_path / "noise")
 
 
+@pytest.mark.slow
 def test_records_of_all_repeats(tmp_path):
     pytest.importorskip("pyarrow")
     study = run_study_to(spec(record="all", repeats=2), tmp_path / "noise")
@@ -222,6 +224,7 @@ def test_records_of_all_repeats(tmp_path):
     assert mine == its
 
 
+@pytest.mark.slow
 def test_rows_of_several_studies_and_runs_are_joined(tmp_path):
     pytest.importorskip("pyarrow")
     one, two = dqc.run_study(spec()), dqc.run_study(spec(seed=50))

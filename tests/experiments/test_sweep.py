@@ -111,15 +111,14 @@ def test_a_damaged_part_is_named(tmp_path, small_parts):
 
 
 KILLED = """
-import sys
 from dqcontrol.experiments import run_sweep_to, sweep
 sweep._MOST_IN_PART = 40
-run_sweep_to(sys.argv[1], sys.argv[2], jobs=2)
+run_sweep_to(sys.argv[1], sys.argv[2], jobs=2, progress=wait_once_trials_are_kept)
 """
 
 
 def test_a_killed_sweep_goes_on(tmp_path, monkeypatch):
-    """With kill -9, at a moment that nobody chose."""
+    """With kill -9, in the middle of the sweep; its processes are wherever they are then."""
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 40)
     data = study(sweep={"points": 400})
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(data))

@@ -27,10 +27,10 @@ def test_criteria_are_the_norms_that_the_metrics_integrate():
     step = record.time[1] - record.time[0]
     expected = {
         "$|1 - x^{*} x_d|$": np.full(80, 0.005),
-        "control [rad/s or m/s]": np.linalg.norm(record.command, axis=1)[:-1],
-        "joint step [rad or m]": np.linalg.norm(np.diff(record.q, axis=0), axis=1),
-        "hand speed [m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle
-        "hand acc. [m/s²]": np.full(78, 0.09 * (2 * np.sin(np.pi * step / 2) / step) ** 2),
+        "control\n[rad/s or m/s]": np.linalg.norm(record.command, axis=1)[:-1],
+        "joint step\n[rad or m]": np.linalg.norm(np.diff(record.q, axis=0), axis=1),
+        "hand speed\n[m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle
+        "hand acc.\n[m/s²]": np.full(78, 0.09 * (2 * np.sin(np.pi * step / 2) / step) ** 2),
     }
     for label, values in expected.items():
         np.testing.assert_allclose(shown[label].lines[0].get_ydata(), values, rtol=1e-9)
@@ -83,7 +83,7 @@ def test_peaks_stay_in_sight_above_exact_zeros():
     command = np.zeros((60, 3))
     command[3] = 1.0
     low, high = panels(compare_criteria({"one": changed(run(), command=command)}))[
-        "control [rad/s or m/s]"
+        "control\n[rad/s or m/s]"
     ].get_ylim()
     assert low > 1e-6
     assert high > np.sqrt(3)

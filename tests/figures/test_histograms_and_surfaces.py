@@ -112,3 +112,13 @@ def test_the_grid_of_a_study_is_sorted_and_its_repeats_are_averaged(monkeypatch)
 def test_bad_input(call, kind, message):
     with pytest.raises(kind, match=message):
         call()
+
+
+def test_a_few_values_far_away_do_not_flatten_the_others():
+    periods = np.random.default_rng(20261122).normal(8.0, 0.05, 2000)
+    periods[5] = 55.0
+    (axes,) = drawn(histogram({"K": periods}))
+    low, high = axes.get_xlim()
+    assert low < 7.9 < 8.1 < high < 10
+    assert "not shown: 1, as far as 55" in axes.get_title(loc="left")
+    assert max(bar.get_height() for bar in axes.patches) < len(periods) / 4

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol import algebra
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import check
 from dqcontrol.laws import ClassicProportional, DecoupledProportional, Proportional, ProportionalFeedforward
-from dqcontrol.limits import CommandLimits, ModifiedClamping
+from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor
 from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
@@ -16,6 +17,7 @@ T = 0.01
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 LAWS = [Proportional, ProportionalFeedforward, ClassicProportional, DecoupledProportional]
 ARM = dqc.load_robot("iiwa7")
+FREE = {"integral_position_limit": 1e6, "integral_orientation_limit": 1e6}
 
 
 def settled(law, plant, arm=ARM, q=Q0, duration=6.0, **options):
@@ -40,10 +42,7 @@ def test_sag_of_servos_with_measured_commands_is_carried_by_the_integral():
     """Gravity takes s(q) off every measured position; at rest T u = s(q), by K e or by the integral."""
     arm, q = dqc.load_robot("ur5"), np.array([0.3, -1.2, 1.4, -1.6, -1.5, 0.2])
     plant, k = Servo(command_mode="measured", sag=1.0, stiffness=2e4, time_constant=0.05), 10.0
-    runs = [
-        settled(Proportional(gain=k, integral_gain=i, integral_limit=5.0), plant, arm, q, 12.0)
-        for i in (0.0, 20.0)
-    ]
+    runs = [settled(Proportional(gain=k, integral_gain=i, **FREE), plant, arm, q, 12.0) for i in (0.0, 20.0)]
     for run in runs:
         sag = arm.gravity_torque(run.q[-1]) / 2e4
         np.testing.assert_allclose(run.command[-1], sag / T, rtol=1e-4, atol=1e-7)
@@ -56,21 +55,20 @@ def test_sag_of_servos_with_measured_commands_is_carried_by_the_integral():
 
 @pytest.mark.parametrize("law", [Proportional, DecoupledProportional])
 def test_integral_is_the_clamped_sum_of_the_error(law):
-    """A target that stays 2 cm away asks for k e + min(k_I T e n, limit) at sample n."""
-    k, gain, limit, way = 2.0, 3.0, 4e-4, np.array([0.0, 0.02, 0.0])
-    scale = 1.0 if law is DecoupledProportional else 0.5  # the dual part of an error holds half the distance
+    """A target that stays 2 cm away asks for k e + min(k_I T e n, limit) at sample n, in the hand's axes."""
+    k, gain, limit, way = 2.0, 3.0, 8e-4, np.array([0.0, 0.02, 0.0])
     target = dqc.DualQuaternion.from_translation(way) * dqc.DualQuaternion(ARM.fkm(Q0))
-    prepared = law(gain=k, integral_gain=gain, integral_limit=limit).prepare(ARM, None, T)
+    prepared = law(gain=k, integral_gain=gain, integral_position_limit=limit).prepare(ARM, None, T)
     state, jacobian = prepared.initial_state(Q0), ARM.translation_jacobian(Q0)
-    frame = dqc.DualQuaternion(ARM.fkm(Q0)).matrix()[:3, :3] if law is Proportional else np.eye(3)
-    error = frame.T @ way  # of K in the hand's axes
+    frame = dqc.DualQuaternion(ARM.fkm(Q0)).matrix()[:3, :3]
+    error = frame.T @ way
     for n in range(1, 6):
         velocity = jacobian @ prepared.command(Q0, dqc.Sample(target), state)
-        summed = np.clip(gain * T * n * scale * error, -limit, limit) / scale
+        summed = np.clip(gain * T * n * error, -limit, limit)
         np.testing.assert_allclose(velocity, frame @ (k * error + summed), atol=1e-12)
 
 
-def test_a_flip_of_the_sign_of_the_target_starts_it_anew():
+def test_a_flip_of_the_sign_of_the_target_turns_what_is_summed_and_keeps_the_sum():
     prepared = Proportional(gain=1.0, integral_gain=1.0).prepare(ARM, None, T)
     state, pose = prepared.initial_state(Q0), dqc.DualQuaternion(ARM.fkm(Q0))
 
@@ -79,9 +77,58 @@ def test_a_flip_of_the_sign_of_the_target_starts_it_anew():
 
     for _ in range(50):
         prepared.command(Q0, turned(3.0), state)
-    assert state[5] == pytest.approx(-T * 50 * np.sin(1.5))  # e = 1 − x*x_d
-    prepared.command(Q0, turned(4.0), state)
-    assert state[5] == pytest.approx(T * np.sin(2.0))  # the short way is the other way round now
+    assert state[3] == pytest.approx(T * 50 * 2 * np.sin(1.5))
+    prepared.command(Q0, turned(4.0), state)  # the short way is the other way round now
+    assert state[3] == pytest.approx(T * 2 * (50 * np.sin(1.5) - np.sin(2.0)))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("how", ["velocity limits", "supervisor", "interpreted"])
+def test_a_step_under_limits_does_not_wind_it_up(law, how):
+    """40 cm with joints at their limits: less overshoot than the 55 mm of the linear loop (without mend 109 to 136)."""
+    arm = dqc.load_robot("panda")
+    q = np.array([0.0, -0.4, 0, -2.0, 0, 1.6, 0.8])
+    target = dqc.DualQuaternion.from_translation([0.0, 0.4, 0.0]) * dqc.DualQuaternion(arm.fkm(q))
+    is_supervised = how == "supervisor"
+    options = {"supervisor": Supervisor()} if is_supervised else {"limits": CommandLimits(velocity=True)}
+    run = dqc.simulate(
+        arm, SetPoint(target), law(gain=10.0, integral_gain=25.0), Integrator(), q, T, 4.0,
+        interpreted=how == "interpreted", **options,
+    )  # fmt: skip
+    past = algebra.translation(run.pose)[:, 1] - algebra.translation(run.desired_pose)[:, 1]
+    assert past.max() < 25e-3
+    assert run.position_error[-1] < 1e-5
+
+
+def test_a_blocked_joint_does_not_wind_it_up():
+    """The target lies 4 s beyond a joint's limit, then within: the hand comes back at once, not 0.8 s later."""
+    q = Q0.copy()
+    q[3] = 1.9
+    beyond, within = (ARM.fkm(q + np.eye(7)[3] * step) for step in (0.6, 0.0))
+    passes = []
+    for gain in (0.0, 25.0):
+        prepared = Proportional(gain=10.0, integral_gain=gain).prepare(
+            ARM, None, T, CommandLimits(position=ModifiedClamping())
+        )
+        now, state, errors = q.copy(), prepared.initial_state(q), []
+        for n in range(800):
+            target = dqc.Sample(beyond if n < 400 else within)
+            now = now + T * prepared.command(now, target, state)
+            errors.append(np.linalg.norm(algebra.translation(ARM.fkm(now)) - algebra.translation(within)))
+        passes.append(np.array(errors[399:]))
+    assert passes[1][0] == pytest.approx(passes[0][0], abs=1e-4)  # rests where it does without integral
+    assert (passes[1] - passes[0]).max() < 0.15 * passes[0][0]  # the linear loop's own overshoot
+    assert passes[1][80] < 12e-3  # without mend 66 mm
+
+
+def test_the_old_bound_still_counts_and_says_so():
+    old = Proportional(gain=1.0, integral_gain=1.0, integral_limit=0.5)
+    new = Proportional(
+        gain=1.0, integral_gain=1.0, integral_position_limit=1.0, integral_orientation_limit=1.0
+    )
+    with pytest.warns(FutureWarning, match="integral_position_limit"):
+        rows = old.prepare(ARM, None, T).parameters
+    np.testing.assert_array_equal(rows, new.prepare(ARM, None, T).parameters)
 
 
 def test_compiled_and_interpreted_loops_are_equal():
@@ -104,7 +151,7 @@ def test_position_limits_ask_twice_and_it_sums_once():
         commands.append(prepared.command(q, target, states[-1])[3])
     assert commands[0] > 0.01
     assert commands[1] == 0
-    np.testing.assert_array_equal(states[0], states[1][: len(states[0])])
+    np.testing.assert_array_equal(states[0][:7], states[1][:7])
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 2.0])
@@ -130,7 +177,7 @@ def test_loops_settle_below_the_limit_and_not_above(law, plant):
     for factor, stable in ((0.95, True), (1.05, False)):
         k = factor * limit / T
         run = dqc.simulate(
-            ARM, target, law(gain=k, integral_gain=share * k**2, integral_limit=1e6), plant, Q0, period=T, duration=4.0,
+            ARM, target, law(gain=k, integral_gain=share * k**2, **FREE), plant, Q0, period=T, duration=4.0,
             limits=CommandLimits(),
         )  # fmt: skip
         assert (run.error[-20:].max() < run.error[0]) == stable
@@ -158,7 +205,11 @@ def test_check_knows_the_integral():
     [
         ({"integral_gain": -1.0}, "integral_gain: must be"),
         ({"integral_gain": np.nan}, "integral_gain: must be"),
-        ({"integral_gain": 1.0, "integral_limit": 0.0}, "integral_limit: must be > 0"),
+        ({"integral_gain": 1.0, "integral_position_limit": 0.0}, "integral_position_limit: must be > 0"),
+        (
+            {"integral_gain": 1.0, "integral_orientation_limit": -1.0},
+            "integral_orientation_limit: must be > 0",
+        ),
     ],
 )
 def test_bad_numbers_are_named(fields, words):

@@ -15,9 +15,9 @@ TOOL = Path(__file__).parents[2] / "tools/generate_least_norm.py"
 
 
 @njit
-def solved(jacobian, position, twist, z, limit, out):
+def solved(jacobian, position, twist, z, angular, linear, out):
     px, py, pz = position[0], position[1], position[2]
-    return least_norm(jacobian, px, py, pz, twist, z, limit, 0.0, 0.0, 0.0, 0.0, out)
+    return least_norm(jacobian, px, py, pz, twist, z, angular, linear, 0.0, 0.0, out)
 
 
 def test_the_file_is_what_the_tool_writes():
@@ -32,7 +32,8 @@ def test_the_file_is_what_the_tool_writes():
 @pytest.mark.parametrize("robot", ["iiwa7", "ur5", "panda"])
 def test_least_norm_and_its_limit_are_those_of_the_singular_values(robot):
     arm, rng = load_robot(robot), np.random.default_rng(3)
-    limit, refused = 1e-3, 0
+    angular, linear, refused = 2e-3, 5e-4, 0
+    weight = np.sqrt([angular] * 3 + [linear] * 3)
     for _ in range(300):
         q = rng.uniform(-2, 2, arm.input_size)
         jacobian, position, twist = arm.twist_jacobian(q), rng.normal(size=3), rng.normal(size=6)
@@ -40,9 +41,9 @@ def test_least_norm_and_its_limit_are_those_of_the_singular_values(robot):
         hand = jacobian.copy()
         hand[3:] -= np.cross(position[:, None], jacobian[:3], axis=0)
         out = np.zeros(arm.input_size)
-        trace = (1 / np.linalg.svd(hand, compute_uv=False) ** 2).sum()
-        assert solved(jacobian, position, twist, z, limit, out) == (trace * limit <= 1)
-        if trace * limit <= 1:
+        trace = (1 / np.linalg.svd(hand / weight[:, None], compute_uv=False) ** 2).sum()
+        assert solved(jacobian, position, twist, z, angular, linear, out) == (trace <= 1)
+        if trace <= 1:
             assert np.allclose(out, z + np.linalg.pinv(hand) @ (twist - hand @ z), rtol=1e-9, atol=1e-9)
         else:
             refused += 1

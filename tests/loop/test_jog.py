@@ -74,7 +74,7 @@ def test_faster_slower_and_the_axes_of_the_hand(jog):
     jog.press("h")
     assert "hand axes" in jog.status
     axis = algebra.matrix_from_rotation(algebra.rotation(jog.pose))[:, 2]
-    moved, _ = hold(jog, "q", 0.4)
+    moved, _ = hold(jog, "f", 0.4)
     assert moved / np.linalg.norm(moved) == pytest.approx(-axis, abs=0.01)
 
 
@@ -82,7 +82,7 @@ def test_kept_poses_are_a_reference(jog, tmp_path):
     poses = [jog.pose.copy()]
     assert jog.press("p").startswith("pose 1 kept in ")
     assert "move the hand first" in jog.press("p")
-    for key in ("e", "u"):
+    for key in ("r", "u"):
         hold(jog, key, 0.5)
         poses.append(jog.pose.copy())
         jog.press("p")

@@ -56,3 +56,12 @@ def test_no_window_is_too_narrow():
     for width in (1, 5, 20):
         assert printed(TABLE, width)
     assert printed(Table([Column("a")], []), 3)
+
+
+def test_short_columns_are_not_starved_by_long_ones():
+    """Each letter goes where cells have most lines: thirty letters beside sentences do not become a column of six."""
+    cells = ["Section 5.4", "a long sentence that was claimed " * 4, "what we measured instead of it " * 4]
+    columns = [Column("P16"), Column("Claim"), Column("Our number"), Column("P16's own numbers")]
+    (shown,) = folded(Table(columns, [[*cells, "0.52, 0.71 and 0.93 of 1.00 all"]]), 100)
+    widths = [column.width for column in shown.columns]
+    assert (widths[3] or 0) > 10

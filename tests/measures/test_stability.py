@@ -20,7 +20,14 @@ from dqcontrol.laws import (
     Proportional,
     ProportionalFeedforward,
 )
-from dqcontrol.measures.stability import gain_limits, spectral_radius, with_lag
+from dqcontrol.measures.stability import (
+    gain_limits,
+    large_error_limit,
+    overshoot,
+    spectral_radius,
+    with_lag,
+    with_mean,
+)
 from dqcontrol.plants import Integrator, MujocoPlant, Servo
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.references import SetPoint
@@ -155,9 +162,9 @@ def test_what_becomes_of_errors():
     limits = limits_of(Integrator())
     products = {
         0.0: "drifts",
-        1e-9: "monotone",
-        0.5: "monotone",
-        1.0: "monotone",
+        1e-9: "good",
+        0.5: "good",
+        1.0: "good",
         1.01: "oscillatory",
         1.99: "oscillatory",
         2.0: "unstable",
@@ -168,7 +175,8 @@ def test_what_becomes_of_errors():
 
 def errors_at_both_ends(arm, law, plant, steps, part="all"):
     """Return the error at the first and the largest in the last tenth of a run that starts with a small one."""
-    record = dqc.simulate(arm, SetPoint(arm.fkm(Q0 + 1e-5)), law, plant, Q0, T, T * (steps - 1))
+    free = dqc.limits.CommandLimits(velocity=False)  # which would bound how far an unstable loop goes
+    record = dqc.simulate(arm, SetPoint(arm.fkm(Q0 + 1e-5)), law, plant, Q0, T, T * (steps - 1), limits=free)
     if part == "axis":
         ahead, wanted = (algebra.matrix_from_pose(x)[..., :3, 2] for x in (record.pose, record.desired_pose))
         errors = np.linalg.norm(ahead - wanted, axis=1)
@@ -216,3 +224,69 @@ def test_physics_settles_below_the_limit_and_not_above(arm, mode, options):
     for share, stable in ((0.95, True), (1.05, False)):
         first, last = errors_at_both_ends(arm, Proportional(gain=share * limit / T), plant, 1000)
         assert last < 0.1 * first if stable else last > 3 * first, (share, first, last)
+
+
+def supervised(arm, gain, plant, target, supervisor, seconds):
+    """Return the errors of a loop behind a supervisor."""
+    goal, law = SetPoint(arm.fkm(target)), Proportional(gain=gain)
+    free = dqc.limits.CommandLimits(velocity=False)
+    record = dqc.simulate(arm, goal, law, plant, Q0, T, seconds, supervisor=supervisor, limits=free)
+    return record.error
+
+
+@pytest.mark.parametrize("mode", ["integrated", "measured"])
+@pytest.mark.parametrize(("tau", "delay", "window"), [(0.05, 0.0, 20), (0.05, 0.02, 8), (0.1, 0.013, 2)])
+def test_a_supervisor_s_smoothing_is_in_the_loop(arm, mode, tau, delay, window):
+    """The mean of the last rates lags by half its window: stable and unstable 5 % to both sides of the limit."""
+    plant = Servo(command_mode=mode, time_constant=tau, delay=delay)
+    alone = plant.linear_model(arm, Q0, T)
+    limit = gain_limits(with_mean(alone, window, T, from_measured=mode == "measured"), T).stable / T
+    assert abs(limit * T / gain_limits(alone, T).stable - 1) > 0.1, "without it another limit was told"
+    wide = {"acceleration": 1e3, "jerk": 2e3 / (window * T), "velocity": 1e3, "tracking_error": 1e6}
+    supervisor = dqc.limits.Supervisor(**wide, ramp=0.0, slow_below=0.0, hold_below=0.0)
+    assert supervisor.prepare(arm, T).window == window
+    for share, stable in ((0.95, True), (1.05, False)):
+        error = supervised(arm, share * limit, plant, Q0 + 1e-5, supervisor, 40.0)
+        last = error[-400:].max()
+        assert last < 0.1 * error[0] if stable else last > 20 * error[0], (share, error[0], last)
+
+
+@pytest.mark.parametrize(("tau", "delay"), [(0.05, 0.0), (0.05, 0.02), (0.02, 0.02)])
+def test_large_errors_oscillate_for_ever_at_a_limit_of_acceleration(arm, tau, delay):
+    """Harmonic balance says from which gain on; loops do so within half as much again, and not below."""
+    plant = Servo(time_constant=tau, delay=delay)
+    model = plant.linear_model(arm, Q0, T)
+    limit = large_error_limit(model, T) / T
+    assert limit < 0.9 * gain_limits(model, T).stable / T, "for small errors it is stable"
+    supervisor = dqc.limits.Supervisor(acceleration=10.0, velocity=100.0, tracking_error=100.0, ramp=0.0)
+    far = Q0 + np.array([0.3, 0, 0, 0, 0, 0, 0])
+    for share, stable in ((0.95, True), (1.5, False)):
+        error = supervised(arm, share * limit, plant, far, supervisor, 20.0)
+        assert error[-200:].max() < 1e-3 if stable else error[-200:].max() > 1e-2, share
+
+
+@pytest.mark.parametrize("plant", ["integrated 1", "measured 2"])
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_overshoot_is_that_of_the_run(arm, plant, share):
+    model = PLANTS[plant].linear_model(arm, None, T)
+    gain = share * gain_limits(model, T).stable / T
+    goal, law = SetPoint(arm.fkm(Q0 + 1e-4)), Proportional(gain=gain)
+    record = dqc.simulate(arm, goal, law, PLANTS[plant], Q0, T, 5.0)
+    found = dqc.experiments.evaluate(record).position_overshoot
+    assert found == pytest.approx(overshoot(model, gain), abs=0.01)
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.013, 0.0275])
+def test_delays_that_end_within_a_period(arm, delay):
+    plant, begun = Servo(time_constant=TAU, delay=delay), int(delay / T)
+    limit = limits_of(plant).stable
+    low, high = (limits_of(Servo(time_constant=TAU, delay=T * whole)).stable for whole in (begun, begun + 1))
+    assert high < limit < low
+    for share, stable in ((0.95, True), (1.05, False)):
+        first, last = errors_at_both_ends(arm, Proportional(gain=share * limit / T), plant, 4000)
+        assert last < 0.1 * first if stable else last > 20 * first, (share, first, last)
+
+
+def test_no_lag_at_all():
+    limits = limits_of(Servo(time_constant=0.0))
+    assert (limits.stable, limits.monotone) == pytest.approx((2, 1))

@@ -127,7 +127,7 @@ def test_check_judges_compliant_arms():
         },
     }
     found = {row.names.label: row for row in check(spec)}
-    assert found["slow · measured"].verdict == "monotone"
+    assert found["slow · measured"].verdict == "good"
     assert found["fast · measured"].verdict == "unstable"
     assert found["slow · integrated"].verdict == "oscillatory"
     assert found["slow · soft springs"].verdict == "unstable"

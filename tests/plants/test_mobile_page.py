@@ -1,3 +1,4 @@
+import math
 import re
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.plants import Cube, Gripper, MobilePlant, WheeledBase
+from dqcontrol.plants.mobile.mobile_live import SLIDES_FOR, SLIDING, TOPPLED
 
 pytest.importorskip("mujoco")
 
@@ -21,9 +23,10 @@ def test_plant_on_the_page_is_a_plant():
 
 
 def test_what_is_assumed_is_listed_as_it_is():
+    chassis = dqc.load_robot("little-john").parts[0].chassis
     for struct in (WheeledBase, Gripper, Cube):
         for field in msgspec.structs.fields(struct):
-            if isinstance(field.default, float) and field.name != "yaw":
+            if isinstance(field.default, float | None) and field.name != "yaw":
                 assert re.search(rf"`[a-z]*\.?{field.name}`", PAGE), field.name
     for key, value in (
         ("wheel_torque", "0.3 N·m"),
@@ -31,8 +34,14 @@ def test_what_is_assumed_is_listed_as_it_is():
         ("mass", "3 kg"),
         ("ticks", "508.8"),
     ):
-        assert f"{getattr(WheeledBase(), key):g}" == value.split()[0]
+        assumed = getattr(WheeledBase(), key)
+        assert f"{getattr(chassis, key) if assumed is None else assumed:g}" == value.split()[0]
         assert value in PAGE
+
+
+def test_thresholds_are_on_the_page():
+    for text in (f"{math.degrees(TOPPLED):g}°", f"{SLIDING:g} m/s for {SLIDES_FOR:g} s"):
+        assert text in PAGE
 
 
 def test_keys_of_the_plant_are_listed_with_the_others():

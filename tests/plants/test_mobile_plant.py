@@ -28,6 +28,8 @@ T = 0.02
 G = 9.81
 Q0 = np.array([0.4, -0.3, 0.5, 0, -0.504, 1.397, 0, 0])
 FREE = WheeledBase(rolling_resistance=0, caster_friction=0)
+DRIVE = dqc.load_robot("little-john").parts[0]
+CHASSIS = DRIVE.chassis
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,7 @@ def body():
 @pytest.fixture(scope="module")
 def cart():
     """Return a drive with neither arm nor anything else on it."""
-    return dqc.WholeBody([dqc.DifferentialDrive(wheel_radius=0.065, half_track=0.13, rim_speed=0.5)])
+    return dqc.WholeBody([DRIVE])
 
 
 def drive(plant, robot, q0, command, seconds, seed=0):
@@ -90,7 +92,9 @@ def test_an_arm_with_inertias_keeps_them():
     arm = dqc.load_robot("iiwa7")
     base = dqc.DifferentialDrive(wheel_radius=0.1, half_track=0.3, rim_speed=1.0)
     robot = dqc.WholeBody([base, dqc.DualQuaternion.from_translation([0, 0, 0.4]), arm])
-    heavy = WheeledBase(mass=60, radius=0.35, wheel_torque=20, caster_distance=0.3)
+    heavy = WheeledBase(
+        mass=60, radius=0.35, height=0.075, wheel_mass=0.1, wheel_torque=20, caster_distance=0.3
+    )
     start = np.array([0, 0, 0, 0, 0.6, 0, 1.6, 0, 0.6, 0])
     live, q, _ = drive(MobilePlant(base=heavy), robot, start, [0.2, 0.3, *np.zeros(7)], 2)
     assert arm.inertia is not None
@@ -122,8 +126,9 @@ def test_wheels_slip_where_friction_ends(cart):
     """Sliding wheels accelerate the robot by μ (N_r + N_l)/m, no more, and odometry does not see it."""
     base = WheeledBase(friction=0.05, caster_friction=0, rolling_resistance=0)
     live, q, rows = drive(MobilePlant(base=base), cart, np.zeros(3), [0.5, 0], 0.4)
-    load = base.mass * G * (1 - base.centre_ahead / base.caster_distance) + 2 * base.wheel_mass * G
-    wanted = base.friction * load / (base.mass + 2 * base.wheel_mass)
+    share = 1 - CHASSIS.centre_ahead / CHASSIS.caster_distance
+    load = CHASSIS.mass * G * share + 2 * CHASSIS.wheel_mass * G
+    wanted = base.friction * load / (CHASSIS.mass + 2 * CHASSIS.wheel_mass)
     speed = np.diff(q[:, 0])[5:15] / T
     assert np.mean(np.diff(speed)) / T == pytest.approx(wanted, rel=0.04)
     assert reading(live, "wheel_slip", rows)[:, :2].min() < -0.3
@@ -148,7 +153,7 @@ def test_the_motors_do_the_work(cart):
         torque = live.data.qfrc_actuator[dofs]
         work += plant.timestep * torque @ (speed + live.data.qvel[dofs]) / 2
     gained = live.data.energy.sum() - before
-    mass = plant.base.mass + 2 * plant.base.wheel_mass
+    mass = CHASSIS.mass + 2 * CHASSIS.wheel_mass
     assert gained > 0.5 * mass * 0.29**2
     assert 0.9 * work < gained < 1.01 * work
 
@@ -258,14 +263,41 @@ def test_bad_parameters(make, error, text):
 
 
 def test_bad_starts(body, cart):
+    heavy, youbot = WheeledBase(mass=60), dqc.load_robot("youbot")
     for robot, plant, q0, error, text in (
-        (dqc.load_robot("youbot"), MobilePlant(), np.zeros(8), ValueRangeError, "DifferentialDrive.*mecanum"),
-        (dqc.load_robot("ax18"), MobilePlant(), np.zeros(5), ValueRangeError, "DifferentialDrive"),
-        (body, MujocoPlant(), np.zeros(8), ValueRangeError, "plant.kind: mujoco moves arms.*kind 'mobile'"),
+        (
+            youbot,
+            MobilePlant(),
+            np.zeros(8),
+            ValueRangeError,
+            "DifferentialDrive.*mecanum.*'servo' or 'integrator'",
+        ),
+        (
+            youbot,
+            MujocoPlant(),
+            np.zeros(8),
+            ValueRangeError,
+            "mobile base; no physics.*'servo' or 'integrator'",
+        ),
+        (
+            dqc.load_robot("ax18"),
+            MobilePlant(),
+            np.zeros(5),
+            ValueRangeError,
+            "DifferentialDrive.*kind 'mujoco'",
+        ),
         (body, MobilePlant(), np.zeros(7), ShapeError, r"q0: expected shape \(…, 8\)"),
         (body, MobilePlant(), np.full(8, 2.7), ValueRangeError, "q0: joint 4 'joint_1' is at 2.7"),
         (body, MobilePlant(link_mass=[1, 2]), Q0, ShapeError, "plant.link_mass"),
-        (body, MobilePlant(link_mass=5), Q0, ValueRangeError, "N·m to hold gravity"),
+        (body, MobilePlant(link_mass=5), Q0, ValueRangeError, "little-john would fall over"),
+        (body, MobilePlant(link_mass=5, base=heavy), Q0, ValueRangeError, "N·m to hold gravity"),
+        (
+            body,
+            MujocoPlant(),
+            np.zeros(8),
+            ValueRangeError,
+            "mujoco moves arms.*'mobile', or without physics 'servo'",
+        ),
     ):
         with pytest.raises(error, match=text):
             plant.start(robot, q0, T, 1, 0)

@@ -42,7 +42,7 @@ def written(folder, *arguments, **options):
 
 def test_a_report_holds_everything_and_asks_the_network_for_nothing(tmp_path):
     table = Table([Column("Joint"), Column("Speed", "rad/s")], [["a", 1.5]], "Peaks")
-    verdicts = Table([Column("Question"), Column("Verdict")], [["End", Verdict("as wished", True)]])
+    verdicts = Table([Column("Question"), Column("Verdict")], [["End", Verdict("succeeded", True)]])
     page, text = written(
         tmp_path,
         "Circle",
@@ -66,7 +66,7 @@ def test_a_report_holds_everything_and_asks_the_network_for_nothing(tmp_path):
         "Versions and seeds",
     ]
     assert page.texts["pre"] == ["dqcontrol run spec.yaml --out again", "law: K\n"]
-    assert {"✓ as wished", "a", "1.5", "seed", "7"} <= set(page.texts["td"])
+    assert {"✓ succeeded", "a", "1.5", "seed", "7"} <= set(page.texts["td"])
     assert page.texts["caption"] == ["Peaks"]
     assert page.texts["figcaption"][1] == "odd <name>"
     assert [link.partition(",")[0] for link in page.links] == [

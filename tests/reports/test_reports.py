@@ -16,10 +16,9 @@ import dqcontrol.figures
 from dqcontrol import cli
 from dqcontrol.experiments import load_run, run_study_to, run_sweep_to
 from dqcontrol.experiments.parameter_units import parameter_unit, with_unit
-from dqcontrol.limits.supervisor.interventions import VELOCITY
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, VELOCITY
 from dqcontrol.loop import Timing
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.provenance import command, evaluation_command, origins
@@ -166,15 +165,17 @@ def verdicts(run, certificate=None) -> dict[str, Any]:
     return {row[0]: (row[1], row[1].good, row[2]) for row in rows}
 
 
-def test_a_good_run_is_called_good(run):
-    found = verdicts(run)
+def test_a_good_run_is_called_good():
+    slow = {"reference": SPEC["reference"] | {"duration": 6}, "law": SPEC["law"] | {"gain": 20}}
+    found = verdicts(dqc.run(SPEC | slow | {"plant": {"kind": "integrator"}}))
     assert {question: good for question, (_, good, _) in found.items()} == {
         "End": True,
+        "Task": True,
         "Joint limits": True,
         "Velocity limits": True,
         "Loop gains": True,
     }
-    assert found["End"][2] == "duration; 0.4 s"
+    assert found["End"][2] == "duration; 6 s"
 
 
 def test_a_bad_run_is_called_bad(run):
@@ -189,7 +190,11 @@ def test_a_bad_run_is_called_bad(run):
     found = verdicts(replace(run, record=broken, timing=timing))
     assert found["End"][:2] == ("failed", False)
     assert found["Joint limits"] == ("exceeded", False, "joint_2: 0.1 rad beyond")
-    assert found["Velocity limits"] == ("exceeded", False, "joint_3: commands up to 150 % of its limit")
+    assert found["Velocity limits"] == (
+        "exceeded",
+        False,
+        "joint_3: commands up to 150 % of its limit, there or beyond in 5 % of the samples",
+    )
     assert found["Supervisor"] == ("intervened", None, "7 times, first at 0.020 s: velocity limit")
     assert found["Control periods"][:2] == ("missed", False)
     quiet = replace(broken, readings={INTERVENTIONS: replace_values(signal, 0.0)})
@@ -217,7 +222,7 @@ def test_stability_proof_and_range_are_judged():
     found = verdicts(run, certificate)
     assert found["Lyapunov function V"][:2] == ("falls", True)
     assert found["Range of J"][:2] == ("not stuck", True)
-    assert found["Loop gains"][:2] == ("monotone", True)
+    assert found["Loop gains"][:2] == ("good", True)
     rising = replace(certificate, pose_part=certificate.pose_part[::-1])
     assert verdicts(run, rising)["Lyapunov function V"][:2] == ("rises", False)
     stuck = run.record.readings["range_condition"]
@@ -238,11 +243,12 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
         "seed": 0,
         "stopped": "duration",
         "limit_margin": 0.1,
+        "task": "reached",
     }
     bad = row | {"repeat": 1, "stopped": "diverged at 1 s", "limit_margin": -0.2}
     rows: Any = study_verdicts([row | {"repeat": 0}, bad]).rows
-    ((label, count, end, kept, least),) = rows
-    assert (label, count, end, kept, least) == ("K", "1 of 2", "failed", "exceeded", -0.2)
+    ((label, count, end, task, kept, least),) = rows
+    assert (label, count, end, task, kept, least) == ("K", "1 of 2", "failed", "reached", "exceeded", -0.2)
     assert (end.good, kept.good) == (False, False)
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -143,9 +144,12 @@ def test_names():
         spec_path("painting")
 
 
+@pytest.mark.slow
 def test_light_painting_and_its_folder(tmp_path):
-    with pytest.warns(LimitWarning):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", LimitWarning)
         done = published.reproduce("light-painting", plant="servo", jobs=1)
+    assert done.studies["light-painting"].rows[0]["limit_margin"] > 0.5
     folder = done.save(tmp_path / "painting")
     assert (folder / "light-painting.png").stat().st_size > 10_000
     assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**light-painting**")

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dqcontrol as dqc
@@ -14,6 +15,7 @@ from dqcontrol.reproductions import pereira2016
 from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO
+from dqcontrol.reproductions.pereira2016.pereira2016_figures import lamp_on
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
 from dqcontrol.reproductions.printed_comparison import command_table
@@ -47,6 +49,20 @@ def test_what_was_done_on_the_arm_runs_in_physics_unless_told():
     (row,) = done.studies["light-painting"].rows
     assert row["stopped"] == "duration"
     assert row["error.integral"] > 0
+    assert row["limit_margin"] > 0.5
+
+
+def test_the_lamp_is_on_once_the_arm_has_stopped_swinging():
+    setting = prepare(published_spec("light-painting", PHYSICS))
+    record = execute(setting, setting.cases[0])
+    lit = lamp_on(record)
+    speed = np.linalg.norm(np.diff(record.position, axis=0), axis=1) / setting.spec.period
+    first = int(lit.argmax())
+    assert speed[:first].max() > 0.1  # the arm swings from its start
+    assert speed[first : first + 100].max() < 0.01
+    assert lit[first:].all()
+    assert record.position_error[lit].max() < 0.03
+    assert np.std(record.position_error[lit]) < 0.004  # no zigzag: the house as a whole hangs lower
 
 
 def test_specs_of_other_plants_are_refused_and_files_found_from_anywhere():

@@ -1,11 +1,14 @@
 """Nodes in processes of their own, on the loopback, in a ROS domain that is the test's own."""
 
+import fcntl
 import os
 import resource
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from pathlib import Path
 
 import pytest
 import yaml
@@ -29,9 +32,20 @@ SPEC = {
 
 @pytest.fixture(scope="session", autouse=True)
 def domain():
-    """Keep this process and its children to a domain and the loopback."""
+    """Keep this process and its children to the loopback, and to a domain that no other process of tests has."""
     middleware.stay_on_loopback()
-    os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
+    for number in range(1, 101):  # the ports of more would be others' on Linux
+        lock = open(Path(tempfile.gettempdir()) / f"dqcontrol-ros-domain-{number}", "w")  # noqa: SIM115
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+            continue
+        with lock:  # the system lets it go when this process ends, however it does
+            os.environ["ROS_DOMAIN_ID"] = str(number)
+            yield
+        return
+    raise RuntimeError("all ROS domains are taken")
 
 
 @pytest.fixture
@@ -105,10 +119,21 @@ def node():
             executor.spin_once(timeout_sec=0.02)
         return until()
 
-    probe.serve, probe.host = serve, executor.add_node
+    def publish(publisher, message, until):
+        """Publish until something has come of it: a best-effort subscriber may miss any one message."""
+        return serve(lambda: publisher.publish(message) or until())
+
+    hosted = [probe]
+
+    def host(other):
+        executor.add_node(other)
+        hosted.append(other)
+
+    probe.serve, probe.publish, probe.host = serve, publish, host
     yield probe
     executor.shutdown()
-    probe.destroy_node()
+    for one in hosted:
+        one.destroy_node()
     rclpy.utilities.try_shutdown()
 
 

@@ -17,6 +17,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
+from dqcontrol.loop.interrupts import counted_interrupts
 from dqcontrol.ros2.interfaces import COMMANDS
 from dqcontrol.ros2.messages import nanoseconds
 
@@ -71,11 +72,13 @@ def main(interface, seed, loss, delay, twice, file):
     node, executor = rclpy.create_node("relay"), SingleThreadedExecutor()
     relay = Relay(node, interface, int(seed), (float(loss), float(delay), float(twice)))
     executor.add_node(node)
-    print("relays, seed", seed, flush=True)
-    try:
-        while True:
+    with (
+        counted_interrupts() as interrupts
+    ):  # also where SIGINT is ignored, as in what scripts run in the background
+        interrupts.only_count()
+        print("relays, seed", seed, flush=True)
+        while not interrupts.count:
             executor.spin_once(timeout_sec=relay.forward())
-    except KeyboardInterrupt:
         np.savez(file, states=relay.states, commands=relay.commands, **relay.counts)
 
 

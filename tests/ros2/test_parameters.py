@@ -18,7 +18,7 @@ from dqcontrol.ros2.loading import load
 @pytest.fixture
 def made():
     """Return what makes a node of ours with ROS arguments; ROS ends with the test."""
-    contexts, before = [], signal.getsignal(signal.SIGTERM)
+    contexts = []
 
     def make(build, *arguments):
         contexts.append(middleware.ros(arguments))
@@ -28,7 +28,6 @@ def made():
     yield make
     for context in contexts:
         context.__exit__(None, None, None)
-    signal.signal(signal.SIGTERM, before)
 
 
 def controller(path, **options):
@@ -54,6 +53,8 @@ def robot(path):
         (controller, "supervisor.velocity:=0.0", "supervisor.velocity: must be > 0, got 0"),
         (controller, "joint_names:=[a, b]", "joint_names: expected 7 names, got 2"),
         (controller, "joint_names:=3", "parameter joint_names: expected names, got 3"),
+        (controller, "law.gain:=100000.0", "position unstable: k = 1e+05 1/s, limit 2.01e+03 1/s"),
+        (controller, "allow_unstable:=3", "parameter allow_unstable: expected true or false, got 3"),
         (controller, "base_frame:=3", "parameter base_frame: expected a name, got 3"),
         (robot, "command_timeout:=9.0", "parameter command_timeout: expected a number 0.002 … 1, got 9.0"),
         (robot, "command_timeot:=0.1", "did you mean 'command_timeout'?"),
@@ -95,6 +96,14 @@ def test_what_could_not_be_configured_may_be_mended_and_configured_again(spec, m
             node.configure()
     node.set_parameters([Parameter("law.gain", value=7.0)])
     node.configure()
+    (refused,) = node.set_parameters([Parameter("law.gain", value=1e6)])
+    assert not refused.successful
+    assert "position unstable: k = 1e+06 1/s" in refused.reason
+    assert "choose k ≤" in refused.reason
+    node.set_parameters([Parameter("allow_unstable", value=True)])
+    (taken,) = node.set_parameters([Parameter("law.gain", value=1e6)])
+    assert taken.successful
+    node.set_parameters([Parameter("law.gain", value=7.0)])
     assert node.following.loaded.law.gain == 7.0
 
 

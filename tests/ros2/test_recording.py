@@ -37,13 +37,13 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
             assert time.monotonic() < end
             assert _take_news([following], None)
             time.sleep(0.02)
-    assert time.monotonic() - active - track.record.time[-1] < 2.0  # half a second on a quiet machine
+    assert time.monotonic() - active - track.record.time[-1] < 3.0  # a second on a quiet machine
     controller.send_signal(signal.SIGKILL)
     killed = time.monotonic() - active
     controller.wait()
     growing.close()
     record = load_run(out).record
-    assert record.time[-1] > killed - 2.0  # a second, and what a machine full of tests is late
+    assert record.time[-1] > killed - 3.0  # a second, and what a machine full of tests is late
     assert record.stopped.startswith("cut off at")
     assert record.position_error.max() < 0.05
 
@@ -83,7 +83,7 @@ def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_b
             elif k == 30:
                 control.emergency_stop()
             control.step(0.01 * k, start, 0.0)
-            recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
+            recorder.take(control, 0.01 * (k - k % 2), 0.01 * k)  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
                 break
         recorder.end(control.phase, control.reason)

@@ -61,8 +61,8 @@ def test_the_wrench_on_the_topic_is_what_the_plant_senses_and_wrong_commands_mov
         ([0.1] * 6, "velocity: expected 7 numbers, got 6"),
         ([0.1] * 6 + [np.nan], "velocity: number 7 is not finite"),
     ):
-        commands.publish(Float64MultiArray(data=data))
-        assert node.serve(lambda why=why: last_refused(diagnostics) == why), why
+        wrong = Float64MultiArray(data=data)
+        assert node.publish(commands, wrong, lambda why=why: last_refused(diagnostics) == why), why
     change = node.create_client(SetParameters, "/robot/set_parameters")
     assert change.wait_for_service(PATIENCE)
     wrong = Parameter("command_timeout", value=5.0).to_parameter_msg()
@@ -102,7 +102,7 @@ def test_trajectories_that_do_not_fit_are_refused(spec, node, diagnostics, capfd
         (names[:6], [point], "trajectory: 6 names, but 7 positions"),
         (names, [JointTrajectoryPoint(positions=[np.inf] * 7)], "trajectory: number 1 is not finite"),
     ):
-        commands.publish(JointTrajectory(joint_names=joints, points=points))
-        assert node.serve(lambda why=why: last_refused(diagnostics).startswith(why)), why
+        wrong = JointTrajectory(joint_names=joints, points=points)
+        assert node.publish(commands, wrong, lambda why=why: last_refused(diagnostics).startswith(why)), why
         assert f"refused: {why}" in capfd.readouterr().err
     np.testing.assert_array_equal(robot._plant.q, start)

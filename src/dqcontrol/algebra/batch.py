@@ -16,7 +16,9 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
-ROUNDED = 1e-3  # how far a quaternion that was written with three or four digits may be from it
+WRITTEN_TOLERANCE = (
+    1e-3  # the same of a quaternion written with four digits or more, which is then normalised
+)
 
 _UNARY = types.void(READ, WRITE)
 _BINARY = types.void(READ, READ, WRITE)
@@ -115,7 +117,7 @@ def as_unit(field: str, value: ArrayLike) -> Array:
         dual = float(rows[i, :4] @ rows[i, 4:]) / norm if norm else 0.0
         where = index_of(np.arange(len(rows)).reshape(x.shape[:-1]) == i)
         raise ValueRangeError(
-            f"{field}: expected a unit dual quaternion (norm 1), got norm {norm:.6g} + ε {dual:.6g}{where}"
+            f"{field}: expected a unit dual quaternion (norm 1), got norm {norm:.9g} + ε {dual:.6g}{where}"
         )
     return x
 

@@ -16,7 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import ROUNDED, UNIT_TOLERANCE, Array, apply, as_unit, broadcast_lead, index_of
+from dqcontrol.algebra.batch import (
+    UNIT_TOLERANCE,
+    WRITTEN_TOLERANCE,
+    Array,
+    apply,
+    as_unit,
+    broadcast_lead,
+    index_of,
+)
 from dqcontrol.algebra.functions import translation
 from dqcontrol.errors import NoteWarning, ValueRangeError, as_array
 
@@ -29,7 +37,8 @@ def pose(rotation: ArrayLike, translation: ArrayLike) -> Array:
     Raises
     ------
     ShapeError, ValueRangeError
-        If a shape is wrong, a value not finite, or r has not norm 1.
+        If a shape is wrong, a value not finite, or the norm of r is not 1 within 0.001. Quaternions that were written
+        with four digits or more are within, and are normalised.
 
     Examples
     --------
@@ -218,13 +227,12 @@ def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
     r = as_array(field, value, (4,))
     norm = np.linalg.norm(r, axis=-1, keepdims=True)
     off = np.abs(norm[..., 0] - 1)
-    bad = ~(off <= ROUNDED)
+    bad = ~(off <= WRITTEN_TOLERANCE)
     if bad.any():
         unit = ", ".join(f"{each:.6g}" for each in r / norm) if r.ndim == 1 and r.any() else ""
         hint = f"; normalised it is [{unit}]" if unit else ""
-        raise ValueRangeError(
-            f"{field}: must have norm 1, got {norm[..., 0][bad][0]:.6g}{index_of(bad)}{hint}"
-        )
+        got = f"{norm[..., 0][bad][0]:.9g}{index_of(bad)}"
+        raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {got}{hint}")
     if (off > UNIT_TOLERANCE).any():
         warnings.warn(
             f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.6g}", NoteWarning, stacklevel=2

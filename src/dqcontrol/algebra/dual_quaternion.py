@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from numbers import Real
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,8 +54,8 @@ class DualQuaternion:
     """
 
     __slots__ = ("_data",)
-    __array_priority__ = 1000.0  # array * x calls x.__rmul__
-    __hash__ = None  # type: ignore[assignment]  # equality has a tolerance
+    __array_priority__: float = 1000.0  # array * x calls x.__rmul__
+    __hash__: ClassVar[None] = None  # type: ignore[assignment]  # equality has a tolerance
 
     _data: Array
 

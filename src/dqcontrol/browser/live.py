@@ -54,6 +54,10 @@ class GrowingRecording:
         False once it has ended and is read, or it was closed.
     """
 
+    path: Path
+    robot: Robot
+    goes_on: bool
+
     def __init__(self, path: Path, robot: Robot) -> None:
         self.path, self.robot, self.goes_on = path, robot, True
         self._stopped = "the recording has no end"
@@ -147,6 +151,9 @@ class LiveRun:
         If the spec is wrong, or describes several runs.
     """
 
+    label: str
+    robot: Robot
+
     def __init__(self, source: str | Path) -> None:
         setting = prepare(source)
         if not setting.spec.is_single:
@@ -156,7 +163,7 @@ class LiveRun:
         self.planned: Array = algebra.translation(np.ascontiguousarray(case.scene.samples[:, POSE]))
         self.failure: Error | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="dqcontrol-")
-        self.path = Path(self._folder.name) / "record.mcap"
+        self.path: Path = Path(self._folder.name) / "record.mcap"
         self._setting, self._case = setting, case
         self._recording = RecordStream(self.path, self.robot, setting.single_text(case, 0))
         threading.Thread(target=self._work, name="run", daemon=True).start()

@@ -63,6 +63,8 @@ class Page:
         If viser is not installed.
     """
 
+    tracks: list[Track]
+
     def __init__(
         self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
     ) -> None:

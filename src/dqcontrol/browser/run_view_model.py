@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot
 from dqcontrol.robots.dh import compose, shift
@@ -57,6 +58,9 @@ class Track:
     (8, 7)
     """
 
+    label: str
+    robot: Robot
+
     def __init__(self, label: str, robot: Robot, record: Record, planned: Array | None = None) -> None:
         self.label, self.robot, self._planned = label, robot, planned
         self.take(record)
@@ -81,7 +85,9 @@ class Track:
         k = int(self._shown[k])
         if not np.isfinite(self.record.q[k]).all():
             return np.tile(shift(), (self.robot.configuration_size + 1 + self._wheels.shape[1], 1))
-        poses = [pose7("frame", frame) for frame in self.robot.frames(self.record.q[k])]
+        poses = [
+            pose7("frame", frame) for frame in recorded_frames(self.robot, self.record, slice(k, k + 1))[0]
+        ]
         for j, (first, _, radius, half_track) in enumerate(self.robot.drives):
             for side, y in enumerate((-half_track, half_track)):
                 half = self._wheels[k, 2 * j + side] / 2

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import FileFormatError
+from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import SerialArm
 from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.urdf import UrdfTree, origin_matrix
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 Drawn = tuple[int, Any, tuple[int, int, int]]
 
 _PLAIN = (200, 203, 208)
+_MESHES = ("dae", "stl", "obj", "ply", "off", "glb")  # none that is an archive, which may hold any amount
+_LARGEST_MESH = 200_000_000  # bytes
 
 
 def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
@@ -123,8 +126,10 @@ def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
     """Return the meshes of a file with their colours."""
     import trimesh
 
-    data = path.read_bytes()
     kind = path.suffix.lower().removeprefix(".")
+    if kind not in _MESHES:
+        raise FileFormatError(f"{path}: is no mesh that is read here (allowed: {', '.join(_MESHES)})")
+    data = read_whole(path, _LARGEST_MESH)
     if kind == "dae" and any(
         word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")
     ):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from contextlib import suppress
+from typing import NoReturn
 
 from cyclopts import App, CycloptsError
 
@@ -12,11 +14,13 @@ import dqcontrol
 from dqcontrol.extensions.user_code import POLICY, REFUSED
 
 USER_ERROR = 2
+INTERRUPTED = 130
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
     "new": "Write a first experiment: five questions make a file to run and to change.",
     "run": "Run an experiment and write its table, recordings and plots.",
     "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+    "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
@@ -35,7 +39,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
 }
 _FILES = {"laws": "kinds", "references": "kinds", "plants": "kinds"}
 
-app = App(
+app: App = App(
     name="dqcontrol",
     help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
     "command refuses specs that bring code of their own.",
@@ -50,6 +54,7 @@ app.register_install_completion_command(help="Let the shell (bash, zsh, fish) co
 
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
+    _make_printable()
     warnings.showwarning = _show_warning
     arguments = [word for word in sys.argv[1:] if word != "--no-code"]
     if len(arguments) < len(sys.argv) - 1:
@@ -60,18 +65,43 @@ def main() -> None:
         print_start_page()
         return
     try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        try:
+            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        finally:
+            sys.stdout.flush()  # here, where it can still be said that the disk is full
     except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy
-        print(f"dqcontrol: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(USER_ERROR)
+        _fail(USER_ERROR, str(error))
     except KeyboardInterrupt as interrupt:
-        print(f"dqcontrol: interrupted{interrupt}", file=sys.stderr)
-        sys.exit(130)
+        _fail(INTERRUPTED, f"interrupted{interrupt}")
     except BrokenPipeError:
+        _drop_output()
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that went away
-        print(f"dqcontrol: {error}", file=sys.stderr)
-        sys.exit(USER_ERROR)
+        _drop_output()
+        _fail(USER_ERROR, str(error))
+    except MemoryError:
+        _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
+
+
+def _make_printable() -> None:
+    """Let output go nowhere if it was closed, and let no letter fail that its encoding lacks."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 — until the process ends
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Keep Python from flushing once more at its end what could not be written."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fail(code: int, text: str) -> NoReturn:
+    print(f"dqcontrol: {' '.join(text.split())}", file=sys.stderr)
+    sys.exit(code)
 
 
 def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:

@@ -17,7 +17,6 @@ from dqcontrol.errors import Error
 
 OK, MISSING, PROBLEM = "ok", "missing", "problem"
 OLDEST_PYTHON = (3, 11)
-LEFT_OUT = ("test",)  # extras for those who work on dqcontrol
 _NAMED = 3  # packages of an extra
 
 
@@ -64,8 +63,6 @@ def _packages() -> Iterator[Finding]:
             cure = "" if fits else f"pip install '{one.name}{one.specifier}'"
             yield Finding(one.name, found, OK if fits else PROBLEM, cure)
     for extra in metadata.metadata("dqcontrol").get_all("Provides-Extra") or ():
-        if extra in LEFT_OUT:
-            continue
         looked = {one.name: _installed(one) for one in requirements if _only_for(extra, one)}
         fits = all(fit for _, fit in looked.values())
         chosen = {name: one for name, one in looked.items() if fits or not one[1]}

@@ -51,6 +51,7 @@ def jog(
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.jog import HELP
     from dqcontrol.loop.targets import Speeds
+    from dqcontrol.recording.black_box_folder import FOLDER
     from dqcontrol.references.points_writer import PointsWriter
 
     keyboard = Keyboard()
@@ -63,21 +64,37 @@ def jog(
     with session as driven:
         print("\n".join(HELP))
         with keyboard, first_interrupt(driven.end):
-            _drive(driven, keyboard)
+            _drive(driven, keyboard, (out or Path()) / FOLDER)
         print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
     if out:
         print(f"results: {out}")
 
 
-def _drive(driven: Jog, keyboard: Keyboard) -> None:
-    """Step in real time, hear keys while waiting, and show what is going on."""
-    deadline = shown = time.monotonic()
+def _drive(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Drive until the end; whatever ends it, the robot is at rest then."""
+    try:
+        _listen(driven, keyboard, black_box)
+    except BaseException:
+        driven.brake()
+        raise
+
+
+def _listen(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+    """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop."""
+    from dqcontrol.recording import save_black_box
+
+    deadline = shown = before = time.monotonic()
+    was_stopped = False
     while not driven.ended:
         for key in keyboard.until(deadline):
             if told := driven.press(key):
                 keyboard.tell(told)
-        driven.step()
-        now = time.monotonic()
+        begin = time.monotonic()
+        driven.step(begin - before if before < begin else None)
+        if driven.is_stopped and not was_stopped:
+            kept = save_black_box(driven.black_box, black_box, driven.spec, f"halted: {driven.reason}")
+            keyboard.tell(f"{driven.condition}; the last seconds: {kept}")
+        was_stopped, before, now = driven.is_stopped, begin, time.monotonic()
         deadline = max(deadline + driven.period, now)  # missed periods are left out
         if now - shown > _SHOWN_EVERY:
             shown = now

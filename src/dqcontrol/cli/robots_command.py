@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from dqcontrol.cli.screen import print_table
 
-robots = App(
+robots: App = App(
     name="robots",
     help="List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +10,7 @@ from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli.options import Force, Out
 
-ros2 = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
+ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
 Interface = Annotated[
     Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
@@ -57,30 +56,30 @@ def controller(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.errors import Error
-    from dqcontrol.experiments import read_spec
-    from dqcontrol.experiments.results_folder import check_new
-    from dqcontrol.ros2 import middleware
+    from dqcontrol.loop.interrupts import counted_interrupts
 
-    middleware.check_installed()
-    read_spec(spec)  # a wrong file is to be known now, not when somebody configures
-    if out:
-        check_new(out, force=force)
-    with middleware.ros(ros_arguments, [name], network=network):
-        from dqcontrol.ros2.controller_node import ControllerNode
+    with counted_interrupts() as interrupts:  # from now on: what follows takes seconds
+        from dqcontrol.errors import Error
+        from dqcontrol.experiments import read_spec
+        from dqcontrol.experiments.results_folder import check_new
+        from dqcontrol.ros2 import middleware
 
-        node = ControllerNode(
-            spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
-        )
-        try:
-            middleware.spin(node, ended=lambda: node.ended, priority=priority)
-        except KeyboardInterrupt:
-            node.retire()
-            middleware.spin(node, ended=lambda: node.ended, priority=priority)
-    if node.recorder:
-        print(f"results: {node.recorder.save()}")
-    if node.outcome not in ("", "duration", "interrupted"):
-        raise Error(f"stopped: {node.outcome}")
+        middleware.check_installed()
+        read_spec(spec)  # a wrong file is to be known now, not when somebody configures
+        if out:
+            check_new(out, force=force)
+        interrupts.only_count()  # in the middle of ROS's start an exception would leave threads that never end
+        with middleware.ros(ros_arguments, [name], network=network):
+            from dqcontrol.ros2.controller_node import ControllerNode
+
+            node = ControllerNode(
+                spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
+            )
+            node.serve(interrupts, priority)
+        if node.recorder:
+            print(f"results: {node.recorder.save()}")
+        if node.outcome not in ("", "duration", "interrupted"):
+            raise Error(f"stopped: {node.outcome}")
 
 
 @ros2.command
@@ -105,17 +104,21 @@ def robot(
     wrench_node
         Name of another node that publishes the wrench, of plants that have one.
     """
-    from dqcontrol.ros2 import middleware
-    from dqcontrol.ros2.loading import load
+    from dqcontrol.loop.interrupts import counted_interrupts
 
-    middleware.check_installed()
-    loaded = load(spec)
-    with middleware.ros(ros_arguments, [name, *([wrench_node] if wrench_node else [])], network=network):
-        from dqcontrol.ros2.robot_node import RobotNode
+    with counted_interrupts() as interrupts:
+        from dqcontrol.ros2 import middleware
+        from dqcontrol.ros2.loading import load
 
-        node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
-        with suppress(KeyboardInterrupt):
-            middleware.spin(*node.nodes, priority=priority)
+        middleware.check_installed()
+        loaded = load(spec)
+        names = [name, *([wrench_node] if wrench_node else [])]
+        interrupts.only_count()  # as above
+        with middleware.ros(ros_arguments, names, network=network):
+            from dqcontrol.ros2.robot_node import RobotNode
+
+            node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
+            middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=priority)
 
 
 @ros2.command

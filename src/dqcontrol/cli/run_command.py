@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments import Study
 
 RealTime = Annotated[bool, Parameter(negative=())]
 
@@ -21,6 +24,7 @@ def run(
     out: Out = None,
     force: Force = False,
     jobs: int | None = None,
+    figures: bool = True,
     real_time: RealTime = False,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
@@ -35,6 +39,8 @@ def run(
         Replace an earlier folder of results, and discard an unfinished study of another spec or version.
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    figures
+        Draw figures; --no-figures saves most of the time of short runs, and dqcontrol figures draws them later.
     real_time
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     """
@@ -47,16 +53,30 @@ def run(
         return
     try:
         with progress_bar() as progress:
-            study = run_study_to(spec, folder, force=force, jobs=jobs, progress=progress)
+            run_study_to(
+                spec,
+                folder,
+                force=force,
+                jobs=jobs,
+                figures=figures,
+                progress=progress,
+                computed=_show,
+                drawing=lambda done, total: progress(done, total, "reports"),
+            )
     except KeyboardInterrupt:
         kept = (
             "; finished trials are kept: rerun the same command to resume" * working_folder(folder).exists()
         )
         raise KeyboardInterrupt(kept) from None
+    print(f"results: {folder}")
+
+
+def _show(study: Study) -> None:
+    """Print what came of a study, before its figures are drawn."""
     print_table(study.table())
     for line in study.failures():
         print(line)
-    print(f"results: {folder}")
+    sys.stdout.flush()
 
 
 def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:

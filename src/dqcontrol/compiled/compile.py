@@ -122,7 +122,7 @@ class Kernel:
         self._strict = strict
         self._cached = cached
         self.__doc__ = function.__doc__
-        self.__name__ = function.__name__
+        self.__name__: str = function.__name__
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
@@ -181,7 +181,7 @@ class InterpretedKernel:
     def __init__(self, function: Callable[..., Any], reason: str) -> None:
         self.function = function
         self.reason = reason
-        self.__name__ = function.__name__
+        self.__name__: str = function.__name__
 
     def __call__(self, *arguments: Any) -> int:
         """Call the function and return the status."""

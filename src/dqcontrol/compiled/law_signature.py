@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2
 from dqcontrol.compiled.intrinsics import caller
 
@@ -10,4 +13,4 @@ from dqcontrol.compiled.intrinsics import caller
 # Jacobian fills its room by `fill_pose_jacobian`: most do not, and it is a tenth of a step.
 LAW = STATUS(INPUT, WRITE, WRITE2, WRITE2, READ, READ, WRITE, WRITE, WRITE)
 
-call_law = caller(LAW)
+call_law: Callable[..., Any] = caller(LAW)

@@ -11,24 +11,37 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import StabilityWarning
-from dqcontrol.experiments.prepared_experiment import Names, Setting, prepare
+from dqcontrol.experiments.feasibility import task_remarks
+from dqcontrol.experiments.prepared_experiment import Case, Names, Setting, prepare
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
     LoopGain,
     Verdict,
+    damped_overshoot,
     gain_limits,
+    overshoot,
     spectral_radius,
     with_integral,
     with_lag,
+    with_mean,
 )
 from dqcontrol.measures.table_cells import Verdict as Words
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.plant import command_mode
+
+_LEAST_OVERSHOOT = 0.05  # %; less is none
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
 
-_WORST_FIRST: tuple[Verdict, ...] = ("unstable", "oscillatory", "drifts", "monotone")
+_WORST_FIRST: tuple[Verdict, ...] = (
+    "unstable",
+    "unstable for large errors",
+    "oscillatory",
+    "drifts",
+    "good",
+)
 
 
 @dataclass(frozen=True)
@@ -64,8 +77,15 @@ class Loop:
 
     @property
     def verdict(self) -> Verdict:
-        """What becomes of small errors."""
+        """What becomes of errors."""
         return self.limits.verdict(self.product)
+
+    @property
+    def overshoot(self) -> float:
+        """By how much of it the loop passes a step, 0 or more; infinite if it is unstable."""
+        if self.gain.integral_share or self.gain.value.imag:
+            return damped_overshoot(self.model.poles(self.gain.value))
+        return overshoot(self.model, self.gain.value.real)
 
     @property
     def radius(self) -> float:
@@ -75,7 +95,9 @@ class Loop:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """What is to be expected of one law on one plant, for small errors about a target at rest.
+    """What is to be expected of one law on one plant, about a target at rest.
+
+    It holds for small errors: up to `largest_error` where commands are limited on their way.
 
     Attributes
     ----------
@@ -87,12 +109,15 @@ class LoopCheck:
         Of position, orientation and null space, as far as the law has them.
     unknown
         Why nothing is known; empty if something is.
+    acceleration
+        Least limit of acceleration on the commands' way to the plant, rad/s² or m/s²; infinite without.
     """
 
     names: Names
     period: float
     loops: tuple[Loop, ...]
     unknown: str = ""
+    acceleration: float = math.inf
 
     def __repr__(self) -> str:
         return f"LoopCheck({self.names.label!r}, {self.verdict})"
@@ -104,7 +129,7 @@ class LoopCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """What becomes of small errors in the worst of the loops."""
+        """What becomes of errors in the worst of the loops."""
         if self.unknown:
             return "cannot be decided"
         verdicts = {loop.verdict for loop in self.loops}
@@ -119,40 +144,79 @@ class LoopCheck:
         return -self.period / math.log(slowest) if slowest > 0 else 0.0
 
     @property
+    def overshoot(self) -> float:
+        """The largest of the loops', as a share of a step; infinite if one is unstable."""
+        return max(loop.overshoot for loop in self.loops)
+
+    @property
+    def largest_error(self) -> float:
+        """About the error of a joint from which on limits of acceleration act, a/k², rad or m."""
+        fastest = max((abs(loop.gain.value) for loop in self.loops), default=0.0)
+        return self.acceleration / fastest**2 if fastest else math.inf
+
+    @property
     def remark(self) -> str:
         """What to do about it, in one line; empty if nothing need be done."""
         if self.unknown:
             return f"{self.names.label}: cannot be decided: {self.unknown}"
         if self.verdict == "drifts":
             return f"{self.names.label}: drifts: nothing corrects its errors"
-        loop = self.worst
+        loop, verdict = self.worst, self.verdict
         limits, when = loop.limits, f" at {loop.gain.time:g} s" if loop.gain.time is not None else ""
-        if loop.verdict == "monotone" or loop.product <= limits.recommended:
-            return ""
+        if verdict == "good":
+            return self._small_only
         if loop.gain.lag * self.period >= 2:
-            return f"{self.names.label}: unstable: k_v T = {loop.gain.lag * self.period:.3g}, limit 2"
+            return f"{self.names.label}: unstable: k_v = {loop.gain.lag:.3g} 1/s, limit {2 / self.period:.3g} 1/s"
         if limits.stable == 0:
             return f"{self.names.label}: {loop.gain.loop} unstable: so is the plant, with any gain"
-        facts = f"k T = {loop.product:.3g}{when}, limit {limits.stable:.3g}"
-        if loop.verdict == "oscillatory":
-            facts += f", spectral radius {loop.radius:.3g}"
-        advice = f"choose k ≤ {limits.recommended / self.period:.3g} 1/s"
-        if loop.gain.lag and loop.gain.loop != "null space":
-            advice = f"choose k̄ ≤ {4 * loop.gain.lag * limits.recommended / self.period:.3g} 1/s²"
-        if loop.gain.integral_share:
-            half = abs(loop.gain.value) ** 2 / 2
-            advice = (
-                f"{advice} and k_I ∝ k²" if limits.recommended else f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
+        facts = f"k = {abs(loop.gain.value):.3g} 1/s{when}, limit {limits.stable / self.period:.3g} 1/s"
+        if verdict == "oscillatory":
+            facts += f", overshoot {100 * loop.overshoot:.2g} %"
+        if verdict == "unstable for large errors":
+            facts += (
+                f"; beyond errors of about {self.largest_error:.2g} rad (or m) in a joint the supervisor's limit of "
+                "acceleration may keep it oscillating"
             )
-        return f"{self.names.label}: {loop.gain.loop} {loop.verdict}: {facts}; {advice}"
+        return f"{self.names.label}: {loop.gain.loop} {verdict}: {facts}; {self._advice(loop)}"
+
+    @property
+    def _small_only(self) -> str:
+        if not math.isfinite(self.largest_error):
+            return ""
+        return (
+            f"{self.names.label}: valid for errors up to about {self.largest_error:.2g} rad (or m) in a joint: from "
+            "there on the supervisor's limit of acceleration acts"
+        )
+
+    def _advice(self, loop: Loop) -> str:
+        recommended = loop.limits.recommended / self.period
+        half = abs(loop.gain.value) ** 2 / 2
+        if not recommended:
+            if loop.gain.integral_share:
+                return f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
+            return "no gain makes it good: its errors turn as they shrink; take weights that are nearer to a diagonal"
+        if loop.gain.lag and loop.gain.loop != "null space":
+            return f"choose k̄ ≤ {4 * loop.gain.lag * recommended:.3g} 1/s²"
+        return f"choose k ≤ {recommended:.3g} 1/s" + " and k_I ∝ k²" * bool(loop.gain.integral_share)
 
 
 @dataclass(frozen=True)
 class Checks(Sequence[LoopCheck]):
-    """The checks of a spec, one a law, parameter set and plant."""
+    """The checks of a spec, one a law, parameter set and plant.
+
+    Attributes
+    ----------
+    name
+        Of the spec.
+    rows
+        The loops of each combination.
+    tasks
+        What speaks against its doing what is asked: joints that are too few, velocities beyond their limits.
+    """
 
     name: str
     rows: tuple[LoopCheck, ...]
+    tasks: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -181,7 +245,8 @@ class Checks(Sequence[LoopCheck]):
 
     def remarks(self) -> Iterator[str]:
         """Give what to do about each that asks for it, in one line."""
-        return (row.remark for row in self.rows if row.remark)
+        yield from (row.remark for row in self.rows if row.remark)
+        yield from self.tasks
 
     def table(self) -> Table:
         """Return one row a law, parameter set and plant: gains at their largest, limits of the worst of its loops."""
@@ -191,10 +256,10 @@ class Checks(Sequence[LoopCheck]):
             Column("k position", "1/s", ".3g"),
             Column("k orientation", "1/s", ".3g"),
             Column("T", "ms", ".4g"),
-            Column("k T", "", ".3g"),
-            Column("limit", "", ".3g"),
+            Column("limit", "1/s", ".3g"),
             Column("margin", "", ".3g"),
             Column("choose k ≤", "1/s", ".3g"),
+            Column("overshoot", "%", ".2g"),
             Column("time constant", "s", ".3g"),
             Column("verdict"),
         ]
@@ -206,8 +271,10 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
     numbers: list[float | None] = [None] * 5
     if row.loops:
         worst, limits = row.worst, row.worst.limits
-        advised = limits.recommended / row.period
-        numbers = [worst.product, limits.stable, worst.margin, advised, row.time_constant]
+        advised = limits.recommended / row.period or None
+        percent = 100 * row.overshoot
+        passed = percent if percent >= _LEAST_OVERSHOOT else 0.0
+        numbers = [limits.stable / row.period, worst.margin, advised, passed, row.time_constant]
     return [
         *(getattr(row.names, place) for place in places),
         gains.get("position"),
@@ -220,15 +287,17 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
 
 def judged(row: LoopCheck) -> Words:
     """Return the verdict as a cell of a table."""
-    return Words(row.verdict, {"monotone": True, "unstable": False}.get(row.verdict))
+    good = {"good": True, "unstable": False, "unstable for large errors": False}
+    return Words(row.verdict, good.get(row.verdict))
 
 
 def check(source: str | Path | dict[str, Any]) -> Checks:
     """Check a spec as `run` does before anything moves, and say what is to be expected of its loops.
 
     Each loop of a law (position, orientation, posture in the null space) is judged as a scalar one: its gain k is
-    known from the law's parameters, the largest over time; the plant from commands to measured positions is linear,
-    with its delay, in steps of a period. The verdict holds for small errors about a target at rest.
+    known from the law's parameters, the largest over time; plant and supervisor from commands to measured positions
+    are linear, with delay and smoothing, in steps of a period. The verdict holds for small errors about a target at
+    rest; what is known of large ones under a supervisor's limit of acceleration is said.
 
     Parameters
     ----------
@@ -251,16 +320,16 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     >>> [row.verdict for row in checks]
     ['unstable']
     >>> print(*checks.remarks())
-    proportional · servo: position unstable: k T = 1.2, limit 1; choose k ≤ 7.2 1/s
+    proportional · servo: position unstable: k = 60 1/s, limit 50 1/s; choose k ≤ 7.2 1/s
     """
     setting = prepare(source)
-    return Checks(setting.spec.name, tuple(loop_checks(setting)))
+    return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))
 
 
 def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
     """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
     checks = list(loop_checks(setting))
-    unstable = [row for row in checks if row.verdict == "unstable"]
+    unstable = [row for row in checks if row.verdict.startswith("unstable")]
     if unstable:
         more = f" (and {len(unstable) - 1} more: dqcontrol check lists them)" if len(unstable) > 1 else ""
         warnings.warn(unstable[0].remark + more, StabilityWarning, stacklevel=stacklevel + 1)
@@ -270,30 +339,46 @@ def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
 def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
     """Give what is to be expected of each combination of a prepared spec."""
     period = setting.spec.period
-    plants: dict[tuple[str, str], tuple[LinearModel | None, Known]] = {}
+    plants: dict[tuple[str, str], tuple[LinearModel | None, float, Known]] = {}
     for case in setting.cases:
         place = case.names.robot, case.names.plant
         if place not in plants:
-            plants[place] = case.plant.linear_model(case.scene.robot, case.scene.start, period), {}
-        model, limits = plants[place]
+            plants[place] = *_driven(setting, case), {}
+        model, acceleration, limits = plants[place]
         if case.gains is None:
             yield LoopCheck(case.names, period, (), "the law's loop gains are unknown")
         elif model is None:
             yield LoopCheck(case.names, period, (), "the plant has no linear model")
         elif len(model.transition) > MOST_STATES:
-            many = f"the plant's model has {len(model.transition)} states; {MOST_STATES} at most are judged"
+            size = len(model.transition)
+            many = f"plant and supervisor have a model of {size} states; {MOST_STATES} at most are judged"
             yield LoopCheck(case.names, period, (), many)
         else:
-            yield LoopCheck(
-                case.names, period, tuple(_loop(gain, model, period, limits) for gain in case.gains)
-            )
+            limited = math.isfinite(acceleration) and command_mode(case.plant) == "integrated"
+            loops = tuple(_loop(gain, model, period, limited, limits) for gain in case.gains)
+            yield LoopCheck(case.names, period, loops, "", acceleration)
 
 
-def _loop(gain: LoopGain, model: LinearModel, period: float, known: Known) -> Loop:
+def _driven(setting: Setting, case: Case) -> tuple[LinearModel | None, float]:
+    """Return what a law drives, plant and supervisor, and the least acceleration that the latter allows."""
+    robot, period = case.scene.robot, setting.spec.period
+    model = case.plant.linear_model(robot, case.scene.start, period)
+    supervisor = setting.spec.supervisor_of(case.plant)
+    if model is None or supervisor is None:
+        return model, math.inf
+    mode = command_mode(case.plant)
+    prepared = supervisor.prepare(robot, period, mode)
+    window = prepared.window
+    return with_mean(model, window, period, from_measured=mode == "measured"), float(
+        prepared.acceleration.min()
+    )
+
+
+def _loop(gain: LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:
     """Return a loop with the limits of its gain's direction, integral and lag, which are found once for each."""
     way = gain.value / abs(gain.value) if gain.value.imag else 1.0
     share, model = gain.integral_share, with_lag(model, gain.lag, period)
     kind = way, share, gain.lag
     if kind not in known:
-        known[kind] = gain_limits(model, period, way, share)
+        known[kind] = gain_limits(model, period, way, share, accelerations_limited=limited)
     return Loop(gain, known[kind], with_integral(model, share * abs(gain.value), period), period)

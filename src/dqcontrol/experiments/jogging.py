@@ -19,7 +19,7 @@ from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.measures.task_range import with_range
-from dqcontrol.plants.plant import command_mode
+from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.recording import load_record
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
@@ -91,12 +91,14 @@ def _setting(source: str) -> Setting:
 def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
     (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
-    law = case.variant.law.prepare(robot, None, spec.period, spec.limits)
+    law = case.variant.law.prepare(robot, None, spec.period, case.limits, lagging_mode(plant))
     supervisor = spec.supervisor_of(plant) or Supervisor()
     guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])
     live = plant.start(robot, start, spec.period, _STEPS, spec.seed)
-    return Jog(law, guard, live, poses, speeds, _STEPS)
+    jog = Jog(law, guard, live, poses, speeds, _STEPS)
+    jog.spec = setting.single_text(case, 0)
+    return jog
 
 
 def _is_spec(source: str) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
 from dqcontrol.experiments.check import check
 from dqcontrol.experiments.jogging import most_dexterous
-from dqcontrol.files.units import as_quantity
+from dqcontrol.files.units import as_quantity, as_seconds
 from dqcontrol.robots import Robot, describe, load_robot
 
 _SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
@@ -127,16 +127,11 @@ def _flow(data: dict[str, Any]) -> str:
 
 
 def _seconds(period: str) -> float:
-    quantity = as_quantity(period)
-    try:
-        value, unit = quantity if quantity is not None else (float(period), "s")
-    except ValueError:
-        value, unit = math.nan, "s"
-    if unit == "Hz" and value > 0:
-        value, unit = 1.0 / value, "s"
-    if unit != "s" or not 0 < value <= 10:
+    value, unit = as_quantity(period) or (0.0, "")
+    seconds = 1.0 / value if unit == "Hz" and value > 0 else as_seconds(period)
+    if seconds is None or not 0 < seconds <= 10:
         raise ValueRangeError(f"period: expected a time, as 8 ms, or a rate, as 125 Hz, got '{period}'")
-    return value
+    return seconds
 
 
 def _rounded(q: NDArray[np.float64], arm: Robot) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, naming
+from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.slips import degrees_slip, length_slip
@@ -33,10 +34,13 @@ from dqcontrol.experiments.spec import (
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import PreparedLaw
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
+from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
+from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import Robot
 
@@ -80,6 +84,8 @@ class Case:
     ----------
     names, scene, variant, plant
         What is combined.
+    limits
+        What is done to the commands before they leave.
     is_compiled
         Whether the whole loop is.
     prepared
@@ -90,15 +96,19 @@ class Case:
     scene: Scene
     variant: Variant[AnyLaw]
     plant: AnyPlant
+    limits: CommandLimits
     is_compiled: bool
     prepared: PreparedLaw | None
     gains: tuple[LoopGain, ...] | None
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
+        mode = lagging_mode(self.plant)
         if self.prepared is not None:
-            return self.prepared
-        return self.variant.law.prepare(self.scene.robot, self.scene.reference, spec.period, spec.limits)
+            return self.prepared.in_mode(mode)
+        return self.variant.law.prepare(
+            self.scene.robot, self.scene.reference, spec.period, self.limits, mode
+        )
 
 
 @dataclass(frozen=True)
@@ -141,6 +151,7 @@ class Setting:
             grids=None,
             plant=case.plant,
             plants=UNSET,
+            limits=case.limits,
             repeats=1,
             seed=self.spec.seed + repeat,
             record=None,
@@ -207,12 +218,17 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
         with naming(f"robots.{label}") if label else nullcontext():
             parts = spec.reference, spec.period, spec.duration, spec.settle, robot
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
-            laws = list(_prepared_laws(spec, variants, scenes[label]))
+            limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
+            different = {each.velocity: each for each in limits.values()}
+            laws = list(_prepared_laws(spec, variants, scenes[label], different))
             compiled = _checked_plants(spec, plants, scenes[label])
-        for plant in plants:
-            for i, variant in enumerate(variants):
-                place = Names(label, variant.label, variant.set, plant)
-                cases.append(Case(place, scenes[label], variant, plants[plant], compiled[plant], *laws[i]))
+        for name, plant in plants.items():
+            for variant, (versions, gains) in zip(variants, laws, strict=True):
+                place = Names(label, variant.label, variant.set, name)
+                law = versions[limits[name].velocity]
+                cases.append(
+                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], law, gains)
+                )
     return Setting(spec, folder, scenes, tuple(cases))
 
 
@@ -238,12 +254,18 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         check_reach(robot, start, samples)
     except ReachError as error:
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+    check_clearance(robot, start, samples)
     return Scene(robot, start, reference, samples)
 
 
 def _start(given: Start, robot: Robot) -> Array:
     """Return the start configuration, within the limits."""
     start = start_configuration(given, robot)
+    if (far := np.abs(start) > FARTHEST).any():
+        i = int(far.argmax())
+        raise ValueRangeError(
+            f"start: {robot.joint_names[i]} is {start[i]:g}; at most {FARTHEST:g} rad or m, no robot goes farther"
+        )
     outside = (start < robot.limits.lower) | (start > robot.limits.upper)
     if outside.any():
         i = int(outside.argmax())
@@ -255,15 +277,21 @@ def _start(given: Start, robot: Robot) -> Array:
 
 
 def _prepared_laws(
-    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene
-) -> Iterator[tuple[PreparedLaw | None, tuple[LoopGain, ...] | None]]:
-    """Prepare every law; give those that fit into memory, and the loop gains of all."""
+    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, different: dict[bool | None, CommandLimits]
+) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
+    """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
     room = _KEPT_BYTES
     for variant in variants:
         with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
-            prepared = variant.law.prepare(scene.robot, scene.reference, spec.period, spec.limits)
-        room -= prepared.parameters.nbytes
-        yield prepared if room > 0 else None, loop_gains(variant.law, prepared)
+            first = variant.law.prepare(
+                scene.robot, scene.reference, spec.period, next(iter(different.values()))
+            )
+        room -= len(different) * first.parameters.nbytes
+        kept = {
+            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            for i, (velocity, limits) in enumerate(different.items())
+        }
+        yield kept, loop_gains(variant.law, first)
 
 
 def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:

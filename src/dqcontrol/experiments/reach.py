@@ -71,7 +71,7 @@ def _check_length(robot: Robot, samples: Array) -> None:
     """Raise if a position is farther from the first axis than the stretched arm is long."""
     distance = np.linalg.norm(algebra.translation(samples[:, POSE]) - _shoulder(robot), axis=1)
     far = distance - describe(robot).reach
-    if far.max() > 0:
+    if far.max() > _POSITION:
         raise ReachError(
             f"reference: at t = {samples[int(far.argmax()), TIME]:.3g} s the desired position is {far.max():.3g} m "
             f"out of reach of {robot.name}"

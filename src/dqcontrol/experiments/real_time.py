@@ -9,9 +9,12 @@ from typing import Any
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run, as_run, execute
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.supervision import Watch
+from dqcontrol.recording.black_box_folder import FOLDER, save_black_box
 
 
 def run_in_real_time(
@@ -24,7 +27,8 @@ def run_in_real_time(
 ) -> Run:
     """Run a spec of one run at its control period, and write its folder; the recording grows while it moves.
 
-    Whatever ends it, the folder holds spec and recording up to there.
+    Whatever ends it, the folder holds spec and recording up to there; and if it did not end by itself, the last seconds
+    of a supervised robot in a folder ``black-box`` of their own.
 
     Parameters
     ----------
@@ -50,9 +54,25 @@ def run_in_real_time(
     clock = clock or Clock(overrun="skip")
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
+    black_box, text = BlackBox(robot, setting.spec.period), setting.single_text(case, 0)
     with streamed.record() as recording:
-        record = execute(setting, case, clock=clock, watch=watch, recording=recording)
+        try:
+            record = execute(
+                setting, case, clock=clock, watch=watch, recording=recording, black_box=black_box
+            )
+        except BaseException as error:
+            _keep(black_box, streamed.folder, text, f"broken off: {error or type(error).__name__}")
+            raise
         recording.close(record.stopped)
+    if record.stopped.startswith(("halted", "faulted", "diverged")):
+        _keep(black_box, streamed.folder, text, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
     streamed.complete(done)
+    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done
+
+
+def _keep(black_box: BlackBox, folder: Path, spec: str, stopped: str) -> None:
+    """Write what the black box holds, if a supervisor filled it."""
+    if len(black_box):
+        save_black_box(black_box, folder / FOLDER, spec, stopped)

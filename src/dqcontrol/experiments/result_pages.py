@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class ResultPages(Protocol):
     """Writes figures and reports into existing folders."""
 
-    def write_run(self, run: Run, folder: Path, outside: str) -> None:
+    def write_run(self, run: Run, folder: Path, outside: str, *, figures: bool = True) -> None:
         """Write those of a run; ``outside`` leads from its folder out of all results."""
         ...
 
@@ -34,6 +34,8 @@ class ResultPages(Protocol):
         tables: Sequence[Table],
         records: Mapping[str, Record],
         pages: Mapping[str, str],
+        *,
+        figures: bool = True,
     ) -> None:
         """Write those of a study, with further tables, records to compare and pages of single runs by label."""
         ...

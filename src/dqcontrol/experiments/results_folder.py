@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
+from dqcontrol.files.whole_file import whole_file
 
 MARK = "spec.yaml"  # every folder of results holds what it came from
 OUTSIDE = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
 _LONGEST = 200  # bytes of a name; file systems take 255
 _CONTENTS = ".dqcontrol-results"  # and the list of all that was written
+_SAVING = ".saving"  # in it, while something is added
 
 
 def check_new(folder: str | Path, *, force: bool) -> None:
@@ -29,6 +32,7 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         If nothing can be written there.
     """
     target = Path(folder)
+    _clear_up(target)
     if not target.exists() and not target.is_symlink():
         near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
         if not near.is_dir() or not os.access(near, os.W_OK | os.X_OK):
@@ -41,7 +45,7 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     if not (target / _CONTENTS).is_file():
         raise ExistsError(f"{target}: exists and holds no results of a run; it is never replaced")
     written = set((target / _CONTENTS).read_text(encoding="utf-8").splitlines())
-    if foreign := sorted(_files(target) - written - {_CONTENTS}):
+    if foreign := sorted(_files(target) - written - {_CONTENTS} - _being_saved(target)):
         raise ExistsError(f"{target}: holds '{foreign[0]}', which no run wrote; it is not replaced")
 
 
@@ -59,21 +63,85 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        lock = _locked(draft)
+        try:
+            (draft / _CONTENTS).touch()  # says that it is ours, if this process is killed
+            yield draft
+            note_contents(draft)
+            draft.chmod(0o755)
+            check_new(target, force=force)
+            _replace(target, draft)
+        except BaseException:
+            shutil.rmtree(draft, ignore_errors=True)
+            raise
+        finally:
+            if lock is not None:
+                os.close(lock)
+
+
+@contextmanager
+def added_files(folder: Path) -> Iterator[Path]:
+    """Give a hidden folder inside one of results; what was written to it is then moved there.
+
+    Killed at any moment, the folder holds what it held before, and may be replaced when asked.
+    """
+    draft = folder / _SAVING
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir()
     try:
         yield draft
-        note_contents(draft)
-        draft.chmod(0o755)
-        check_new(target, force=force)
-        _replace(target, draft)
-    except BaseException:
+        note_contents(folder, more=_files(draft))
+        for path in draft.iterdir():
+            path.replace(folder / path.name)
+    finally:
         shutil.rmtree(draft, ignore_errors=True)
-        raise
+    note_contents(folder)
 
 
-def note_contents(folder: Path) -> None:
-    """Remember all that was written to a folder by now, so that it may be replaced when asked."""
-    names = sorted(_files(folder) - {_CONTENTS})
-    (folder / _CONTENTS).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
+def _being_saved(folder: Path) -> set[str]:
+    """Return the files of `added_files` that a killed process left."""
+    return {
+        name for name in _files(folder) if name.startswith(f"{_SAVING}/") or name.endswith(f".{_CONTENTS}")
+    }
+
+
+def _clear_up(target: Path) -> None:
+    """Remove the hidden folders that killed processes left beside a target; an earlier one is put back in its place."""
+    if not target.parent.is_dir():
+        return
+    for draft in target.parent.glob(f".{glob.escape(target.name)}-*"):
+        if not re.fullmatch(r"\w{8}(-old)?", draft.name[len(target.name) + 2 :]) or draft.is_symlink():
+            continue
+        if not (draft / _CONTENTS).is_file() or (lock := _locked(draft)) is None:
+            continue
+        with suppress(OSError):
+            if draft.name.endswith("-old") and not target.exists():
+                draft.rename(target)
+            else:
+                shutil.rmtree(draft)
+        os.close(lock)
+
+
+def _locked(folder: Path) -> int | None:
+    """Return a descriptor of a folder that no other living process holds, or None; the lock ends with this process."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def note_contents(folder: Path, more: Iterable[str] = ()) -> None:
+    """Remember what was written to a folder by now, and what more will be, so that it may be replaced when asked."""
+    names = sorted({*_files(folder), *more} - {_CONTENTS} - _being_saved(folder))
+    with whole_file(folder / _CONTENTS, overwrite=True) as draft:
+        draft.write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
 
 
 def folder_names(labels: Iterable[str]) -> dict[str, str]:

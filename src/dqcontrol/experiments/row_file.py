@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, writing
-from dqcontrol.measures.metric_tables import METRIC_COLUMNS
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS, TEXTS
 
 Row = dict[str, float | int | str | None]
 
@@ -72,7 +72,7 @@ def parquet(rows: Sequence[Mapping[str, Any]], notes: Mapping[str, str]) -> byte
     names = list(dict.fromkeys(name for row in rows for name in row))
     arrays = [arrow.array([row.get(name) for row in rows]) for name in names]
     arrays = [
-        array.cast(arrow.string() if name == "limit_joint" else arrow.float64())
+        array.cast(arrow.string() if name in TEXTS else arrow.float64())
         if array.type == arrow.null()
         else array
         for name, array in zip(names, arrays, strict=True)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,20 +13,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import LimitWarning, ShapeError
+from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.clearance import least_clearance
 from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
 from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.spec import AnyPlant, Judged, read_spec
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
+from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
 from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import follow
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, evaluate
 from dqcontrol.measures.task_range import with_range
+from dqcontrol.measures.task_result import TaskResult, task_result
+from dqcontrol.plants import Plant
+from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
 from dqcontrol.robots import Robot
 
@@ -116,15 +122,30 @@ class Run:
     @property
     def plant(self) -> AnyPlant | None:
         """What moved, as the spec has it; None of an evaluated log."""
+        return None if self._parts is None else next(iter(self._parts.plant_by_label.values()))
+
+    @property
+    def law(self) -> AnyLaw | None:
+        """What drove it, as the spec has it; None of an evaluated log."""
+        return None if self._parts is None else next(iter(self._parts.law_by_label.values()))
+
+    @cached_property
+    def _parts(self) -> Spec | None:
         data = parse_yaml("spec", self.spec)
-        return None if "evaluation" in data else next(iter(read_spec(data)[0].plant_by_label.values()))
+        return None if "evaluation" in data else read_spec(data)[0]
 
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return measure(self.record, self.robot, self.settle, self.judged)
+        return measure(self.record, self.robot, self.settle, self.judged, self.law, self.plant)
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+    @cached_property
+    def task(self) -> TaskResult:
+        """Whether it did what was asked."""
+        record = as_judged(self.record, self.robot, self.judged)
+        return task_result(record, law=self.law, settle=min(self.settle, record.duration))
+
+    def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
 
         Parameters
@@ -133,6 +154,8 @@ class Run:
             A new folder.
         force
             Replace it, if it holds an earlier run.
+        figures
+            False: neither plots nor figures in the report, which take seconds; ``dqcontrol figures`` draws them later.
 
         Raises
         ------
@@ -140,7 +163,7 @@ class Run:
             If the folder exists (and is not an earlier run, with ``force``).
         """
         with new_folder(folder, force=force) as new:
-            self.write(new)
+            self.write(new, figures=figures)
         return Path(folder)
 
     def export(self, path: str | Path, *, force: bool = False) -> Path:
@@ -161,10 +184,10 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path, outside: str = OUTSIDE) -> None:
+    def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
-        result_pages().write_run(self, folder, outside)
+        result_pages().write_run(self, folder, outside, figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
@@ -181,23 +204,28 @@ def units_of(robot: Robot) -> dict[str, list[str]]:
     return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
 
 
-def beyond_limits(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
-    """Say how far repeats of one case, given by their metrics, went beyond the joint limits; nothing if none did."""
-    crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < 0]
-    if not crossed:
-        return ""
-    worst = min(crossed, key=lambda trial: trial["limit_margin"])
-    count = f", in {len(crossed)} of {len(trials)} repeats" if len(trials) > 1 else ""
-    return (
-        f"{label}: {worst['limit_joint']} went {-worst['limit_margin']:.3g} rad or m beyond its limits{count}"
-    )
+def as_judged(record: Record, robot: Robot, judged: Judged) -> Record:
+    """Return a run as it is judged: with the true joint angles, or with those that the encoders gave."""
+    if judged == "true":
+        return record
+    return replace(record, q=record.measured, pose=robot.fkm(record.measured))
 
 
-def measure(record: Record, robot: Robot, settle: float, judged: Judged = "true") -> Metrics:
+def measure(
+    record: Record,
+    robot: Robot,
+    settle: float,
+    judged: Judged = "true",
+    law: Law | None = None,
+    plant: Plant | None = None,
+) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
-    if judged == "measured":
-        record = replace(record, q=record.measured, pose=robot.fkm(record.measured))
-    return evaluate(record, robot.limits, settle=min(settle, record.duration))
+    limits = robot.limits
+    if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
+        limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
+    shown = as_judged(record, robot, judged)
+    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law)
+    return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 
 def execute(
@@ -210,6 +238,7 @@ def execute(
     clock: Clock | None = None,
     recording: RecordStream | None = None,
     watch: Watch | None = None,
+    black_box: BlackBox | None = None,
 ) -> Record:
     """Return the record of one trial of a prepared spec; with a clock in real time.
 
@@ -233,6 +262,7 @@ def execute(
         clock=clock,
         recording=recording,
         watch=watch,
+        black_box=black_box,
     )
     record = with_range(scene.robot, record)
     if not spec.keeps_records:
@@ -283,6 +313,5 @@ def run(
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = replace(as_run(setting, case, 0, record), expected=expected)
-    if beyond := beyond_limits(done.label, [done.metrics.flat()]):
-        warnings.warn(beyond, LimitWarning, stacklevel=2)
+    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done

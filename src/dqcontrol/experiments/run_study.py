@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import DivergedError, LimitWarning
+from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import Setting, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
-from dqcontrol.experiments.row_file import Row
-from dqcontrol.experiments.run import Run, beyond_limits
+from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
 from dqcontrol.experiments.working_folder import working_folder
@@ -76,7 +75,10 @@ def run_study_to(
     *,
     force: bool = False,
     jobs: int | None = None,
+    figures: bool = True,
     progress: StudyProgress | None = None,
+    computed: Callable[[Study], None] | None = None,
+    drawing: Callable[[int, int], None] | None = None,
 ) -> Study:
     """Run a study and save it; after an interruption the same call goes on with the trials that are left.
 
@@ -91,6 +93,12 @@ def run_study_to(
         A new folder; a spec of one run makes a folder of a run.
     force
         Replace the folder, if it holds earlier results, and discard the finished trials of another spec or version.
+    figures
+        False: no plots, and reports without figures, which take most of the time of short runs.
+    computed
+        Called with the study once it has run, before figures and reports are written.
+    drawing
+        Called with the number of reports of single runs that are written, and of all of them.
 
     Raises
     ------
@@ -104,11 +112,18 @@ def run_study_to(
         study = _run(setting, jobs, progress, None)
         if not study.runs:
             raise DivergedError(str(study.rows[0]["stopped"]))
-        (next(iter(study.runs.values())) if setting.spec.is_single else study).save(target, force=force)
+        if computed:
+            computed(study)
+        if setting.spec.is_single:
+            next(iter(study.runs.values())).save(target, force=force, figures=figures)
+        else:
+            study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study
     with Journal(working_folder(target), setting, force=force) as journal:
         study = _run(setting, jobs, progress, journal)
-        study.save(target, force=force)
+        if computed:
+            computed(study)
+        study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         journal.discard()
     return study
 
@@ -138,12 +153,7 @@ def _run(
         if journal:
             journal.add(outcome)
         report(len(rows), len(order))
-    _warn_of_limits(rows[trial] for trial in order)
+    metrics = by_label(rows[trial] for trial in order)
+    warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
     labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
     return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)
-
-
-def _warn_of_limits(rows: Iterable[Row]) -> None:
-    for label, trials in by_label(rows).items():
-        if beyond := beyond_limits(label, trials):
-            warnings.warn(beyond, LimitWarning, stacklevel=4)

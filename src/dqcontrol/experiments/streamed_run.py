@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.errors import Error
-from dqcontrol.experiments.results_folder import MARK, check_new, new_folder, note_contents
+from dqcontrol.errors import writing
+from dqcontrol.experiments.results_folder import MARK, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
@@ -33,6 +33,8 @@ class StreamedRun:
         If the folder exists (and is not an earlier run, with ``force``).
     """
 
+    folder: Path
+
     def __init__(self, folder: str | Path, robot: Robot, spec: str, *, force: bool = False) -> None:
         check_new(folder, force=force)
         self.folder, self._robot, self._spec, self._force = Path(folder), robot, spec, force
@@ -52,7 +54,7 @@ class StreamedRun:
         Error
             If it cannot be written.
         """
-        try:
+        with writing(self.folder):
             if not self._count:
                 with new_folder(self.folder, force=self._force) as new:
                     (new / MARK).write_text(self._spec, encoding="utf-8")
@@ -61,8 +63,6 @@ class StreamedRun:
             self._count += 1
             recording = RecordStream(self.path, self._robot, self._spec)
             note_contents(self.folder)
-        except OSError as error:
-            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None
         return recording
 
     def complete(self, run: Run) -> None:
@@ -73,10 +73,5 @@ class StreamedRun:
         Error
             If it cannot be written; the recording is then still there.
         """
-        try:
-            streamed = self.path.rename(self.folder / "streamed.mcap")
-            run.write(self.folder)
-            streamed.unlink()
-            note_contents(self.folder)
-        except OSError as error:
-            raise Error(f"{self.folder}: cannot be written: {error.strerror or error}") from None
+        with writing(self.folder), added_files(self.folder) as new:
+            run.write(new)

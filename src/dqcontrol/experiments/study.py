@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import shutil
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.noise import noise_model
 from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import MARK, OUTSIDE, folder_names, new_folder
 from dqcontrol.experiments.row_file import Row, write_rows
@@ -22,7 +24,7 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.record import has_failed, thinned
 from dqcontrol.measures.repeat_tables import (
     confidence_table,
     differences_table,
@@ -32,6 +34,8 @@ from dqcontrol.measures.repeat_tables import (
 from dqcontrol.measures.tables import Table
 
 ROWS = "runs.parquet"
+_WORTH_PROCESSES = 4  # runs whose figures take longer than starting processes
+_DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes more memory than the study
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,15 @@ class Study:
         """Return what notebooks show: the table."""
         return self.table().markdown()
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+    def save(
+        self,
+        folder: str | Path,
+        *,
+        force: bool = False,
+        figures: bool = True,
+        jobs: int | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Path:
         """Write ``spec.yaml``, ``report.html``, tables and comparison plots, and what was kept of each trial.
 
         Without repeats and with records in memory: a folder a run. Otherwise ``runs.parquet`` with its rows, and with
@@ -108,6 +120,12 @@ class Study:
             A new folder.
         force
             Replace it, if it holds earlier results.
+        figures
+            False: no plots, and reports without figures; drawing takes most of the time, some seconds a run.
+        jobs
+            Processes that draw in parallel; default: as many as there are processors, or one for few runs.
+        progress
+            Called with the number of pages of runs written, and of all of them.
 
         Raises
         ------
@@ -117,17 +135,35 @@ class Study:
         with new_folder(folder, force=force) as new:
             (new / MARK).write_text(self.spec, encoding="utf-8")
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
-            for label, name in names.items():
-                (new / name).mkdir()
-                self.runs[label].write(new / name, f"{OUTSIDE}/{OUTSIDE}")
+            self._write_runs({label: new / name for label, name in names.items()}, figures, jobs, progress)
             if not names:
                 self._write_trials(new)
-            records = {label: self.runs[label].record for label in names} or self._first_repeats()
             tables = self._write_tables(new)
+            records: dict[str, Record] = {}
+            if figures:
+                records = {label: self.runs[label].record for label in names} or self._first_repeats()
             write_table(self.table(), new, "table")
             pages = {label: f"{name}/report.html" for label, name in names.items()}
-            result_pages().write_study(self, new, tables, records, pages)
+            result_pages().write_study(self, new, tables, records, pages, figures=figures)
         return Path(folder)
+
+    def _write_runs(
+        self,
+        folders: Mapping[str, Path],
+        figures: bool,
+        jobs: int | None,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        """Write the folder of each run, in parallel where that saves time."""
+        import joblib
+
+        pages = [_Page(self.runs[label], folder, figures) for label, folder in folders.items()]
+        if jobs is None:
+            jobs = joblib.cpu_count() if figures and len(pages) >= _WORTH_PROCESSES else 1
+        done = map(_write_page, pages) if jobs == 1 else in_processes(_write_page, pages, jobs)
+        for count, _ in enumerate(done, 1):
+            if progress:
+                progress(count, len(pages))
 
     def _write_trials(self, new: Path) -> None:
         write_rows(new / ROWS, self.rows, {"spec": self.spec})
@@ -167,8 +203,21 @@ class Study:
         setting, records = self.setting(), {}
         for case in setting.cases[:MOST_CURVES]:
             with suppress(DivergedError):
-                records[case.names.label] = execute(setting, case)
+                records[case.names.label] = thinned(execute(setting, case), _DRAWN)
         return records
+
+
+class _Page(NamedTuple):
+    """A run, the new folder that it is written into, and whether with figures."""
+
+    run: Run
+    folder: Path
+    figures: bool
+
+
+def _write_page(page: _Page) -> None:
+    page.folder.mkdir()
+    page.run.write(page.folder, f"{OUTSIDE}/{OUTSIDE}", figures=page.figures)
 
 
 def by_label(rows: Iterable[Row]) -> dict[str, list[Row]]:

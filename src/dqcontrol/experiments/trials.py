@@ -105,7 +105,9 @@ class Batch:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
             return Outcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
-        metrics = measure(record, case.scene.robot, spec.settle, spec.judged).flat()
+        metrics = measure(
+            record, case.scene.robot, spec.settle, spec.judged, case.variant.law, case.plant
+        ).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
         return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
 

@@ -46,7 +46,7 @@ class WorkingFolder:
     def __init__(self, folder: Path, text: str, fingerprint: str, *, force: bool = False) -> None:
         import_pyarrow()
         self.folder = folder
-        self.recordings = folder / "runs"
+        self.recordings: Path = folder / "runs"
         self._text, self._fingerprint = text, fingerprint
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
@@ -22,6 +24,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_LARGEST, _WIDEST, _TALLEST = (
+    1.15,
+    1.3,
+    0.75,
+)  # of walls in space: more would leave no room for labels and legend
 _HEADINGS = 12  # arrows along a path
 _POSES = 5  # of the robot in one picture
 _RADIUS = 0.17  # m, of a base that does not say how wide it is
@@ -123,13 +130,13 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
     everything = []
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
-        q = record.q[np.isfinite(record.q).all(axis=1)]
-        hand = algebra.translation(robot.fkm(q))
+        finite = np.flatnonzero(np.isfinite(record.q).all(axis=1))
+        hand = algebra.translation(recorded_frames(robot, record, finite)[:, -1])
         axes.plot(*hand.T, color=style["color"], ls=":", lw=0.9)
-        chosen = _evenly(hand, poses)
-        for k, (row, frames) in enumerate(zip(q[chosen], robot.frames(q[chosen]), strict=True)):
+        chosen = finite[_evenly(hand, poses)]
+        for k, frames in enumerate(recorded_frames(robot, record, chosen)):
             strength = 0.25 + 0.75 * k / (poses - 1)
-            links, discs = _silhouette(robot, row, frames)
+            links, discs = _silhouette(robot, frames)
             everything += [links, *discs]
             last = k == poses - 1
             axes.plot(
@@ -183,7 +190,7 @@ def _evenly(path: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.searchsorted(length, np.linspace(0, length[-1], count)), len(path) - 1)
 
 
-def _silhouette(robot: Robot, q: Array, frames: Array) -> tuple[Array, list[Array]]:
+def _silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
     """Return the points from joint to joint, and the rim of each base with a stroke to its front."""
     bases = _bases(robot)
     hidden = {first + k for first, _ in bases for k in (0, 1)}
@@ -216,6 +223,20 @@ def _frame(axes: Any, points: Array) -> None:
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(4))
         axis.set_pane_color(PANE)
-    axes.set_box_aspect(size, zoom=1.15)
     axes.tick_params(pad=0)
     axes.view_init(elev=24.0, azim=-62.0)
+    axes.set_box_aspect(size, zoom=1.0)
+    across, up = _drawn_size(axes)
+    axes.set_box_aspect(size, zoom=min(_LARGEST, _WIDEST / across, _TALLEST / up))
+
+
+def _drawn_size(axes: Any) -> tuple[float, float]:
+    """Return width and height of the walls as they are drawn, as shares of the rectangle of the axes."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    limits = [getattr(axes, f"get_{name}lim")() for name in "xyz"]
+    corners = np.array(list(product(*limits)))
+    x, y, z = corners.T
+    across, up, _ = proj3d.proj_transform(x, y, z, axes.get_proj())
+    drawn = axes.transAxes.inverted().transform(axes.transData.transform(np.column_stack([across, up])))
+    return tuple(np.ptp(drawn, axis=0).tolist())

@@ -32,17 +32,11 @@ Array = NDArray[np.float64]
 
 _DECADES = 5  # of the criteria below their peak that are shown
 
-_LABELS = (
-    ERROR,
-    "control [rad/s or m/s]",
-    "joint step [rad or m]",
-    "hand speed [m/s]",
-    "hand acc. [m/s²]",
-)
+_MOST = 8  # runs; more can hardly be told apart
 
 
 @styled
-def compare_criteria(records: Mapping[str, Record]) -> Figure:
+def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> Figure:
     """Plot the criteria of several runs of one task, and their poses over the desired one [P16 5.2, Figures 5.2–5.4].
 
     The criteria are the norms of error, control signal, joint step from sample to sample, velocity and acceleration of
@@ -52,7 +46,9 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
     Parameters
     ----------
     records
-        Runs by label. The desired pose shown is that of the longest.
+        Runs by label; the first eight are shown. The desired pose shown is that of the longest.
+    unit
+        Of the inputs' way: ``"rad"`` if all joints are revolute.
 
     Raises
     ------
@@ -63,15 +59,18 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
     --------
     >>> compare_criteria({"K": first.record, "LQR": second.record})  # doctest: +SKIP
     """
+    from matplotlib.lines import Line2D
+
     if not records:
         raise ShapeError("records: expected at least one run, got none")
+    chosen = dict(list(records.items())[:_MOST])
     across = max(2, panels_across(3))
     figure = new_figure(DOUBLE, 1.6 * 12 / across)
     grid = figure.subplots(12 // across, across, sharex=True)
     panels = grid.T.ravel()
     criteria, coordinates, coefficients = panels[:5], panels[5:8], panels[8:]
-    widths = line_widths(len(records))
-    for i, ((label, record), width) in enumerate(zip(records.items(), widths, strict=True)):
+    widths = line_widths(len(chosen))
+    for i, ((label, record), width) in enumerate(zip(chosen.items(), widths, strict=True)):
         style = line_style(i) | {"label": label, "lw": width}
         for axes, (time, values, held) in zip(criteria, _criteria(record), strict=True):
             axes.plot(time, np.maximum(values, FLOOR), drawstyle="steps-post" if held else "default", **style)
@@ -79,22 +78,36 @@ def compare_criteria(records: Mapping[str, Record]) -> Figure:
             axes.plot(record.time, values, **style)
         for axes, values in zip(coefficients, _quaternions(record)[0].T, strict=True):
             axes.plot(record.time, values, **style)
-    longest = max(records.values(), key=lambda record: record.duration)
+    longest = max(chosen.values(), key=lambda record: record.duration)
     desired = np.hstack([longest.desired_position, _quaternions(longest)[1]])
     names = [*(f"${name}$ [m]" for name in "xyz"), *(f"orientation ${name}$" for name in "wijk")]
     for axes, values, name in zip(panels[5:], desired.T, names, strict=True):
         axes.plot(longest.time, values, color=DESIRED, ls=(0, (5, 3)), lw=0.9, label="desired")
         axes.set_ylabel(name)
         at_least(axes, 1e-3)
-    for axes, label in zip(criteria, _LABELS, strict=True):
+    for axes, label in zip(criteria, _labels(unit), strict=True):
         axes.set_ylabel(label)
         logarithmic(axes, _DECADES)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     figure.align_ylabels()
     figure.set_layout_engine("constrained", wspace=0.05)
-    legend_below(figure, coordinates[0])
+    left_out = len(records) - len(chosen)
+    note = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
+    legend_below(figure, coordinates[0], note)
     return figure
+
+
+def _labels(unit: str) -> tuple[str, ...]:
+    """Return the names of the criteria, their units below them: side by side they are longer than an axis."""
+    rate = " or ".join(f"{each}/s" for each in unit.split(" or "))
+    return (
+        ERROR,
+        f"control\n[{rate}]",
+        f"joint step\n[{unit}]",
+        "hand speed\n[m/s]",
+        "hand acc.\n[m/s²]",
+    )
 
 
 def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:

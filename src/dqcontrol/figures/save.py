@@ -131,12 +131,12 @@ def save_plots(
     return save_figures({name: each() for name, each in draw.items()}, folder, formats)
 
 
-def comparison_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
+def comparison_figures(records: Mapping[str, Record], unit: str = "rad or m") -> dict[str, Draw]:
     """Return what draws the figures of several runs together, by name: ``paths``, ``errors`` and ``criteria``."""
     return {
         "paths": lambda: compare_paths(records),
         "errors": lambda: compare_errors(records),
-        "criteria": lambda: compare_criteria(records),
+        "criteria": lambda: compare_criteria(records, unit),
     }
 
 

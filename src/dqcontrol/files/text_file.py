@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.files.input_file import read_whole
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
@@ -24,7 +25,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     file = Path(path)
     try:
-        content = file.read_bytes()
+        content = read_whole(file)
     except FileNotFoundError:
         near = suggest(file.name, [each.name for each in file.parent.glob("*")])
         raise FileFormatError(f"{path}: no such file{near}") from None

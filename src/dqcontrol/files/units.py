@@ -54,3 +54,12 @@ def as_quantity(text: str) -> tuple[float, str] | None:
     number = float(match[1])
     value = math.radians(number) if factor == math.pi / 180 else number * factor
     return value, unit + (match[3] or "").translate(_POWERS)
+
+
+def as_seconds(text: str) -> float | None:
+    """Return a time, as ``0.008``, ``8ms`` or ``8 ms``, in seconds; None if the text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        value, unit = as_quantity(text) or (0.0, "")
+        return value if unit == "s" else None

@@ -15,9 +15,13 @@ from yaml.composer import ComposerError
 from yaml.constructor import ConstructorError
 
 from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.files.input_file import read_whole
 
 T = TypeVar("T")
 
+LARGEST_YAML = (
+    2_000_000  # bytes; the largest that people write have some kB, and reading takes 10 s for each MB
+)
 _MERGED = "aliases are not read here; write the value out"
 
 
@@ -42,7 +46,7 @@ def read_yaml(path: str | Path, schema: type[T]) -> T:
 def read_text(path: str | Path) -> str:
     """Return the text of a UTF-8 file."""
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
+        return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import Room
+from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
 from dqcontrol.plants.mobile.wheeled_base import WHEELS
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 _MARGIN = 0.35  # m; around what moves
+_POSTURES = 50  # looked at to find the room
 
 
 def film_mobile(robot: Robot, plant: MobilePlant, record: Record) -> Film:
@@ -33,26 +36,29 @@ def film_mobile(robot: Robot, plant: MobilePlant, record: Record) -> Film:
     """
     return Film(
         plant.picture_model(robot),
-        _room(plant, record),
+        _room(robot, plant, record),
         lambda model: _configurations(robot, plant, record, model),
         azimuth=-110.0,
         elevation=-38.0,
     )
 
 
-def _room(plant: MobilePlant, record: Record) -> Room:
-    """Return the room that holds all that is to be seen."""
+def _room(robot: Robot, plant: MobilePlant, record: Record) -> Room:
+    """Return the room that holds the robot on its whole way, its goals, and the things around it."""
     things = [[*thing.position, 0.0] for thing in (*plant.scene.cubes, *plant.scene.baskets)]
-    base = np.hstack([record.q[:, :2], np.zeros((len(record.q), 1))])
-    points = np.vstack([base, translation(record.desired[:, :8]), *things])
+    some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
+    frames = recorded_frames(robot, record, some)[:, 2:].reshape(-1, 8)
+    points = np.vstack([translation(frames), translation(record.desired[:, :8]), *things])
     margin = np.array([_MARGIN, _MARGIN, 0.0])
     lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
+    lower[2] = min(lower[2], 0.0)
     extent = float(np.linalg.norm(upper - lower))
-    return Room(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent)
+    height = float(upper[2] - lower[2])
+    return Room(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent + 0.6 * height)
 
 
 def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any) -> NDArray[np.float64]:
-    """Return MuJoCo's coordinates at each sample; the base stands upright."""
+    """Return MuJoCo's coordinates at each sample."""
     readings = record.readings
     cubes = [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))]
     needed = ["wheel_angle", *(["gripper_opening"] if plant.gripper else [])]
@@ -64,8 +70,12 @@ def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any
         )
     out = np.zeros((len(record.q), model.nq))
     base = coordinates_of(model, ["base"])[0]
-    out[:, base : base + 2] = record.q[:, :2]
-    out[:, base + 3], out[:, base + 6] = np.cos(record.q[:, 2] / 2), np.sin(record.q[:, 2] / 2)
+    if BASE_POSITION in readings:
+        out[:, base : base + 3] = readings[BASE_POSITION].values
+        out[:, base + 3 : base + 7] = readings[BASE_QUATERNION].values
+    else:  # a recording of an earlier version
+        out[:, base : base + 2] = record.q[:, :2]
+        out[:, base + 3], out[:, base + 6] = np.cos(record.q[:, 2] / 2), np.sin(record.q[:, 2] / 2)
     out[:, coordinates_of(model, [f"wheel_{name}" for name in WHEELS])] = readings["wheel_angle"].values
     out[:, coordinates_of(model, robot.joint_names[3:])] = record.q[:, 3:]
     if plant.gripper:

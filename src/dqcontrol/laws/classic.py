@@ -8,61 +8,46 @@ import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import multiply
 from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.inverses import ELSEWHERE, FilteredInverse, Inverse, solve, solve_pose_rate
+from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
-from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot
 
 
 @inlined
-def _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, inverse, work, out):
-    """Write out = z + J⁺ (rate − J z); rate is overwritten."""
-    n = pose_jacobian.shape[1]
-    preferred, rest = work[0:n], work[n + SCRATCH :]
+def _hand_twist(rate, pose):
+    """Return the hand's twist [ω ; ṗ] that moves its pose nearest to a wanted rate."""
     (ax, ay, az), (bx, by, bz), (dx, dy, dz) = nearest_twist(rate, pose)
     px, py, pz = 2.0 * dx, 2.0 * dy, 2.0 * dz
-    twist = (
-        ax,
-        ay,
-        az,
-        bx + ay * pz - az * py,
-        by + az * px - ax * pz,
-        bz + ax * py - ay * px,
-    )  # ṗ = v + ω × p
-    offset = -dx, -dy, -dz  # moving the twist to the hand takes p, twice this, away
-    status = solve_pose_rate(pose, twist_jacobian, twist, preferred, offset, inverse, rest, out)
-    if status != ELSEWHERE:
-        return status
-    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
-    return solve(pose_jacobian, rate, preferred, inverse, rest, out)
+    return ax, ay, az, bx + ay * pz - az * py, by + az * px - ax * pz, bz + ax * py - ay * px  # ṗ = v + ω × p
 
 
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J⁺ (K e + k_I ∫e dt) with e = vec8(x_d − x)."""
+    """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
     n = pose_jacobian.shape[1]
-    rate, error = work[n : n + 8], work[n + 8 : n + 16]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    rate = own[0:8]
     alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
     sign = short_sign(alike, parameters[HYSTERESIS], state)
     for i in range(8):
-        error[i] = sign * sample[i] - pose[i]
-        rate[i] = parameters[GAIN + i] * error[i]
-    add_integral(error, 0, 8, parameters, state, rate)
-    return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
+        rate[i] = parameters[GAIN + i] * (sign * sample[i] - pose[i])
+    twist = add_integral(_hand_twist(rate, pose), pose, sample, parameters, state, own[8:24])
+    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 
 @kernel(LAW)
 def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d."""
     n = pose_jacobian.shape[1]
-    rate, half_twist = work[n : n + 8], work[n + 8 : n + 16]
+    rate, half_twist, rest = work[n : n + 8], work[n + 8 : n + 16], work[n + SCRATCH :]
     alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
     sign = short_sign(alike, 0.0, state)
     half_twist[0], half_twist[4] = 0.0, 0.0
@@ -70,14 +55,16 @@ def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state,
         half_twist[1 + i] = 0.5 * sign * sample[8 + i]
         half_twist[5 + i] = 0.5 * sign * sample[11 + i]
     multiply(half_twist, sample, rate)
-    return _solve_pose_rate(rate, pose, pose_jacobian, twist_jacobian, parameters, work, out)
+    return solve_hand_twist(pose, twist_jacobian, _hand_twist(rate, pose), work[0:n], parameters, rest, out)
 
 
 class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):
     """Classic P: q̇ = J⁺ K vec8(x_d − x). [P16 2.20–2.22]
 
-    |x_d − x| never grows and decays at rate k. The error is not invariant: how translation and rotation are weighed
-    depends on where the base frame sits. Prefer `Proportional` unless you compare with the literature.
+    |x_d − x| never grows and decays at rate k while J has full rank. The error is not invariant: how translation and
+    rotation are weighed depends on where the base frame sits, as long as both are corrected; what cannot be done is
+    missed by least squares in the hand's twist, as with all laws.
+    Prefer `Proportional` unless you compare with the literature.
 
     Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
     stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
@@ -89,8 +76,9 @@ class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="class
     ----------
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
-    integral_gain, integral_limit
-        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
+    integral_gain, integral_position_limit, integral_orientation_limit
+        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
+        see `IntegralPoseLaw`. 0 for none.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis

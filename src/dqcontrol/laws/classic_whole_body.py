@@ -24,19 +24,16 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     drives = as_matrix(parameters[_DRIVES:], (parameters.shape[0] - _DRIVES) // 2, 2)
     n = m + drives.shape[0]
     twist_columns = as_matrix(rest[0 : 6 * n], 6, n)
-    pose_columns = as_matrix(rest[6 * n : 14 * n], 8, n)
-    rates, inner = rest[14 * n : 15 * n], rest[15 * n :]
+    rates, inner = rest[6 * n : 7 * n], rest[7 * n :]
     twist_jacobian_with_sideways(drives, twist_jacobian, twist_columns)
     for i in range(n):
         inner[i] = work[i] if i < m else 0.0
 
     error, target = own[0:8], own[8:16]
-    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
-    status = solve_left_error(
-        target, error, pose, pose_columns, twist_columns, sample, sign, parameters, inner, rates
-    )
+    status = solve_left_error(target, error, pose, twist_columns, parameters, inner, rates)
     feasible_inputs(drives, rates, out)
     return status
 
@@ -57,7 +54,7 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
     inverse
-        How N is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         How far Re(x*x_d) must pass 0 before the sign of x_d changes.
     null_space
@@ -81,6 +78,6 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
         return np.hstack([rows, np.tile(drive_table(robot).ravel(), (len(rows), 1))])
 
     def work_size(self, robot: Robot) -> int:
-        """Return room for two Jacobians with sideways columns, rates, and what `Proportional` needs for them."""
+        """Return room for a Jacobian with sideways columns, rates, and what `Proportional` needs for them."""
         m, n = robot.input_size, robot.input_size + len(drive_table(robot))
-        return m + SCRATCH + 15 * n + SCRATCH + 9 * n + work_size()
+        return m + SCRATCH + 7 * n + SCRATCH + 7 * n + 6 + work_size()

@@ -15,10 +15,10 @@ from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZ
 from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.laws.null_space import PREFERENCE
-from dqcontrol.limits.command_limits import LIMIT
 from dqcontrol.limits.position_limit import POSITION_LIMIT
+from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kinematics_kernels import call_chain, split
+from dqcontrol.robots.kinematics_kernels import call_chain, position, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
 
@@ -28,15 +28,23 @@ STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 
 # plan: addresses (0: nothing to do there), sizes, then where each part of the memory begins, and its end
 _KINEMATICS, _PREFERENCE, _LAW, _POSITION_LIMIT, _LIMIT, _COORDINATES, _ROWS, _STATE = range(8)
-_PARTS = 8
+_DELIVERED, _SENT = 8, 9  # where the state takes the hand's twist, and the command, that left; 0: nowhere
+_PARTS = 10
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 
 
 def plan_of(
-    addresses: Sequence[int], coordinates: int, rows: int, state_size: int, sizes: Sequence[int]
+    addresses: Sequence[int],
+    coordinates: int,
+    rows: int,
+    state_size: int,
+    feedback: tuple[int, int],
+    sizes: Sequence[int],
 ) -> NDArray[np.intp]:
     """Return the plan of a memory whose parts have these sizes."""
-    return np.array([*addresses, coordinates, rows, state_size, 0, *np.cumsum(sizes)], dtype=np.intp)
+    return np.array(
+        [*addresses, coordinates, rows, state_size, *feedback, 0, *np.cumsum(sizes)], dtype=np.intp
+    )
 
 
 @inlined
@@ -54,13 +62,14 @@ def unpack(plan, memory):
         memory[at[5] : at[6]],
         (memory[at[6] : at[7]], memory[at[7] : at[8]]),
         memory[at[8] : at[9]],
+        (plan[_DELIVERED], plan[_SENT]),
     )
 
 
 @inlined
 def ask(prepared, q, sample, k, state, out):
     """Write the command for sample number k."""
-    addresses, chain, preferring, rows, work, buffer, limiting_positions, limits = prepared
+    addresses, chain, preferring, rows, work, buffer, limiting_positions, limits, _ = prepared
     kinematics, preference, law, position_limit, limit = addresses
     pose, pose_jacobian, twist_jacobian = split(buffer)
     status = call_chain(kinematics, chain, q, buffer)
@@ -91,7 +100,34 @@ def ask(prepared, q, sample, k, state, out):
         return LAW_FAILED + status
     if limit != 0:
         _call_limit(limit, q, limits, out)
+    note_sent(prepared, state, out)
     return OK
+
+
+@inlined
+def note_sent(prepared, state, command):
+    """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
+    delivered, sent = prepared[8]
+    if delivered != 0:
+        pose, _, twist_jacobian = split(prepared[5])
+        note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+    if sent != 0:
+        for i in range(command.shape[0]):
+            state[sent + i] = command[i]
+
+
+@inlined
+def note_delivered(pose, twist_jacobian, command, out):
+    """Write the hand's twist [ω ; ṗ] under a command."""
+    for k in range(6):
+        out[k] = 0.0
+        for i in range(command.shape[0]):
+            out[k] += twist_jacobian[k, i] * command[i]
+    px, py, pz = position(pose)
+    a, b, c = out[0], out[1], out[2]
+    out[3] += b * pz - c * py
+    out[4] += c * px - a * pz
+    out[5] += a * py - b * px
 
 
 @kernel(STEP)
@@ -103,3 +139,14 @@ def step(plan, memory, q, sample, k, period, state, out):
     if k < 0:
         k = max(round(sample[TIME] / period), 0)
     return ask(unpack(plan, memory), q, sample, k, state, out)
+
+
+# plan, memory, state, command
+SENT = STATUS(PLAN, WRITE, WRITE, READ)
+
+
+@kernel(SENT)
+def sent(plan, memory, state, command):
+    """Tell the law what left in place of its last command."""
+    note_sent(unpack(plan, memory), state, command)
+    return OK

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
+from msgspec.structs import replace
 
 from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import Kernel, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.hand_twist import solve_hand_twist, weigh
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.inverses import (
-    ELSEWHERE,
-    HEAD,
-    FilteredInverse,
-    Inverse,
-    solve,
-    solve_hand_twist,
-)
+from dqcontrol.laws.inverses import HEAD, LENGTH, FilteredInverse, Inverse, solve
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
-from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -41,18 +36,6 @@ def _velocity_rows(position, twist_jacobian, out):
         out[0, c] = twist_jacobian[3, c] - (py * z - pz * y)
         out[1, c] = twist_jacobian[4, c] - (pz * x - px * z)
         out[2, c] = twist_jacobian[5, c] - (px * y - py * x)
-
-
-@inlined
-def _rotation_rows(pose_jacobian, desired, sign, out):
-    """Write H⁻(r_d) C4 J_r into four rows: d(1 − r*r_d)/dt = −(…) u."""
-    w, x, y, z = sign * desired[0], sign * desired[1], sign * desired[2], sign * desired[3]
-    for i in range(pose_jacobian.shape[1]):
-        a, b, c, d = pose_jacobian[0, i], -pose_jacobian[1, i], -pose_jacobian[2, i], -pose_jacobian[3, i]
-        out[0, i] = a * w - b * x - c * y - d * z
-        out[1, i] = a * x + b * w + c * z - d * y
-        out[2, i] = a * y - b * z + c * w + d * x
-        out[3, i] = a * z + b * y - c * x + d * w
 
 
 @inlined
@@ -76,31 +59,28 @@ def _angular_velocity(pose, relative, target, scratch, out):
 
 @kernel(LAW)
 def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N_d⁺ (K e + k_I ∫e dt) with e = [p_d − p ; vec4(1 − r*r_d)]."""
+    """Write q̇ = N_d⁺ K e + J⁺ k_I ∫ε dt with e = [p_d − p ; vec4(1 − r*r_d)]."""
     n = pose_jacobian.shape[1]
-    preferred, own, rest = work[0:n], work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, relative, position, desired_position = own[0:7], own[8:12], own[12:15], own[16:19]
-    hand_twist, scratch, error = own[20:26], own[28:32], own[32:39]
-    sign = _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, error[3:7])
-    translation(pose, position)
-    translation(sample, desired_position)
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    error, relative, here, there, omega, scratch = (
+        own[0:4],
+        own[4:8],
+        own[8:11],
+        own[11:14],
+        own[14:17],
+        own[17:21],
+    )
+    _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, error)
+    for i in range(4):
+        error[i] *= parameters[GAIN + 4 + i]
+    _angular_velocity(pose, relative, error, scratch, omega)
+    translation(pose, here)
+    translation(sample, there)
     for i in range(3):
-        error[i] = desired_position[i] - position[i]
-    for i in range(7):
-        target[i] = parameters[GAIN + 1 + i] * error[i]
-    add_integral(error, 0, 3, parameters, state, target)
-    add_integral(error, 4, 7, parameters, state, target)  # of the real part nothing is left near the target
-    for i in range(3):
-        hand_twist[3 + i] = target[i]
-    _angular_velocity(pose, relative, target[3:7], scratch, hand_twist[0:3])
-    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 0.5, parameters, rest, out)
-    if status != ELSEWHERE:
-        return status
-    matrix = as_matrix(rest[0 : 7 * n], 7, n)
-    _velocity_rows(position, twist_jacobian, matrix)
-    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
-    _rotation_rows(pose_jacobian, sample, sign, matrix[3:7])
-    return solve(matrix, target, preferred, parameters, rest[7 * n :], out)
+        there[i] = parameters[GAIN + 1 + i] * (there[i] - here[i])
+    twist = omega[0], omega[1], omega[2], there[0], there[1], there[2]
+    twist = add_integral(twist, pose, sample, parameters, state, own[21:37])
+    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 
 class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
@@ -120,10 +100,11 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     gain
         K in 1/s: a number k for kI, or eight diagonal entries (the first is not used, three for the position, four
         for the orientation), or a `Schedule` of k.
-    integral_gain, integral_limit
-        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
+    integral_gain, integral_position_limit, integral_orientation_limit
+        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
+        see `IntegralPoseLaw`. 0 for none.
     inverse
-        How N_d is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         How far Re(r*r_d) must pass 0 before the sign of r_d flips.
     null_space
@@ -174,26 +155,52 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(4):
         target[i] *= parameters[HEAD]
     _angular_velocity(pose, relative, target, scratch, omega)
-    return solve(twist_jacobian[0:3], omega, work[0:n], parameters, rest, out)
+    matrix = as_matrix(rest[0 : 3 * n], 3, n)
+    for i in range(3):
+        for c in range(n):
+            matrix[i, c] = twist_jacobian[i, c]
+        weigh(matrix[i], omega, i, parameters[LENGTH])
+    return solve(matrix, omega, work[0:n], parameters, rest[3 * n :], out)
+
+
+@inlined
+def _turn(axis, desired, spare, out):
+    """Write θ n × l, the way on the sphere from an axis l to the desired one; half a turn goes about ``spare``."""
+    x = axis[1] * desired[2] - axis[2] * desired[1]
+    y = axis[2] * desired[0] - axis[0] * desired[2]
+    z = axis[0] * desired[1] - axis[1] * desired[0]
+    sine = math.sqrt(x * x + y * y + z * z)
+    cosine = axis[0] * desired[0] + axis[1] * desired[1] + axis[2] * desired[2]
+    if sine > 1e-9:
+        scale = math.atan2(sine, cosine) / sine
+        x, y, z = scale * x, scale * y, scale * z
+    elif cosine < 0.0:
+        x, y, z = math.pi * spare[0], math.pi * spare[1], math.pi * spare[2]
+    out[0] = y * axis[2] - z * axis[1]
+    out[1] = z * axis[0] - x * axis[2]
+    out[2] = x * axis[1] - y * axis[0]
 
 
 @kernel(LAW)
 def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_l⁺ k (l_d − l) for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
+    """Write q̇ = J_l⁺ k θ n × l for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
     n = pose_jacobian.shape[1]
     own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, axis, desired_axis = own[0:3], own[4:7], own[8:11]
-    local = parameters[HEAD + 1 : HEAD + 4]
-    rotate(pose, local, axis)
-    rotate(sample, local, desired_axis)
+    target, axis, desired_axis, spare = own[0:3], own[4:7], own[8:11], own[12:15]
+    rotate(pose, parameters[HEAD + 1 : HEAD + 4], axis)
+    rotate(sample, parameters[HEAD + 1 : HEAD + 4], desired_axis)
+    rotate(pose, parameters[HEAD + 4 : HEAD + 7], spare)
+    _turn(axis, desired_axis, spare, target)
     for i in range(3):
-        target[i] = parameters[HEAD] * (desired_axis[i] - axis[i])
+        target[i] *= parameters[HEAD]
     matrix = as_matrix(rest[0 : 3 * n], 3, n)
     for c in range(n):
         x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
         matrix[0, c] = y * axis[2] - z * axis[1]
         matrix[1, c] = z * axis[0] - x * axis[2]
         matrix[2, c] = x * axis[1] - y * axis[0]
+    for i in range(3):
+        weigh(matrix[i], target, i, parameters[LENGTH])
     return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
 
 
@@ -204,8 +211,9 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     """P on a part of the pose; what is left free may serve a ``null_space`` motion. [P16 2.2.2]
 
     ``position``: q̇ = J_p⁺ k (p_d − p); ``rotation``: orientation only, tan(θ/4) ∝ exp(−kt); ``axis``: only the
-    direction of one axis of the hand, q̇ = J_l⁺ k (l_d − l), for tools that are symmetric about it. With ideal joints
-    the part's error decays at rate k; the rest of the pose moves as it happens to.
+    direction l of one axis of the hand, q̇ = J_l⁺ k θ n × l, n the axis and θ the angle that turn it to l_d the short
+    way, for tools that are symmetric about it. With ideal joints the part's error decays at rate k (θ itself, also
+    from half a turn); the rest of the pose moves as it happens to.
 
     Sampling limits: the part has the loop gain k. With ideal joints kT < 2 is stable and kT ≤ 1 monotone, with one
     sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol check``.
@@ -244,7 +252,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     inverse: Inverse = FilteredInverse()
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the part."""
         if self.part not in _PARTS:
             raise unknown_name("part", str(self.part), _PARTS)
@@ -256,7 +264,12 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
         if np.linalg.norm(axis) < 1e-9:
             raise ValueRangeError("axis: must not be zero")
         gains = gain_rows("gain", self.gain, times)
-        row = np.array([*self.inverse.parameters(), 0.0, *(axis / np.linalg.norm(axis))])
+        axis = axis / np.linalg.norm(axis)
+        spare = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+        inverse = self.inverse
+        if self.part == "position":  # no angles to be measured in metres
+            inverse = replace(inverse, characteristic_length=1.0)
+        row = np.array([*inverse.parameters(), 0.0, *axis, *(spare / np.linalg.norm(spare))])
         rows = np.tile(row, (len(gains), 1))
         rows[:, HEAD] = gains
         return rows

@@ -16,24 +16,15 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import Kernel, kernel
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
-from dqcontrol.laws.inverses import (
-    DAMPED,
-    ELSEWHERE,
-    HEAD,
-    FilteredInverse,
-    Inverse,
-    solve,
-    solve_damped_twist,
-    solve_hand_twist,
-)
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist
+from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, SCRATCH, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
-from dqcontrol.robots.kinematics_kernels import position
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -42,29 +33,11 @@ if TYPE_CHECKING:
 _ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
 
 
-@inlined
-def solve_twist(twist, pose, twist_jacobian, inverse, work, out):
-    """Write out = z + J_w⁺ (ξ − J_w z) for an inertial twist ξ; it is overwritten."""
-    n = twist_jacobian.shape[1]
-    preferred, rest = work[0:n], work[n + SCRATCH :]
-    px, py, pz = position(pose)
-    a, b, c, d, e, f = twist[0], twist[1], twist[2], twist[3], twist[4], twist[5]
-    hand_twist = a, b, c, d + b * pz - c * py, e + c * px - a * pz, f + a * py - b * px  # ṗ = v + ω × p
-    far = px * px + py * py + pz * pz
-    smallest = 0.5 * (math.sqrt(far + 4.0) - math.sqrt(far))  # of [[1, 0], [|p|, 1]]
-    if inverse[0] == DAMPED and n >= 6:
-        status = solve_damped_twist(twist_jacobian, twist, preferred, inverse, out)
-    else:
-        status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, rest, out)
-    if status != ELSEWHERE:
-        return status
-    return solve(twist_jacobian, twist, preferred, inverse, rest, out)
-
-
 @kernel(LAW)
 def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d) with x_e = x x_d*."""
-    own = work[pose_jacobian.shape[1] :]
+    """Write q̇ = J⁺ of the inertial twist [−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d with x_e = x x_d*."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
     relative, opposite, twist, moved = own[0:8], own[8:16], own[16:22], own[22:28]
     conjugate(sample, opposite)
     multiply(pose, opposite, relative)
@@ -77,25 +50,24 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
         adjoint_twist(relative, sample[8:14], moved)
         for i in range(6):
             twist[i] += moved[i]
-    return solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+    return solve_hand_twist(pose, twist_jacobian, at_hand(twist, pose), work[0:n], parameters, rest, out)
 
 
 @kernel(LAW)
 def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_w⁺ Ad(x) ([−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b) with x_l = x_d* x."""
-    own = work[pose_jacobian.shape[1] :]
-    relative, body_twist, twist = own[0:8], own[8:14], own[16:22]
+    """Write q̇ = J⁺ of the body twist [−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b with x_l = x_d* x."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, body_twist = own[0:8], own[8:14]
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)
     body_translation(relative, body_twist[3:6])
     for i in range(3):
         body_twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
         body_twist[3 + i] *= -parameters[_TRANSLATION]
-    adjoint_twist(pose, body_twist, twist)
-    if parameters[_TRACKING] != 0.0:  # Ad(x) Ad(x_l*) ξ_d,b = Ad(x x* x_d x_d*) ξ_d = ξ_d
-        for i in range(6):
-            twist[i] += sample[8 + i]
-    return solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+    return solve_left_twist(
+        body_twist, parameters[_TRACKING], pose, twist_jacobian, sample, work[0:n], parameters, rest, out
+    )
 
 
 _KERNELS = {"right": h_infinity_right, "left": h_infinity_left}
@@ -155,7 +127,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the form."""
         if self.form not in _KERNELS:
             raise unknown_name("form", str(self.form), _KERNELS)

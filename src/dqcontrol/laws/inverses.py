@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from msgspec import Meta, Struct
@@ -11,45 +10,60 @@ from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, i
 from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
-from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
-ELSEWHERE = -1  # not a failure: the law must solve with its own matrix
-HEAD = 3  # parameters that an inverse puts first: kind, and two numbers
+HEAD = 4  # parameters that an inverse puts first: kind, two numbers, characteristic length
+LENGTH = 3
 
-_MOST_ROWS = 8
+_MOST_ROWS = 6
 _SQUARE = _MOST_ROWS * _MOST_ROWS
+
+_Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 
 
 class DampedInverse(Struct, frozen=True, tag="damped", tag_field="kind", forbid_unknown_fields=True):
     """Damped least squares with a constant factor: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [P16 2.18, Wampler 1986]
 
-    It scales the response along each singular direction by σ²/(σ² + λ²), everywhere: a loss of loop gain.
+    J is the Jacobian of the hand's [ℓω ; ṗ], as for `FilteredInverse`. It scales the response along each singular
+    direction by σ²/(σ² + λ²), everywhere: a loss of loop gain. In the literature λ is added to a law's own matrix: for
+    small errors that of N is half of this λ with ℓ = 1 m.
     """
 
-    damping: Annotated[float, Meta(gt=0, description="λ, in units of the Jacobian's singular values")]
+    damping: Annotated[float, Meta(gt=0, description="λ, m")]
+    characteristic_length: _Length = 0.3
 
-    def parameters(self) -> tuple[float, float, float]:
+    def parameters(self) -> tuple[float, float, float, float]:
         """Return kind and numbers as compiled code reads them."""
-        return DAMPED, as_positive("inverse.damping", self.damping), 0.0
+        return DAMPED, as_positive("inverse.damping", self.damping), 0.0, _length(self)
 
 
 class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", forbid_unknown_fields=True):
     """Exact pseudoinverse away from singularities; near them only the small singular values are damped.
 
     J⁺ = Σ σᵢ/(σᵢ² + λᵢ) vᵢuᵢᵀ with λᵢ = (1 − (σᵢ/ε)²) λ² where σᵢ < ε, else 0. [Chiaverini 1997]
+
+    J is the Jacobian of the hand's [ℓω ; ṗ] for all laws, whatever error they feed back: σ, ε and λ are in metres of
+    the hand a radian of the joints, and what is asked for and cannot be done is missed by the least |[ℓω ; ṗ]|. So
+    neither depends on where the base frame is, and ℓ says how much of a position error an angle is worth: with ℓ = 0.3
+    m a radian counts as much as 30 cm.
+
+    With λ = ε this is J-PARSE [Guptasarma et al. 2025] with ε in place of its γ σ_max. λ = ε/2 keeps the gain σ/(σ² +
+    λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
     """
 
-    threshold: Annotated[float, Meta(gt=0, description="ε: singular values below it are damped")] = 0.02
-    damping: Annotated[float, Meta(gt=0, description="λ: the damping of a vanishing singular value")] = 0.05
+    threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.04
+    damping: Annotated[float, Meta(gt=0, description="λ, m: the damping of a vanishing singular value")] = (
+        0.02
+    )
+    characteristic_length: _Length = 0.3
 
-    def parameters(self) -> tuple[float, float, float]:
+    def parameters(self) -> tuple[float, float, float, float]:
         """Return kind and numbers as compiled code reads them."""
         return (
             FILTERED,
             as_positive("inverse.threshold", self.threshold),
             as_positive("inverse.damping", self.damping),
+            _length(self),
         )
 
 
@@ -58,23 +72,30 @@ class ManipulabilityInverse(
 ):
     """Least squares damped where the manipulability is small: λ² = λ₀² (1 − m/m₀)² for m < m₀, else 0. [Nakamura 1986]
 
-    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(NᵀN) of the law's own
-    matrix). All directions are damped, not only the singular one.
+    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(JᵀJ)/ℓ³ of that of [ℓω ; ṗ]);
+    the damping acts on that of [ℓω ; ṗ], as for `FilteredInverse`. All directions are damped, not only the singular
+    one.
     """
 
     threshold: Annotated[float, Meta(gt=0, description="m₀")] = 0.03
-    damping: Annotated[float, Meta(gt=0, description="λ₀")] = 0.05
+    damping: Annotated[float, Meta(gt=0, description="λ₀, m")] = 0.05
+    characteristic_length: _Length = 0.3
 
-    def parameters(self) -> tuple[float, float, float]:
+    def parameters(self) -> tuple[float, float, float, float]:
         """Return kind and numbers as compiled code reads them."""
         return (
             BY_MANIPULABILITY,
             as_positive("inverse.threshold", self.threshold),
             as_positive("inverse.damping", self.damping),
+            _length(self),
         )
 
 
 Inverse = DampedInverse | FilteredInverse | ManipulabilityInverse
+
+
+def _length(inverse: Inverse) -> float:
+    return as_positive("inverse.characteristic_length", inverse.characteristic_length)
 
 
 def work_size() -> int:
@@ -123,8 +144,8 @@ def _filtered_solve(gram, m, y, inverse, vectors, scratch):
 
 @inlined
 def _manipulability_damping(factor, m, inverse):
-    """Return λ² from a Cholesky factor with reciprocal pivots: m = 1/Π(1/lᵢᵢ)."""
-    product = 1.0
+    """Return λ² from a Cholesky factor with reciprocal pivots: m = 1/Π(1/lᵢᵢ), without the ℓ of three rows."""
+    product = inverse[LENGTH] * inverse[LENGTH] * inverse[LENGTH]
     for i in range(m):
         product *= factor[i, i]
     shortfall = 1.0 - 1.0 / (product * inverse[1])
@@ -132,7 +153,7 @@ def _manipulability_damping(factor, m, inverse):
 
 
 @inlined
-def _finite(command):
+def finite(command):
     """Return the status of a command, which may have overflowed."""
     check = 0.0
     for i in range(command.shape[0]):
@@ -142,7 +163,7 @@ def _finite(command):
 
 @attached
 def solve(matrix, y, preferred, inverse, work, out):
-    """Write out = z + J⁺ (y − J z) for J of at most eight rows; y is overwritten.
+    """Write out = z + J⁺ (y − J z) for J of at most six rows; y is overwritten.
 
     The smaller of JᵀJ and JJᵀ is used. The filtered inverse needs its eigenvalues only where tr G⁻¹ ≥ 1/σ²min cannot
     exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result.
@@ -194,58 +215,4 @@ def solve(matrix, y, preferred, inverse, work, out):
         for k in range(rows):
             for i in range(n):
                 out[i] += matrix[k, i] * rhs[k]
-    return _finite(out)
-
-
-@inlined
-def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, work, out):
-    """Write out = z + J_h⁺ (t − J_h z) for the hand's twist t = [ω ; ṗ], inertial axes; or return ELSEWHERE.
-
-    Where J_h has full row rank, N⁺ = J_h⁺C⁺ for any task matrix N = C J_h with C of full column rank: a law that knows
-    t = C⁺y gets N⁺y from one 6 × 6 system that all laws share. For the filtered inverse that holds where no singular
-    value of N can be below the threshold, as σmin(N) ≥ σmin(C) σmin(J_h); ``smallest`` is σmin(C).
-    """
-    n = twist_jacobian.shape[1]
-    if n < 6 or inverse[0] == DAMPED:
-        return ELSEWHERE
-    p = position(pose)
-    if inverse[0] == BY_MANIPULABILITY:
-        matrix, y = as_matrix(work[0 : 6 * n], 6, n), work[6 * n : 6 * n + 6]
-        hand_jacobian(p, twist_jacobian, matrix)
-        for i in range(6):
-            y[i] = hand_twist[i]
-        return solve(matrix, y, preferred, inverse, work[6 * n + 6 :], out)
-    bound = inverse[1] / smallest
-    return _least_norm(p, twist_jacobian, hand_twist, preferred, bound * bound, 0.0, (0.0, 0.0, 0.0), out)
-
-
-@inlined
-def solve_pose_rate(pose, twist_jacobian, hand_twist, preferred, offset, inverse, work, out):
-    """Write `solve_hand_twist` for a C that takes t to vec8(½ξx), ξ = ω + ε(ṗ + ω × d), x = P + εdP, d the offset.
-
-    With damping, Nᵀ(NNᵀ + λ²I)⁻¹y = J_hᵀ (J_h J_hᵀ + λ²(CᵀC)⁻¹)⁻¹ t, and 4 CᵀC = [[(1 + d²) I, [d]×], [−[d]×, I]].
-    """
-    dx, dy, dz = offset
-    square = dx * dx + dy * dy + dz * dz
-    if inverse[0] == DAMPED:
-        damping = 4.0 * inverse[1] * inverse[1]
-        return _least_norm(position(pose), twist_jacobian, hand_twist, preferred, 0.0, damping, offset, out)
-    smallest = 0.25 * (math.sqrt(square + 4.0) - math.sqrt(square))  # half that of [[1, 0], [|d|, 1]]
-    return solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, smallest, inverse, work, out)
-
-
-@inlined
-def solve_damped_twist(twist_jacobian, twist, preferred, inverse, out):
-    """Write z + J_wᵀ(J_w J_wᵀ + λ²I)⁻¹ (ξ − J_w z), J_w the twist Jacobian: that of a hand in the origin."""
-    origin = 0.0, 0.0, 0.0
-    return _least_norm(origin, twist_jacobian, twist, preferred, 0.0, inverse[1] * inverse[1], origin, out)
-
-
-@inlined
-def _least_norm(position, twist_jacobian, hand_twist, preferred, limit, damping, offset, out):
-    """Write z + J_h⁺ (t − J_h z), damped or not."""
-    px, py, pz = position
-    dx, dy, dz = offset
-    if not least_norm(twist_jacobian, px, py, pz, hand_twist, preferred, limit, damping, dx, dy, dz, out):
-        return ELSEWHERE
-    return _finite(out)
+    return finite(out)

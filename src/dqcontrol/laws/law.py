@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from msgspec import Struct
@@ -14,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.laws.command_kernel import LAW_FAILED, plan_of, step
+from dqcontrol.laws.command_kernel import LAW_FAILED, note_delivered, plan_of, sent, step
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
-from dqcontrol.limits.command_limits import CommandLimits, unlimited
+from dqcontrol.limits.command_limits import CommandLimits
+from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.kinematics_kernels import twist_kinematics
 from dqcontrol.robots.robot import Robot
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
 Array = NDArray[np.float64]
+CommandMode = Literal["integrated", "measured"]
 
 SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
 _MOST_STEPS = 10_000_000
@@ -37,7 +39,7 @@ class Law(
 ):
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
 
-    kernel: ClassVar[Kernel | InterpretedKernel]
+    kernel: ClassVar[Kernel]
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -45,12 +47,17 @@ class Law(
         raise NotImplementedError
 
     def work_size(self, robot: Robot) -> int:
-        """Return room for the preferred motion, scratch, a task matrix and the solver's own."""
-        return SCRATCH + 9 * robot.input_size + work_size()
+        """Return room for the preferred motion, scratch, a task matrix, what is asked for and the solver's own."""
+        return robot.input_size + SCRATCH + 6 * robot.input_size + 6 + work_size()
 
     def state_size(self, robot: Robot) -> int:
         """Return how many numbers are kept from sample to sample."""
         return 1
+
+    @property
+    def delivered_at(self) -> int:
+        """Where the state takes the hand's twist [ω ; ṗ] that left (six numbers); 0 if the law does not ask."""
+        return 0
 
     def initial_state(self, robot: Robot, q: Array) -> Array:
         """Return the state before the first sample, at configuration q."""
@@ -65,7 +72,12 @@ class Law(
         return None
 
     def prepare(
-        self, robot: Robot, reference: Reference | None, dt: float, limits: CommandLimits | None = None
+        self,
+        robot: Robot,
+        reference: Reference | None,
+        dt: float,
+        limits: CommandLimits | None = None,
+        command_mode: CommandMode = "measured",
     ) -> PreparedLaw:
         """Check the parameters and compute what depends on time.
 
@@ -79,6 +91,9 @@ class Law(
             Control period, s.
         limits
             What is done to the command before it leaves.
+        command_mode
+            ``"integrated"`` for plants whose commands move a target that the joints follow with a lag: clamping then
+            keeps the target within the limits, not the joints as they are measured.
 
         Raises
         ------
@@ -87,7 +102,7 @@ class Law(
         """
         dt = as_positive("dt", dt)
         rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
-        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits())
+        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits(), command_mode)
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
@@ -119,14 +134,29 @@ class PreparedLaw:
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
     """
 
-    def __init__(self, law: Law, robot: Robot, parameters: Array, dt: float, limits: CommandLimits) -> None:
-        self.kernel = law.kernel
+    work: Array
+    preferred: Array
+    pose: Array
+
+    def __init__(
+        self,
+        law: Law,
+        robot: Robot,
+        parameters: Array,
+        dt: float,
+        limits: CommandLimits,
+        command_mode: CommandMode,
+    ) -> None:
+        self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
         self._law, self._limits = law, limits
+        self._command_mode: CommandMode = command_mode
         none, m, position = np.zeros(0), robot.input_size, limits.position
-        self._memory_size = position.memory(robot) if position else 0
-        self.state_size = law.state_size(robot) + self._memory_size
+        own, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
+        self._memory_size = memory
+        self.state_size: int = own + memory
+        self._feedback = law.delivered_at, own + memory - m if memory else 0
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
@@ -138,21 +168,43 @@ class PreparedLaw:
             parameters,
             np.zeros(law.work_size(robot)),
             np.zeros(8 + 14 * m),
-            position.parameters(robot, dt) if position else none,
-            np.zeros(m + self.state_size),
+            position.parameters(robot, dt, command_mode, limit_parameters) if position else none,
+            np.zeros(2 * m + self.state_size),
             limit_parameters,
         )
         sizes = [part.size for part in parts]
         self.memory: Array = np.concatenate([part.ravel() for part in parts])
-        self._sizes = robot.configuration_size, len(parameters), self.state_size, sizes
+        self._sizes = robot.configuration_size, len(parameters), self.state_size, self._feedback, sizes
         views = np.split(self.memory, np.cumsum(sizes)[:-1])
         self.parameters: Array = views[3].reshape(parameters.shape)
         self._views = views
         self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
 
+    def with_limits(self, limits: CommandLimits) -> PreparedLaw:
+        """Return the same law with something else done to its commands before they leave."""
+        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, limits, self._command_mode)
+
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
-        return PreparedLaw, (self._law, self.robot, self.parameters, self.dt, self._limits)
+        return PreparedLaw, (
+            self._law,
+            self.robot,
+            self.parameters,
+            self.dt,
+            self._limits,
+            self._command_mode,
+        )
+
+    def in_mode(self, command_mode: CommandMode) -> PreparedLaw:
+        """Return this law for plants of a command mode; see `Law.prepare`."""
+        position = self._limits.position
+        if (
+            command_mode == self._command_mode
+            or not position
+            or not position.memory(self.robot, "integrated")
+        ):
+            return self
+        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, self._limits, command_mode)
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
@@ -234,6 +286,11 @@ class PreparedLaw:
         if status:
             self._raise(status, q, state, out)
 
+    def sent(self, state: Array, command: Array) -> None:
+        """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
+        if any(self._feedback):
+            self._sent(self.plan, self.memory, state, command)
+
     def _raise(self, status: int, q: Array, state: Array, out: Array) -> None:
         if status >= LAW_FAILED:
             raise DivergedError(status_text(status - LAW_FAILED))
@@ -274,6 +331,22 @@ class PreparedLaw:
             return LAW_FAILED + status
         if self._limit:
             self._limit(q, limits, out)
+        self._note_sent(None, None, state, out)
+        return OK
+
+    @cached_property
+    def _sent(self) -> Callable[..., int]:
+        return sent.compiled if isinstance(self.kernel, Kernel) else self._note_sent
+
+    def _note_sent(self, plan: object, memory: object, state: Array, command: Array) -> int:
+        """Do in Python, for a law that is not compiled, what `note_sent` does."""
+        delivered, at = self._feedback
+        buffer = self._views[5]
+        if delivered:
+            jacobian = buffer[8:].reshape(14, -1)[8:]
+            note_delivered(buffer[:8], jacobian, command, state[delivered : delivered + 6])
+        if at:
+            state[at:] = command
         return OK
 
 

@@ -6,38 +6,37 @@ from dqcontrol.compiled.compile import inlined
 
 
 @inlined
-def least_norm(twist_jacobian, px, py, pz, y, z, limit, damping, dx, dy, dz, out):
-    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr G⁻¹ · limit > 1.
+def least_norm(
+    twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
+):
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
 
-    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. The
-    trace bounds 1/σ²min from above; G = L D Lᵀ, with 1/D in place of D.
-
-    W is ``damping`` times the inverse of [[(1 + d²) I, [d]×], [−[d]×, I]], which measures twists by what they do to a
-    pose at half the distance d from the hand; see `solve_hand_twist`.
+    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
+    are diagonal, with one number for ω and one for ṗ. The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
+    G = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
-    far = 1.0 + dx * dx + dy * dy + dz * dz
-    g00 = damping * (1.0 - dx * dx / far)
-    g10 = damping * (0.0 - dy * dx / far)
-    g11 = damping * (1.0 - dy * dy / far)
-    g20 = damping * (0.0 - dz * dx / far)
-    g21 = damping * (0.0 - dz * dy / far)
-    g22 = damping * (1.0 - dz * dz / far)
-    g30 = damping * (0.0)
-    g31 = damping * (-dz)
-    g32 = damping * (dy)
-    g33 = damping * (far - dx * dx)
-    g40 = damping * (dz)
-    g41 = damping * (0.0)
-    g42 = damping * (-dx)
-    g43 = damping * (0.0 - dy * dx)
-    g44 = damping * (far - dy * dy)
-    g50 = damping * (-dy)
-    g51 = damping * (dx)
-    g52 = damping * (0.0)
-    g53 = damping * (0.0 - dz * dx)
-    g54 = damping * (0.0 - dz * dy)
-    g55 = damping * (far - dz * dz)
+    g00 = angular_damping
+    g10 = 0.0
+    g11 = angular_damping
+    g20 = 0.0
+    g21 = 0.0
+    g22 = angular_damping
+    g30 = 0.0
+    g31 = 0.0
+    g32 = 0.0
+    g33 = linear_damping
+    g40 = 0.0
+    g41 = 0.0
+    g42 = 0.0
+    g43 = 0.0
+    g44 = linear_damping
+    g50 = 0.0
+    g51 = 0.0
+    g52 = 0.0
+    g53 = 0.0
+    g54 = 0.0
+    g55 = linear_damping
     y0, y1, y2, y3, y4, y5 = y[0], y[1], y[2], y[3], y[4], y[5]
     for c in range(n):
         a0, a1, a2 = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
@@ -135,28 +134,29 @@ def least_norm(twist_jacobian, px, py, pz, y, z, limit, damping, dx, dy, dz, out
     if not pivot > 1e-14:
         return False
     g55 = 1.0 / pivot
-    trace = g00 + g11 + g22 + g33 + g44 + g55
+    angular = g00 + g11 + g22
+    linear = g33 + g44 + g55
     h10 = -g10
     h20 = -g20 - g21 * h10
     h30 = -g30 - g31 * h10 - g32 * h20
     h40 = -g40 - g41 * h10 - g42 * h20 - g43 * h30
     h50 = -g50 - g51 * h10 - g52 * h20 - g53 * h30 - g54 * h40
-    trace += h10 * h10 * g11 + h20 * h20 * g22 + h30 * h30 * g33 + h40 * h40 * g44 + h50 * h50 * g55
+    angular += h10 * h10 * g11 + h20 * h20 * g22 + h30 * h30 * g33 + h40 * h40 * g44 + h50 * h50 * g55
     h21 = -g21
     h31 = -g31 - g32 * h21
     h41 = -g41 - g42 * h21 - g43 * h31
     h51 = -g51 - g52 * h21 - g53 * h31 - g54 * h41
-    trace += h21 * h21 * g22 + h31 * h31 * g33 + h41 * h41 * g44 + h51 * h51 * g55
+    angular += h21 * h21 * g22 + h31 * h31 * g33 + h41 * h41 * g44 + h51 * h51 * g55
     h32 = -g32
     h42 = -g42 - g43 * h32
     h52 = -g52 - g53 * h32 - g54 * h42
-    trace += h32 * h32 * g33 + h42 * h42 * g44 + h52 * h52 * g55
+    angular += h32 * h32 * g33 + h42 * h42 * g44 + h52 * h52 * g55
     h43 = -g43
     h53 = -g53 - g54 * h43
-    trace += h43 * h43 * g44 + h53 * h53 * g55
+    linear += h43 * h43 * g44 + h53 * h53 * g55
     h54 = -g54
-    trace += h54 * h54 * g55
-    if not trace * limit <= 1.0:
+    linear += h54 * h54 * g55
+    if not angular * angular_limit + linear * linear_limit <= 1.0:
         return False
     y1 = y1 - g10 * y0
     y2 = y2 - g20 * y0 - g21 * y1

@@ -11,17 +11,19 @@ from msgspec import Meta
 from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
+    body_translation,
     conjugate,
+    conjugate_multiply,
     half_angle,
     multiply,
     translation,
 )
-from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.compile import inlined, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
-from dqcontrol.laws.h_infinity import solve_twist
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist
 from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
-from dqcontrol.laws.law import LAW, Law, check_steps
+from dqcontrol.laws.law import LAW, SCRATCH, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
 from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
 from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
@@ -128,15 +130,13 @@ def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     """Write q̇ = N⁺ R⁻¹ (P e + ξ)."""
     own = work[pose_jacobian.shape[1] :]
     error, target = own[0:8], own[8:16]
-    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         value = parameters[_GAIN + 64 + i]
         for k in range(8):
             value += parameters[_GAIN + 8 * i + k] * error[k]
         target[i] = value
-    return solve_left_error(
-        target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
-    )
+    return solve_left_error(target, error, pose, twist_jacobian, parameters, work, out)
 
 
 class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-r8"):
@@ -165,7 +165,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     horizon_time
         t_f, s; the reference's duration if omitted, infinite for a set-point.
     inverse
-        How N is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         How far Re(x*x_d) must pass 0 before the sign of x_d flips.
     null_space
@@ -224,29 +224,61 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         return solution, offset
 
 
-@kernel(LAW)
-def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_w⁺ (−R⁻¹P y + Ad(x_e) ξ_d), y = [2 a(r_e) ; p_e] or [2 Im r_e ; p_e], x_e = x x_d*."""
-    own = work[pose_jacobian.shape[1] :]
-    relative, opposite, twist, error = own[0:8], own[8:16], own[16:22], own[22:28]
-    conjugate(sample, opposite)
-    multiply(pose, opposite, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+@inlined
+def _tangent(relative, sign, is_logarithm, error):
+    """Write the orientation part of y, 2 a(r) or 2 Im r."""
     for i in range(8):
         relative[i] *= sign
-    if parameters[_GAIN + 42] != 0.0:
+    if is_logarithm:
         half_angle(relative[0:4], error[0:3])
     else:
         for i in range(3):
             error[i] = relative[1 + i]
     for i in range(3):
         error[i] *= 2.0
-    translation(relative, error[3:6])
-    adjoint_twist(relative, sample[8:14], twist)
+
+
+@inlined
+def _subtract_feedback(parameters, error, twist):
+    """Subtract R⁻¹P y."""
     for i in range(6):
         for k in range(6):
             twist[i] -= parameters[_GAIN + 6 * i + k] * error[k]
-    return solve_twist(twist, pose, twist_jacobian, parameters, work, out)
+
+
+@kernel(LAW)
+def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, opposite, twist, error = own[0:8], own[8:16], own[16:22], own[22:28]
+    conjugate(sample, opposite)
+    multiply(pose, opposite, relative)
+    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    _tangent(relative, sign, parameters[_GAIN + 42] != 0.0, error)
+    translation(relative, error[3:6])
+    adjoint_twist(relative, sample[8:14], twist)
+    _subtract_feedback(parameters, error, twist)
+    return solve_hand_twist(pose, twist_jacobian, at_hand(twist, pose), work[0:n], parameters, rest, out)
+
+
+@kernel(LAW)
+def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, twist, error = own[0:8], own[16:22], own[22:28]
+    conjugate_multiply(sample, pose, relative)
+    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    _tangent(relative, sign, parameters[_GAIN + 42] != 0.0, error)
+    body_translation(relative, error[3:6])
+    for i in range(6):
+        twist[i] = 0.0
+    _subtract_feedback(parameters, error, twist)
+    return solve_left_twist(twist, 1.0, pose, twist_jacobian, sample, work[0:n], parameters, rest, out)
+
+
+_DQ_KERNELS = {"right": linear_quadratic_dq, "left": linear_quadratic_dq_left}
 
 
 class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-dq"):
@@ -274,8 +306,12 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         t_f, s; the reference's duration if omitted, infinite for a set-point.
     form
         ``"log"`` or ``"sin"``.
+    error
+        ``"right"`` (as published) or ``"left"``: y and twist in the hand's axes, x_l = x_d* x. The right error's p_e
+        contains the lever arm of the base's origin: with a goal whose orientation cannot be reached, the hand rests
+        that much beside its position. Rates, value and bounds are the same.
     inverse
-        How J_w is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         How far Re(r_e) must pass 0 before the sign of x_e flips.
     null_space
@@ -292,8 +328,15 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     True
     """
 
-    kernel = linear_quadratic_dq
     form: Literal["log", "sin"] = "log"
+    error: Literal["right", "left"] = "right"
+
+    @property
+    def kernel(self):  # type: ignore[override]
+        """The kernel of the error."""
+        if self.error not in _DQ_KERNELS:
+            raise unknown_name("error", str(self.error), _DQ_KERNELS)
+        return _DQ_KERNELS[self.error]
 
     def _size(self) -> int:
         return 6

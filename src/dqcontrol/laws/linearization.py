@@ -11,17 +11,15 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     cross_twist,
     log_body,
     log_inertial,
-    rotate,
-    translation,
 )
 from dqcontrol.compiled.compile import inlined
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.laws.inverses import ELSEWHERE, solve, solve_hand_twist
+from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import HYSTERESIS
 from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
-from dqcontrol.robots.kinematics_kernels import hand_jacobian
+from dqcontrol.limits.position_limit import FIXED
 
 VelocityState = Literal["realised", "commanded", "realised-unconstrained"]
 Logarithm = Literal["body", "inertial"]
@@ -74,32 +72,12 @@ def apply(jacobian, inputs, out):
 
 
 @inlined
-def is_blocked(jacobian, i):
-    """Return whether an input has been taken out of the Jacobian, at a joint limit."""
+def is_fixed(jacobian, i):
+    """Return whether an input has been taken out of the Jacobian, at a limit."""
     size = 0.0
     for k in range(6):
         size += abs(jacobian[k, i])
-    return size == 0.0
-
-
-@inlined
-def solve_body_twist(body_twist, pose, twist_jacobian, preferred, inverse, work, out):
-    """Write out = z + J⁺ (t − J z) with the Jacobian of the hand's [ω ; ṗ], for a body twist t.
-
-    A body twist is [ω ; ṗ] in the hand's axes, so what is least squares here does not depend on where the inertial
-    frame is, however far a base has gone from it.
-    """
-    n = twist_jacobian.shape[1]
-    hand_twist, position, rest = work[0:6], work[6:9], work[9:]
-    rotate(pose, body_twist[0:3], hand_twist[0:3])
-    rotate(pose, body_twist[3:6], hand_twist[3:6])
-    status = solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, 1.0, inverse, rest, out)
-    if status != ELSEWHERE:
-        return status
-    translation(pose, position)
-    matrix = as_matrix(rest[0 : 6 * n], 6, n)
-    hand_jacobian((position[0], position[1], position[2]), twist_jacobian, matrix)
-    return solve(matrix, hand_twist, preferred, inverse, rest[6 * n :], out)
+    return size < 100.0 * FIXED
 
 
 @inlined
@@ -154,11 +132,13 @@ def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
     preferred, rest = rest[6 * n : 7 * n], rest[7 * n :]
     for i in range(n):
         preferred[i] = work[i] if i < m else 0.0
-        if parameters[_SMOOTH] != 0.0:
+        if parameters[_SMOOTH] != 0.0 and not is_fixed(jacobian, i):
             preferred[i] = last[i] + period * parameters[_DAMPING] * (preferred[i] - last[i])
-        if is_blocked(jacobian, i):
-            preferred[i] = 0.0
-    status = solve_body_twist(body_twist, pose, jacobian, preferred, parameters, rest, rates)
+    hand_twist = in_inertial_axes(body_twist, pose)
+    status = solve_hand_twist(pose, jacobian, hand_twist, preferred, parameters, rest, rates)
     apply(jacobian, rates, twist)
     adjoint_twist(opposite, twist, memory)
+    for i in range(n):
+        if is_fixed(jacobian, i):
+            rates[i] *= FIXED
     return status

@@ -183,34 +183,77 @@ def _carried(twist_jacobian, row, i, j):
     )
 
 
+_BESIDE = (
+    1e-3  # rad or m: where all joints are moved by this, the gradient is taken instead of at a singularity
+)
+
+
+@inlined
+def _column(twist_jacobian, j, before, beside, out):
+    """Write ξⱼ where all inputs are moved by ``beside``: ξⱼ + beside (Σ_{i<j} ξᵢ) × ξⱼ; add ξⱼ to the sum before it."""
+    a, b, c = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
+    d, e, f = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]
+    x, y, z, u, v, w = before[0], before[1], before[2], before[3], before[4], before[5]
+    out[0] = a + beside * (y * c - z * b)
+    out[1] = b + beside * (z * a - x * c)
+    out[2] = c + beside * (x * b - y * a)
+    out[3] = d + beside * (y * f - z * e + v * c - w * b)
+    out[4] = e + beside * (z * d - x * f + w * a - u * c)
+    out[5] = f + beside * (x * e - y * d + u * b - v * a)
+    before[0], before[1], before[2], before[3], before[4], before[5] = (
+        x + a,
+        y + b,
+        z + c,
+        u + d,
+        v + e,
+        w + f,
+    )
+
+
+@inlined
+def _factored_gram(twist_jacobian, beside, gram, row, before):
+    """Write the Cholesky factor of J_wJ_wᵀ; return False where it has none."""
+    for i in range(6):
+        before[i] = 0.0
+        for j in range(i + 1):
+            gram[i, j] = 0.0
+    for k in range(twist_jacobian.shape[1]):
+        _column(twist_jacobian, k, before, beside, row)
+        for i in range(6):
+            for j in range(i + 1):
+                gram[i, j] += row[i] * row[j]
+    return cholesky(gram, 6)
+
+
 @kernel(PREFERENCE)
 def towards_manipulability(q, twist_jacobian, parameters, work, out):
     """Write z = α ∂m/∂q of m = √det(J_wJ_wᵀ): ∂m/∂qᵢ = m Σ_{j>i} (ξᵢ × ξⱼ)·(row j of J_w⁺).
 
     ξⱼ are the columns; for joints in a row ∂ξⱼ/∂qᵢ = ξᵢ × ξⱼ if i < j, else 0 (dual cross product). The ω of a drive
     turns also the column of its v, which comes before. The result does not depend on where the inertial origin is.
+    In a singular configuration m has a kink, and every direction of its null space leads up: the gradient is that of a
+    configuration beside it.
     """
     n = twist_jacobian.shape[1]
     headings = parameters[1:]
     gram = as_matrix(work[0:36], 6, 6)
-    row = work[36:42]
-    for i in range(6):
-        for j in range(i + 1):
-            value = 0.0
-            for k in range(n):
-                value += twist_jacobian[i, k] * twist_jacobian[j, k]
-            gram[i, j] = value
+    row, before = work[36:42], work[42:48]
     for i in range(n):
         out[i] = 0.0
-    if not cholesky(gram, 6):
-        return OK
+    beside = 0.0
+    if not _factored_gram(twist_jacobian, beside, gram, row, before):
+        beside = _BESIDE
+        if not _factored_gram(twist_jacobian, beside, gram, row, before):
+            return OK
     m = 1.0
     for i in range(6):
         m /= gram[i, i]
+        before[i] = 0.0
     passed = 0
     for j in range(n):
+        _column(twist_jacobian, j, before, beside, row)
         for k in range(6):
-            row[k] = parameters[0] * m * twist_jacobian[k, j]
+            row[k] *= parameters[0] * m
         cholesky_solve(gram, 6, row)
         for i in range(j):
             out[i] += _carried(twist_jacobian, row, i, j)
@@ -222,6 +265,9 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
 
 class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulability"):
     """Drift where the manipulability m = √det(J_wJ_wᵀ) grows: z = α ∂m/∂q. [Yoshikawa 1985]
+
+    It also leads out of singular configurations, where laws stand still if the hand is wanted in the direction that is
+    lost: an arm that is stretched and should draw its hand straight in.
 
     Parameters
     ----------
@@ -277,6 +323,6 @@ class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
         return np.array([gain, *drives]) if len(drives) else np.zeros(0)
 
 
-WORK_SIZE = 42  # what a preference needs
+WORK_SIZE = 48  # what a preference needs
 
 AnyNullSpace = Posture | ManipulabilityAscent | JointCentring | LimitAvoidance | BestHeading

@@ -86,7 +86,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     scratch: int = 0
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel | InterpretedKernel:  # type: ignore[override]
         """The compiled function, or one that calls the Python function."""
         return _kernel(function_at("function", self.function))
 

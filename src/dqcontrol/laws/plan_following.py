@@ -54,12 +54,10 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
     own = work[m:]
     error, target = own[0:8], own[8:16]
-    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
-    status = solve_left_error(
-        target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
-    )
+    status = solve_left_error(target, error, pose, twist_jacobian, parameters, work, out)
     for i in range(m):
         out[i] = inputs[i] + share * out[i] + (1.0 - share) * work[i]
     return status
@@ -84,7 +82,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     gain
         K in 1/s: a number k for kI, or eight diagonal entries.
     inverse
-        How N is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         How far Re(x*x_d) must pass 0 before the sign of x_d changes.
     pull

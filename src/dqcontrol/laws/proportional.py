@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from dqcontrol.compiled.compile import kernel
+from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import left_error, solve_left_error
+from dqcontrol.laws.law import LAW, SCRATCH
+from dqcontrol.laws.pose_error import left_error, left_error_twist
 from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 
 
 @kernel(LAW)
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N⁺ (K vec8(e) + k_I ∫Im e dt)."""
-    own = work[pose_jacobian.shape[1] :]
+    """Write q̇ = N⁺ K vec8(e) + J⁺ k_I ∫ε dt."""
+    n = pose_jacobian.shape[1]
+    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
     error, target = own[0:8], own[8:16]
-    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
-    for part in range(2):  # of the real parts nothing is left near the target
-        add_integral(error, 4 * part + 1, 4 * part + 4, parameters, state, target)
-    return solve_left_error(
-        target, error, pose, pose_jacobian, twist_jacobian, sample, sign, parameters, work, out
-    )
+    twist = left_error_twist(target, error, pose)
+    twist = add_integral(twist, pose, sample, parameters, state, own[16:32])
+    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 
 class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional"):
@@ -42,10 +42,11 @@ class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional
     ----------
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
-    integral_gain, integral_limit
-        k_I in 1/s²: adds k_I ∫e dt, each of its numbers within ± the limit in 1/s. 0 for none.
+    integral_gain, integral_position_limit, integral_orientation_limit
+        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
+        see `IntegralPoseLaw`. 0 for none.
     inverse
-        How N is inverted; the default is exact away from singularities.
+        How J is inverted; the default is exact away from singularities.
     hysteresis
         x_d and −x_d are the same pose; the sign is changed only when Re(x*x_d) has passed 0 by this much.
     null_space

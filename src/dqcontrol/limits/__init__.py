@@ -2,19 +2,27 @@
 
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.command_limits import CommandLimits
-from dqcontrol.limits.supervisor import Supervisor, WorkspaceBox
-from dqcontrol.limits.supervisor.interventions import Intervention, list_interventions
+from dqcontrol.limits.supervisor import LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.limits.supervisor.interventions import (
+    Intervention,
+    describe_stop,
+    list_interventions,
+    stop_category,
+)
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 
 __all__ = [
     "CommandLimits",
     "Intervention",
+    "LinkPoint",
     "ModifiedClamping",
     "OriginalClamping",
     "PreparedSupervisor",
     "Supervisor",
     "WeightedLeastNorm",
     "WorkspaceBox",
+    "describe_stop",
     "list_interventions",
+    "stop_category",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -11,16 +12,25 @@ from dqcontrol.compiled.compile import OK, inlined, kernel
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
+    FIXED,
     POSITION_LIMIT,
     PositionLimit,
     position_limits,
 )
+from dqcontrol.limits.velocity_limit import velocity_scale
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
+
+# Parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag, velocity limits.
+_HEAD = 3
+# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while
+# the others make up for them.
+_OVERLOAD = 2.0
+_MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 
 
 @inlined
@@ -29,6 +39,27 @@ def _block(i, twist_jacobian, preferred):
     for k in range(6):
         twist_jacobian[k, i] = 0.0
     preferred[i] = 0.0
+
+
+@inlined
+def _fix(i, value, twist_jacobian, preferred):
+    """Let the law reckon with a joint that moves at a given speed."""
+    for k in range(6):
+        twist_jacobian[k, i] *= FIXED
+    preferred[i] = value / FIXED
+
+
+@inlined
+def _follow_lags(memory, q, moved, period, longest):
+    """Add to each joint's lag behind its target what was sent, less what the joint went."""
+    n = moved.shape[0]
+    lag, last, sent = memory[1 : 1 + n], memory[1 + n : 1 + 2 * n], memory[1 + 2 * n :]
+    for i in range(n):
+        angle = q[int(moved[i])]
+        if memory[0] != 0.0:
+            lag[i] = min(max(lag[i] + period * sent[i] - (angle - last[i]), -longest[i]), longest[i])
+        last[i] = angle
+    memory[0] = 1.0
 
 
 @kernel(POSITION_LIMIT)
@@ -46,42 +77,83 @@ def modified_clamping(
     work,
     out,
 ):
-    """Ask the law again without the joints that it would drive out of their limits, then clip what is left."""
+    """Ask the law again without the joints that it would drive out of their limits, until it keeps them all.
+
+    Joints at their position limits are blocked, all at once; then the one that is furthest beyond what it may do in
+    this period is held at that, one after the other.
+    """
     n = out.shape[0]
     period, tolerance = parameters[0], parameters[1]
-    lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
-    moved = parameters[2 + 2 * n : 2 + 3 * n]
-    is_blocked, state_before = work[0:n], work[n:]
+    lower, upper = parameters[_HEAD : _HEAD + n], parameters[_HEAD + n : _HEAD + 2 * n]
+    moved, longest = parameters[_HEAD + 2 * n : _HEAD + 3 * n], parameters[_HEAD + 3 * n : _HEAD + 4 * n]
+    velocity = parameters[_HEAD + 4 * n :]
+    is_held, value, state_before = work[0:n], work[n : 2 * n], work[2 * n :]
+    law_size = state.shape[0]
+    if parameters[2] != 0.0:
+        law_size -= 1 + 3 * n
+        _follow_lags(state[law_size:], q, moved, period, longest)
     for i in range(n):
-        is_blocked[i] = 0.0
-    for i in range(state.shape[0]):
+        is_held[i] = 0.0
+    for i in range(law_size):
         state_before[i] = state[i]
-    again = True
-    while again:  # blocks a joint more each time
+    scale, is_first, again = 1.0, True, True
+    while again:  # holds a joint more each time
         status = call_law(
-            law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+            law,
+            q,
+            pose,
+            pose_jacobian,
+            twist_jacobian,
+            sample,
+            law_parameters,
+            state[0:law_size],
+            law_work,
+            out,
         )
         if status != OK:
             return status
-        again = False
+        if is_first and velocity.shape[0] > 0:
+            scale = min(1.0, _OVERLOAD * velocity_scale(q, velocity, out))
+        is_first, again = False, False
+        worst, most_beyond, bound = -1, 0.0, 0.0
         for i in range(n):
+            if is_held[i] != 0.0:
+                out[i] = value[i]
+                continue
             angle = q[int(moved[i])]
-            if is_blocked[i] != 0.0:
-                out[i] = 0.0
-            elif (out[i] > 0.0 and angle >= upper[i] - tolerance) or (
-                out[i] < 0.0 and angle <= lower[i] + tolerance
+            lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
+            above, below = angle + max(lag, 0.0), angle + min(lag, 0.0)
+            if (out[i] > 0.0 and above >= upper[i] - tolerance) or (
+                out[i] < 0.0 and below <= lower[i] + tolerance
             ):
-                is_blocked[i] = 1.0
+                is_held[i], value[i] = 1.0, 0.0
                 _block(i, twist_jacobian, law_work)
                 again = True
+                continue
+            fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
+            room = upper[i] - above if out[i] > 0.0 else below - lower[i]
+            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0)) / scale
+            beyond = abs(out[i]) - allowed
+            if beyond > max(most_beyond, 1e-9 * allowed):
+                worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])
+        if not again and worst >= 0:
+            is_held[worst], value[worst] = 2.0, bound
+            _fix(worst, bound, twist_jacobian, law_work)
+            again = True
         if again:
-            for i in range(state.shape[0]):
+            for i in range(law_size):
                 state[i] = state_before[i]
     for i in range(n):
+        if is_held[i] == 2.0:
+            for k in range(6):
+                twist_jacobian[k, i] /= FIXED
+            law_work[i] = 0.0  # as it stays where nothing is preferred
         angle = q[int(moved[i])]
-        least = min((lower[i] - angle) / period * _JUST_SHORT, 0.0)
-        most = max((upper[i] - angle) / period * _JUST_SHORT, 0.0)
-        out[i] = min(max(out[i], least), most)
+        lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
+        fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
+        least = max(min((lower[i] - (angle + min(lag, 0.0))) / period * _JUST_SHORT, 0.0), -fastest)
+        most = min(max((upper[i] - (angle + max(lag, 0.0))) / period * _JUST_SHORT, 0.0), fastest)
+        out[i] = min(max(out[i] * scale, least), most)
     return OK
 
 
@@ -118,10 +190,16 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     kernel = modified_clamping
     tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 1e-6
 
-    def parameters(self, robot: Robot, dt: float) -> np.ndarray:
-        """Return period, tolerance and limits."""
+    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
+        """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
         tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
-        return np.concatenate([[dt, tolerance], position_limits("limits.position", robot)])
+        head = [dt, tolerance, command_mode == "integrated"]
+        lags = _MOST_LAG * robot.limits.velocity
+        return np.concatenate([head, position_limits("limits.position", robot), lags, velocity])
+
+    def memory(self, robot: Robot, command_mode: str) -> int:
+        """Return room for lags, the last configuration and the last command, where commands move a target."""
+        return 1 + 3 * robot.input_size if command_mode == "integrated" else 0
 
 
 @kernel(POSITION_LIMIT)
@@ -163,6 +241,6 @@ class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-c
 
     kernel = original_clamping
 
-    def parameters(self, robot: Robot, dt: float) -> np.ndarray:
+    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return the limits."""
         return position_limits("limits.position", robot)

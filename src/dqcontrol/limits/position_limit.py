@@ -15,8 +15,13 @@ from dqcontrol.errors import ValueRangeError
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-# law, what it takes, the limit's own parameters and work (n numbers and as many as the state), out; the state ends with
-# the limit's memory; twist Jacobian and preferred motion may be overwritten
+# Where a limit fixes an input at a value, it hands the law this share of its column of J and z = value/share: the law
+# then reckons with the value in y − J z, and its inverse moves the input by no more than the share's square.
+FIXED = 1e-8
+
+# law, what it takes, the limit's own parameters and work (2 m numbers and as many as the state), out; the state ends
+# with the limit's memory, and that with the last command that left; the twist Jacobian is handed back as it was but for
+# columns of inputs that are 0, the preferred motion may be overwritten
 POSITION_LIMIT = STATUS(
     ADDRESS,  # of the law
     INPUT,
@@ -41,8 +46,10 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
 
     kernel: ClassVar[Kernel]
 
-    def parameters(self, robot: Robot, dt: float) -> NDArray[np.float64]:
-        """Return the kernel's parameters.
+    def parameters(
+        self, robot: Robot, dt: float, command_mode: str, velocity: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the kernel's parameters, for the parameters of the limit on velocities (none without).
 
         Raises
         ------
@@ -51,8 +58,8 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
         """
         raise NotImplementedError
 
-    def memory(self, robot: Robot) -> int:
-        """Return how many numbers are kept from sample to sample."""
+    def memory(self, robot: Robot, command_mode: str) -> int:
+        """Return how many numbers are kept from sample to sample, the last m of them the command that left."""
         return 0
 
 

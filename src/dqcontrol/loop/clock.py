@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 Overrun = Literal["catch up", "skip", "stop"]
 
+_CATCH_UP = (
+    1.1  # times as fast as real time after a delay: as much faster than its reference the hand goes then
+)
 _SPIN = 2e-4  # s before a deadline at which sleeping ends: operating systems wake a sleeper that much late
 
 
@@ -75,10 +78,9 @@ class Clock:
     Parameters
     ----------
     overrun
-        What an overrun does. ``"catch up"``: the step begins at once, the deadlines of the following ones stay where
-        they are. ``"skip"``: the periods that were missed are left out and all deadlines move by them, so that no
-        burst of steps makes up for them (a step that is woken late is still followed by a shorter period). ``"stop"``:
-        the loop ends.
+        What an overrun does. ``"catch up"``: the step begins at once, and the following ones, a tenth faster, until
+        they keep their deadlines again. ``"skip"``: the periods that were missed are left out and all deadlines move by
+        them (a step that is woken late is still followed by a period up to a tenth shorter). ``"stop"``: the loop ends.
     priority
         1 … 99: asks for real-time scheduling (SCHED_FIFO) while the loop runs; warns and goes on where that is refused.
     now, sleep
@@ -111,7 +113,7 @@ class Clock:
             raise ValueRangeError(f"clock.priority: must be 1 … 99, got {priority!r}")
         self._now, self._sleep, self._overrun, self._priority = now, sleep, overrun, priority
         self._period, self._origin, self._start, self._steps = 0.0, 0.0, 0.0, 0
-        self.overran = ""
+        self.overran, self._ends_late = "", overrun == "stop"
         self._begin = self._computation = self._idle = np.empty(0)
         self._late = np.empty(0, dtype=bool)
 
@@ -120,7 +122,7 @@ class Clock:
         """Pace so many steps at most with a period (s), without garbage collection meanwhile."""
         self._begin, self._computation, self._idle = np.zeros(steps), np.zeros(steps), np.zeros(steps)
         self._late, self._period, self._steps = np.zeros(steps, dtype=bool), period, 0
-        self.overran = ""
+        self.overran, self._ends_late = "", self._overrun == "stop"
         collecting = gc.isenabled()
         gc.collect()
         gc.disable()
@@ -137,11 +139,13 @@ class Clock:
         if k == 0:
             self._origin = self._start = ready
         deadline, begin = self._origin + k * self._period, ready
+        if k:  # no burst of steps makes up for a delay
+            deadline = max(deadline, self._start + self._begin[k - 1] + self._period / _CATCH_UP)
         late = ready > deadline
-        if late and self._overrun == "stop":
+        if late and self._ends_late:
             self.overran = f"the work of a period took {1e3 * (ready - deadline):.3g} ms too long"
             return False
-        if late and self._overrun == "skip":
+        if late and self._overrun != "catch up":
             missed = math.ceil((ready - deadline) / self._period)
             self._origin += missed * self._period
             deadline += missed * self._period
@@ -153,6 +157,16 @@ class Clock:
         self._begin[k], self._idle[k] = begin - self._start, begin - ready
         self._steps = k + 1
         return True
+
+    def go_on(self) -> None:
+        """Leave overruns out from now on in this loop: a robot that is to come to rest does so in its own time."""
+        self._ends_late = False
+
+    @property
+    def elapsed(self) -> float:
+        """Time from the begin of the step before to that of this one, s; one period for the first."""
+        k = self._steps - 1
+        return float(self._begin[k] - self._begin[k - 1]) if k > 0 else self._period
 
     def commanded(self) -> None:
         """Note that the step's command is there."""

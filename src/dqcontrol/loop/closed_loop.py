@@ -9,26 +9,26 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import Kernel
-from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
+from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.supervisor.prepared_supervisor import STOP
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.sample_sink import SampleSink
-from dqcontrol.loop.signals import Readings, Signal, foreseen_signals
-from dqcontrol.loop.supervision import Supervision
+from dqcontrol.loop.signals import Readings
+from dqcontrol.loop.supervision import Senses, Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
-from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE
+from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.robots import kinematics_kernels as kernels
 
 Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
+_SUPERVISOR = "the supervisor"
 _LOST = "the measured configuration is not finite"
 
 
@@ -68,14 +68,17 @@ def close_loop(
         With supervision, the first interrupt (Ctrl-C) stops softly.
     supervision
         What stands between law and plant. A command or measurement that is not finite then ends nothing: it brakes.
+        Whatever ends the loop, an exception of law or plant and a second interrupt among it, the robot is first brought
+        to rest within the supervisor's limits, and an exception raised only then.
     recording
         Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
 
     Returns
     -------
     Trace
-        Configurations before, and command at, each sample done. A run that leaves the finite numbers ends there and
-        says so in ``stopped``; so does one that the supervisor halted, and one whose plant switched its motors off.
+        Configurations before, and command at, each sample done; with supervision until the robot rests. A run that
+        leaves the finite numbers ends there and says so in ``stopped``; so does one that the supervisor halted, and one
+        whose plant switched its motors off.
 
     Raises
     ------
@@ -99,19 +102,18 @@ def close_loop(
                 f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
             )
     if supervision is not None:
-        supervision.begin(len(samples))
         _ = supervise.pointer  # compiled now, not while the robot moves
+    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
     if clock is not None:
         _warm_up(law, plant, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
-        with asked, clock.running(law.dt, len(samples)):
-            return _interpret(law, plant, samples, stop, disturbance, progress, clock, supervision, recording)
+        with asked, clock.running(law.dt, len(steps.desired)):
+            return steps.run(stop, progress)
     if not interpreted and not recording and isinstance(plant, CompiledPlant):
         law_kernel, plant_kernel = law.kernel, plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
-            trace = _rollout(law, plant, plant_kernel.pointer, samples, stop, disturbance, supervision)
-            return _with_signals(trace, foreseen_signals(plant, len(trace.q)), supervision)
-    return _interpret(law, plant, samples, stop, disturbance, progress, None, supervision, recording)
+            return _rollout(steps, plant, plant_kernel.pointer, stop)
+    return steps.run(stop, progress)
 
 
 def check_disturbed(plant: LivePlant) -> None:
@@ -127,19 +129,12 @@ def _stop_array(stop: Stop | None) -> Array:
     return np.array([stop.error, float(stop.samples)]) if stop else np.zeros(2)
 
 
-def _rollout(
-    law: PreparedLaw,
-    plant: CompiledPlant,
-    plant_pointer: int,
-    samples: Array,
-    stop: Stop | None,
-    disturbance: LiveDisturbance | None,
-    supervision: Supervision | None,
-) -> Trace:
-    none = np.zeros(0)
-    records = empty_records(law, samples)
-    realised = np.zeros((len(samples) if disturbance else 1, 6))
-    steps = np.zeros(10)
+def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop | None) -> Trace:
+    """Run the steps compiled; only coming to rest is interpreted."""
+    law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
+    none, count = np.zeros(0), len(steps.samples)
+    realised = steps.realised[:count] if disturbance else np.zeros((1, 6))
+    done = np.zeros(10)
     status = compiled.rollout(
         kernels.twist_kinematics.pointer,
         supervise.pointer if supervision else 0,
@@ -149,11 +144,11 @@ def _rollout(
         law.robot.chain,
         law.plan,
         law.memory,
-        law.initial_state(plant.q),
+        steps.law_state,
         supervision.supervisor.parameters if supervision else none,
         supervision.state if supervision else none,
         supervision.supervisor.work if supervision else none,
-        supervision.codes if supervision else none,
+        supervision.codes[:count] if supervision else none,
         disturbance.rows if disturbance else np.zeros((0, ROW)),
         disturbance.parameters if disturbance else none,
         disturbance.work if disturbance else none,
@@ -164,85 +159,202 @@ def _rollout(
         plant.measured,
         samples,
         _stop_array(stop),
-        *records,
+        *(record[:count] for record in steps.records),
         realised,
-        steps,
+        done,
     )
-    failure, halted = None, ""
-    if status == compiled.HALTED and supervision:
-        halted = supervision.why(int(steps[0]))
+    failure, halted, steps.done = None, "", int(done[0])
+    finished = "duration" if steps.done == count else "settled"
+    steps.is_sent = status == OK and not (stop and done[1] >= stop.samples)
+    if status == compiled.HALTED:
+        halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
         failure = "the plant left the finite numbers"
-        steps[0] -= 1
+        steps.done -= 1
     elif status >= compiled.LAW_FAILED:
         failure = status_text(status - compiled.LAW_FAILED)
     elif status:
         failure = _LOST
-    return ended(int(steps[0]), samples, records, realised if disturbance else None, failure, halted)
+    return steps.end(failure, halted, finished)
 
 
-def _interpret(
-    law: PreparedLaw,
-    plant: LivePlant,
-    samples: Array,
-    stop: Stop | None,
-    disturbance: LiveDisturbance | None,
-    progress: Callable[[int, int], None] | None,
-    clock: Clock | None,
-    supervision: Supervision | None,
-    recording: SampleSink | None,
-) -> Trace:
-    records = empty_records(law, samples)
-    q, measured, command = records
-    realised = np.zeros((len(samples), 6)) if disturbance else None
-    state, stop_values, count = law.initial_state(plant.q), _stop_array(stop), np.zeros(9)
-    done, failure, fault, halted = 0, None, "", ""
-    readings = Readings(plant, len(samples))
-    guarded = plant if isinstance(plant, GuardedPlant) else None
-    aged = plant if isinstance(plant, AgedPlant) else None
-    for k, row in enumerate(samples):
-        if clock and not clock.await_step():
-            halted = clock.overran
-            break
-        q[k], measured[k] = plant.q, plant.measured
-        readings.take(k)
+class _Steps:
+    """The loop in Python, one period after the other, and how it ends."""
+
+    def __init__(
+        self,
+        law: PreparedLaw,
+        plant: LivePlant,
+        samples: Array,
+        disturbance: LiveDisturbance | None,
+        clock: Clock | None,
+        supervision: Supervision | None,
+        recording: SampleSink | None,
+    ) -> None:
+        self.law, self.plant, self.samples, self.disturbance = law, plant, samples, disturbance
+        self.clock, self.supervision, self.recording = clock, supervision, recording
+        self.desired, self.senses = samples, None
+        if supervision is not None:
+            self.desired = np.empty((len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE))
+            self.desired[: len(samples)] = samples
+            self.senses = Senses(plant, supervision.supervisor)
+            supervision.begin(len(self.desired))
+        self.records = empty_records(law, self.desired)
+        self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
+        self.law_state = law.initial_state(plant.q)
+        self.done, self.is_sent, self.rests = 0, True, False
+        self._guarded = plant if isinstance(plant, GuardedPlant) else None
+        self._readings = Readings(plant, len(self.desired))
+        self._fault = ""
+
+    def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
+        """Follow the samples to their end, or to an earlier one."""
         try:
-            failure = _ask(law, plant.measured, row, k, state, command[k])
-            if failure and supervision is None:
-                break
-            done = k + 1
-            if supervision and supervision.step(
-                k, row[-1], measured[k], command[k], aged.age if aged else 0.0
-            ):
-                lost = recording.failure if recording else ""
-                halted, failure = lost or supervision.why(done), None
-            if recording:
-                code = supervision.codes[k] if supervision else 0.0
-                recording.take(row, q[k], measured[k], command[k], code)
-                if recording.failure and supervision:
-                    supervision.request = STOP
-                elif recording.failure:
-                    halted = recording.failure
-            if clock:
-                clock.commanded()
-            if halted:
-                break
-            if stop and not failure and compiled.settled(law.pose, row[POSE], stop_values, count):
-                break
-            failure = None
-            if disturbance is not None and realised is not None:
-                disturbance.step(law.robot.chain, k, plant.q, realised[k])
-            plant.step(command[k])
-            if guarded and not fault and guarded.fault:
-                fault = f"faulted at {row[-1]:g} s: {guarded.fault}"
-        except DivergedError as error:
-            done, failure = k, str(error)
-            break
-        if progress and done % _PROGRESS_EVERY == 0:
-            progress(done, len(samples))
-    trace = ended(done, samples, records, realised, failure, halted)
-    stopped = fault if fault and not has_failed(trace.stopped) else trace.stopped
-    return _with_signals(replace(trace, stopped=stopped), readings.signals(len(trace.q)), supervision)
+            failure, halted, finished = self._follow(stop, progress)
+        except BaseException:
+            self._come_to_rest_all_the_same()
+            raise
+        return self.end(failure, halted, finished)
+
+    def end(self, failure: str | None, halted: str, finished: str) -> Trace:
+        """Come to rest, if there is a supervisor, and return what was seen and why it ended."""
+        supervision, done = self.supervision, self.done
+        if supervision:
+            self._come_to_rest(hard=bool(failure or halted))
+            if failure:
+                self.done = done
+            else:
+                halted = self._why(supervision, halted)
+        realised = self.realised if self.disturbance else None
+        found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
+        # a stop after the fault is its consequence, a failure is not
+        is_first = (supervision and not failure) or not has_failed(found.stopped)
+        stopped = self._fault if self._fault and is_first else found.stopped
+        signals = self._readings.signals(len(found.q))
+        if supervision:
+            signals |= supervision.signals(len(found.q))
+        return replace(found, stopped=stopped, readings=signals)
+
+    def _why(self, supervision: Supervision, halted: str) -> str:
+        """Say why the supervisor stopped the robot, if it did not only end what was over."""
+        cause = "" if halted == _SUPERVISOR else halted
+        if self.recording and self.recording.failure:
+            cause = self.recording.failure
+        if not self.done or not (cause or halted or not supervision.stopped_softly):
+            return ""
+        return f"stop category 1: {cause}" if cause else supervision.why(self.done)
+
+    def _come_to_rest(self, *, hard: bool) -> None:
+        """Step on, with the desired pose at rest, until what is sent to the robot is at rest too."""
+        supervision = self.supervision
+        if supervision is None or not self.done:
+            return
+        if isinstance(self.plant, CompiledPlant):
+            self.plant.rewind()
+        if self.clock:
+            self.clock.go_on()
+        if hard:
+            supervision.stop()
+        else:
+            supervision.finish()
+        self._send_all_the_same()
+        while not self.rests and self.done < len(self.desired):
+            if self.clock:
+                self.clock.await_step()
+            self._rest_desired()
+            self._command(self.desired[self.done], asks=False)
+            self._send_all_the_same()
+
+    def _follow(
+        self, stop: Stop | None, progress: Callable[[int, int], None] | None
+    ) -> tuple[str | None, str, str]:
+        """Take one step a sample; return what failed, what halted it and how it finished otherwise."""
+        stop_values, count = _stop_array(stop), np.zeros(9)
+        for row in self.samples:
+            if self.clock and not self.clock.await_step():
+                return None, self.clock.overran, ""
+            try:
+                failure = self._command(row)
+                if failure and self.supervision is None:
+                    return failure, "", ""
+                if self.rests:
+                    return None, _SUPERVISOR, ""
+                if self.recording and self.recording.failure and not self.supervision:
+                    return None, self.recording.failure, ""
+                if stop and not failure and compiled.settled(self.law.pose, row[POSE], stop_values, count):
+                    return None, "", "settled" if self.done < len(self.samples) else "duration"
+                self._move()
+            except DivergedError as error:
+                if not self.is_sent:
+                    self.done, self.is_sent = self.done - 1, True
+                return str(error), "", ""
+            except FallenError as error:
+                self.is_sent, self._fault = True, str(error)
+                if self.supervision:
+                    self.supervision.stop()
+                return None, "", "duration"
+            if progress and self.done % _PROGRESS_EVERY == 0:
+                progress(self.done, len(self.samples))
+        return None, "", "duration"
+
+    def _command(self, row: Array, *, asks: bool = True) -> str | None:
+        """Find the command of the next sample; return why the law had none."""
+        k, plant, supervision = self.done, self.plant, self.supervision
+        q, measured, command = (record[k] for record in self.records)
+        q[:], measured[:] = plant.q, plant.measured
+        self._readings.take(k)
+        command[:] = 0.0
+        failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
+        if failure and supervision is None:
+            return failure
+        self.done, self.is_sent = k + 1, False
+        elapsed = self.clock.elapsed if self.clock else None
+        if supervision:
+            self.rests = supervision.step(k, row[TIME], measured, command, self.senses, elapsed)
+            self.law.sent(self.law_state, command)
+            code = supervision.codes[k]
+            supervision.black_box.take(elapsed or supervision.period, row, q, measured, command, code)
+        if self.recording:
+            self.recording.take(row, q, measured, command, supervision.codes[k] if supervision else 0.0)
+            if self.recording.failure and supervision:
+                supervision.stop()
+        if self.clock:
+            self.clock.commanded()
+        return failure
+
+    def _move(self) -> None:
+        """Send the last command, and let the robot move for a period."""
+        k = self.done - 1
+        if self.disturbance is not None:
+            self.disturbance.step(self.law.robot.chain, k, self.plant.q, self.realised[k])
+        self.plant.step(self.records[2][k])
+        self.is_sent = True
+        if self._guarded and not self._fault and self._guarded.fault:
+            category = "stop category 0: " if self.supervision else ""
+            self._fault = f"faulted at {self.desired[k, TIME]:g} s: {category}{self._guarded.fault}"
+            if self.supervision:
+                self.supervision.stop()
+
+    def _send_all_the_same(self) -> None:
+        """Send the last command if it was not; a plant that fails may hear the next one."""
+        if not self.is_sent:
+            self.is_sent = True
+            with suppress(Exception):
+                self.plant.step(self.records[2][self.done - 1])
+
+    def _come_to_rest_all_the_same(self) -> None:
+        """Come to rest while an exception is on its way; one interrupt does not end that, the next one does."""
+        self.is_sent = self.is_sent or not self.rests
+        if self.supervision and self.done:
+            with first_interrupt(self.supervision.stop), suppress(Exception):
+                self._come_to_rest(hard=True)
+
+    def _rest_desired(self) -> None:
+        """Let what is desired of the next sample be the pose of the last one, at rest."""
+        before, row = self.desired[self.done - 1], self.desired[self.done]
+        row[:] = before
+        row[TWIST] = row[TWIST_RATE] = 0.0
+        row[TIME] = before[TIME] + self.law.dt
 
 
 def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:
@@ -259,11 +371,6 @@ def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, co
         return None
     command[:] = np.nan
     return failure
-
-
-def _with_signals(trace: Trace, readings: dict[str, Signal], supervision: Supervision | None) -> Trace:
-    done = supervision.signals(len(trace.q)) if supervision else {}
-    return replace(trace, readings=readings | done)
 
 
 def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:

@@ -11,12 +11,19 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.interventions import SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import TIME
+from dqcontrol.robots import Robot
 
 Array = NDArray[np.float64]
+
+_FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, however late that is
+_NOTHING: Array = np.zeros(0)
 
 
 class Phase(Enum):
@@ -38,6 +45,10 @@ class Control:
         What it is doing.
     reason
         Why it stopped, or what the supervisor does now; empty while nothing is to be said.
+    time
+        Of the reference since the start, s: it advances by no more than one and a half periods a step.
+    black_box
+        The last seconds of what was commanded and measured, also across stops.
     desired
         Last sample of the target, shape (21,).
     is_commanding
@@ -48,17 +59,35 @@ class Control:
         What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
     """
 
+    law: PreparedLaw
+    target: Target
+    supervisor: PreparedSupervisor
+    wanted: Array
+    command: Array
+    phase: Phase
+    reason: str
+
     def __init__(self, law: PreparedLaw, target: Target, supervisor: PreparedSupervisor) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
-        self.robot = law.robot
+        self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
         self.wanted, self.command = np.zeros(m), np.zeros(m)
         self.desired: Array = np.zeros(21)
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
+        self.time = self._stamp = 0.0
+        self._elapsed = law.dt
+        self.black_box = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
-        self.is_commanding = False
+        self.is_commanding: bool = False
+
+    @property
+    def stop_category(self) -> int | None:
+        """Category (IEC 60204-1) of the stop that it is in; None while it is in none. See `limits.stop_category`."""
+        if not len(self._state):
+            return 1 if self.phase is Phase.STOPPED else None
+        return self.supervisor.stop_category(self._state)
 
     @property
     def position(self) -> Array:
@@ -86,6 +115,7 @@ class Control:
         self._law_state = self.law.initial_state(measured)
         self.measured[:] = measured
         self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
+        self.time = self._stamp = 0.0
         self.target.start(self.robot.fkm(measured))
         self.phase, self.reason, self.is_commanding = Phase.ACTIVE, "", True
 
@@ -127,27 +157,49 @@ class Control:
             raise Error(f"reset: the controller is {self.phase.value}, not stopped")
         self.phase, self.reason, self.is_commanding = Phase.INACTIVE, "", False
 
-    def step(self, time: float, measured: Array | None, age: float) -> None:
+    def step(
+        self,
+        time: float,
+        measured: Array | None,
+        age: float,
+        elapsed: float | None = None,
+        effort: Array = _NOTHING,
+        wrench: Array = _NOTHING,
+    ) -> None:
         """Find the command of one period, while there is one to be found.
 
         Parameters
         ----------
         time
-            Since the start, s.
+            Since the start, s, as the robot stamps it.
         measured
             Joints, shape (n,), rad or m; None if none came: the law is not asked then.
         age
             Of the last measurement, s.
+        elapsed
+            Since the last step on this computer's steady clock, s; as ``time`` says if omitted. The longer of the two
+            counts: one that is longer than the supervisor's ``stale_after`` stops, and so does a time that goes back.
+        effort, wrench
+            Measured, as for `PreparedSupervisor.command`.
         """
         if not self.is_commanding:
             return
-        if self.phase is Phase.ACTIVE and self.target.is_over(time):
+        passed = time - self._stamp if self._stamp or time else self.law.dt  # the first step is a period long
+        self._stamp = time
+        self.time += min(max(passed, 0.0), _FASTEST_REFERENCE * self.law.dt) if time else 0.0
+        self._elapsed = passed if elapsed is None or not passed >= 0.0 else max(passed, elapsed)
+        if self.phase is Phase.ACTIVE and self.target.is_over(self.time):
             self.deactivate()
         if measured is not None:
             self.measured[:] = measured
-            self._ask_law(time)
+            self._ask_law(self.time)
         request, self._request = self._request, GO
-        rests = self.supervisor.step(self.measured, self.wanted, self._state, age, request, self.command)
+        rests = self.supervisor.step(
+            self.measured, self.wanted, self._state, age, request, self.command, self._elapsed, effort, wrench
+        )
+        self.law.sent(self._law_state, self.command)
+        code = self.supervisor.code(self._state)
+        self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)
         self._follow_supervisor(rests)
 
     def record(self, recording: SampleSink, time: float, q: Array) -> None:
@@ -185,7 +237,7 @@ class Control:
             cause = [f"emergency stop: {self._cause}"] if self._cause else []
             self.reason, self.phase = ", ".join(cause or words), Phase.STOPPING
             if rests:
-                self.is_commanding = words != ("soft stop",)
+                self.is_commanding = self._state[at.FAULT] != SOFT_STOP
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
 
 

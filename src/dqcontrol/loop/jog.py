@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,10 +12,13 @@ from dqcontrol.algebra import translation
 from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
+from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import ByTwist, Speeds
-from dqcontrol.plants.plant import AgedPlant, CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
 
 Array = NDArray[np.float64]
@@ -38,6 +44,7 @@ HELP = (
     "+ - faster, slower    h axes of hand or base    p keep this pose",
     "space stop    g resume after a stop    q quit, also by c or Ctrl-C",
 )
+_MOST_BRAKING_STEPS = 100_000
 _HOLD = 0.15  # s that one key press lasts: keys held down repeat sooner
 
 
@@ -67,12 +74,18 @@ class Jog:
         Whether they mean the axes of the hand, or those of the base.
     recording
         Gets every step, if there is one; when it cannot be written the robot stops.
+    spec
+        Text of the experiment that it was made from, kept with its black box.
 
     Raises
     ------
     ValueRangeError
         If a joint is beyond its limits.
     """
+
+    speeds: Speeds
+    share: float
+    of_hand: bool
 
     def __init__(
         self,
@@ -88,8 +101,10 @@ class Jog:
         self._control = Control(law, self._target, supervisor)
         self._control.activate(plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt
+        self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
         self.recording: SampleSink | None = None
+        self.spec = ""
 
     @property
     def period(self) -> float:
@@ -148,8 +163,39 @@ class Jog:
         """Stop softly, and be `ended` then; interrupts may call it."""
         self._ending = True
 
-    def step(self) -> None:
-        """Move for one period."""
+    def step(self, elapsed: float | None = None) -> None:
+        """Move for one period; ``elapsed`` s after the last step, a period if omitted.
+
+        A plant that raises is braked first, as far as it still takes commands.
+        """
+        try:
+            self._step(elapsed)
+        except BaseException:
+            with first_interrupt(self._control.emergency_stop):
+                self.brake()
+            raise
+
+    def brake(self) -> None:
+        """Stop as hard as the supervisor may, one step after the other, whatever the plant raises."""
+        self._control.emergency_stop()
+        for _ in range(_MOST_BRAKING_STEPS):
+            if self._control.phase is Phase.STOPPED or not self._control.is_commanding:
+                return
+            time.sleep(self._dt)
+            with suppress(Exception):
+                self._step(None)
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether it was stopped, and holds until it is told to go on."""
+        return self._control.phase is Phase.STOPPED
+
+    @property
+    def black_box(self) -> BlackBox:
+        """Its last seconds."""
+        return self._control.black_box
+
+    def _step(self, elapsed: float | None) -> None:
         plant, control = self._plant, self._control
         if self._ending and control.phase is Phase.ACTIVE:
             control.deactivate()
@@ -157,8 +203,8 @@ class Jog:
             control.reset()
         if self._fault and control.phase is Phase.ACTIVE:
             control.emergency_stop()
-        age = plant.age if isinstance(plant, AgedPlant) else 0.0
-        control.step(self._time, plant.measured.copy(), age)
+        senses = self._senses
+        control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, senses.wrench)
         if self.recording:
             control.record(self.recording, self._done * self._dt, plant.q)
         self._time, self._done = self._time + self._dt, self._done + 1
@@ -174,7 +220,7 @@ class Jog:
         asked = np.zeros((2, 3))
         speed = (self.speeds.linear, self.speeds.angular)[axis // 3]
         asked[axis // 3, axis % 3] = sign * self.share * speed
-        self._target.ask(self._time, asked[0], asked[1], of_hand=self.of_hand)
+        self._target.ask(self._control.time, asked[0], asked[1], of_hand=self.of_hand)
 
     def _keep(self) -> str:
         if self._poses is None:

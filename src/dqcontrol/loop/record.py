@@ -44,11 +44,11 @@ def row_norms(vectors: Array) -> Array:
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
 
 
-FAILURES = ("diverged", "faulted", "halted")
+FAILURES = ("diverged", "faulted", "halted", "toppled", "slipped")
 
 
 def has_failed(stopped: str) -> bool:
-    """Return whether a run that ended so left the finite numbers, was halted, or switched its motors off and fell."""
+    """Return whether a run that ended so left the finite numbers, was halted, switched its motors off, or fell over."""
     return stopped.startswith(FAILURES)
 
 
@@ -80,7 +80,8 @@ class Record:
         m names of the inputs; the joints' names if omitted.
     stopped
         Why the run ended: ``"duration"``, ``"settled"``, ``"diverged at …"``; or ``"faulted at …"``: the plant switched
-        its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot.
+        its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot; or
+        ``"toppled at …"``, ``"slipped at …"``: a mobile robot fell over, or its wheels lost their grip.
     disturbance
         Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
         m/s, inertial frame; None if there was none.
@@ -234,6 +235,37 @@ class Record:
         error = np.empty((len(self), 8))
         pose_errors(self.pose, self.desired_pose, error)
         return _locked(error)
+
+
+def part_of(record: Record, first: int, last: int) -> Record:
+    """Return the samples first … last of a record, without copying them."""
+    return _rows_of(record, slice(first, last))
+
+
+def thinned(record: Record, most: int) -> Record:
+    """Return at most so many samples of a record, and that of the largest error: all that a picture of it shows."""
+    step = -(-len(record) // most)
+    if step == 1:
+        return record
+    largest = int(np.argmax(record.error))
+    return _rows_of(record, np.unique([*range(0, len(record), step), largest, len(record) - 1]))
+
+
+def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
+    disturbance = record.disturbance
+    return Record(
+        record.time[rows],
+        record.q[rows],
+        record.measured[rows],
+        record.command[rows],
+        record.pose[rows],
+        record.desired[rows],
+        record.joint_names,
+        record.input_names,
+        stopped=record.stopped,
+        disturbance=None if disturbance is None else disturbance[rows],
+        readings={name: each._replace(values=each.values[rows]) for name, each in record.readings.items()},
+    )
 
 
 def _position(poses: Array) -> Array:

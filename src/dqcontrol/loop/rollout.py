@@ -7,8 +7,8 @@ import math
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
-from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, ask, unpack
-from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, GO, NOW
+from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, ask, note_sent, unpack
+from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, DT, GO, NOW
 from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
@@ -118,14 +118,18 @@ def rollout(
                 chain,
                 measured,
                 0.0,
+                supervisor_parameters[DT],
                 GO,
                 command_record[k],
+                supervisor_parameters[0:0],
+                supervisor_parameters[0:0],
                 supervisor_parameters,
                 supervisor_state,
                 supervisor_work,
                 command_record[k],
             )
             code_record[k] = supervisor_state[NOW]
+            note_sent(law, law_state, command_record[k])
             if supervised == AT_REST:
                 return HALTED
         if (

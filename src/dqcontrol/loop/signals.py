@@ -69,7 +69,12 @@ class Readings:
 def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
     """Return the first samples of what a compiled plant knew before, by name."""
     known = plant.foreseen if isinstance(plant, CompiledPlant) else ()
-    return {channel.name: _signal(channel, values[:count]) for channel, values in known}
+    return {channel.name: _signal(channel, _first(values, count)) for channel, values in known}
+
+
+def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return the first rows; beyond them the last one goes on."""
+    return values[np.minimum(np.arange(count), len(values) - 1)] if count > len(values) else values[:count]
 
 
 def _signal(channel: Channel, values: NDArray[np.float64]) -> Signal:

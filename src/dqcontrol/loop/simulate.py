@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits, Supervisor
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
@@ -18,7 +19,7 @@ from dqcontrol.loop.signals import actuator_command
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.plant import Plant, command_mode
+from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
@@ -62,7 +63,7 @@ def simulate(
     duration
         s; as long as the reference if omitted.
     limits
-        What is done to commands before they leave.
+        What is done to commands before they leave; see `dqcontrol.plants.limits_before`.
     stop
         When to end early.
     disturbance
@@ -108,7 +109,7 @@ def simulate(
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
     return follow(
-        law.prepare(robot, reference, period, limits),
+        law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),
         plant,
         q0,
         samples,
@@ -136,6 +137,7 @@ def follow(
     clock: Clock | None = None,
     recording: SampleSink | None = None,
     watch: Watch | None = None,
+    black_box: BlackBox | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
 
@@ -145,7 +147,7 @@ def follow(
         If the very first command fails.
     """
     robot = law.robot
-    supervision = supervisor and supervise(supervisor, law, plant, start, watch)
+    supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
         plant.start(robot, start, law.dt, len(samples), seed),
@@ -160,7 +162,7 @@ def follow(
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)
-    done = samples[: len(trace.q)]
+    done = trace.desired
     return Record(
         time=done[:, -1],
         q=trace.q,
@@ -177,7 +179,12 @@ def follow(
 
 
 def supervise(
-    supervisor: Supervisor, law: PreparedLaw, plant: Plant, start: Array, watch: Watch | None = None
+    supervisor: Supervisor,
+    law: PreparedLaw,
+    plant: Plant,
+    start: Array,
+    watch: Watch | None = None,
+    black_box: BlackBox | None = None,
 ) -> Supervision:
     """Return a supervisor at work between a law and a plant that starts at rest, shape (n,), rad or m.
 
@@ -187,7 +194,7 @@ def supervise(
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
     prepared = supervisor.prepare(law.robot, law.dt, command_mode(plant))
-    return Supervision(prepared, start, watch)
+    return Supervision(prepared, start, watch, black_box)
 
 
 def step_count(reference: Reference, period: float, duration: float | None) -> int:

@@ -7,14 +7,61 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.limits.supervisor.interventions import reasons
-from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, PreparedSupervisor
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
+from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
+from dqcontrol.plants.plant import AgedPlant, EffortPlant, LivePlant, WrenchPlant
 
 Array = NDArray[np.float64]
 Watch = Callable[[float, tuple[str, ...]], None]
 
-INTERVENTIONS = "interventions"  # name of the signal
+_NOTHING: Array = np.zeros(0)
+_MOST_STEPS = 100_000  # of coming to rest
+
+
+class Senses:
+    """What a plant measures beside its joints, as far as it does, in the form that supervisors take it.
+
+    Raises
+    ------
+    ValueRangeError
+        If the supervisor bounds what the plant does not measure.
+    """
+
+    def __init__(self, plant: LivePlant, supervisor: PreparedSupervisor) -> None:
+        self._aged = plant if isinstance(plant, AgedPlant) else None
+        self._effort = plant if isinstance(plant, EffortPlant) else None
+        self._wrench = plant if isinstance(plant, WrenchPlant) else None
+        bounds = supervisor.bounds
+        for field, limit, measures in (
+            ("effort", bounds.effort.min(initial=np.inf), self._effort),
+            ("contact_effort", bounds.head[at.CONTACT_EFFORT], self._effort),
+            ("contact_force", bounds.head[at.CONTACT_FORCE], self._wrench),
+            ("contact_torque", bounds.head[at.CONTACT_TORQUE], self._wrench),
+        ):
+            if np.isfinite(limit) and measures is None:
+                what = "effort" if "effort" in field else "wrench"
+                raise ValueRangeError(
+                    f"supervisor.{field}: {type(plant).__name__} measures no {what}; it may have none here"
+                )
+
+    @property
+    def age(self) -> float:
+        """Of the measurement, s; 0 if the plant says nothing of it."""
+        return self._aged.age if self._aged else 0.0
+
+    @property
+    def effort(self) -> Array:
+        """Measured, shape (m,); empty if it is not."""
+        return np.ascontiguousarray(self._effort.effort, dtype=np.float64) if self._effort else _NOTHING
+
+    @property
+    def wrench(self) -> Array:
+        """Measured at the hand, shape (6,); empty if it is not."""
+        return np.ascontiguousarray(self._wrench.wrench, dtype=np.float64) if self._wrench else _NOTHING
 
 
 class Supervision:
@@ -28,22 +75,52 @@ class Supervision:
         Where the robot rests, shape (n,), rad or m.
     watch
         Called with time (s) and reasons whenever these change; in the interpreted loop only.
+    black_box
+        What keeps the last seconds of the interpreted loop; an own one if omitted.
     """
 
-    def __init__(self, supervisor: PreparedSupervisor, q: ArrayLike, watch: Watch | None = None) -> None:
+    def __init__(
+        self,
+        supervisor: PreparedSupervisor,
+        q: ArrayLike,
+        watch: Watch | None = None,
+        black_box: BlackBox | None = None,
+    ) -> None:
         self.supervisor = supervisor
-        self.state = supervisor.start(q)
-        self.request = GO
+        self.state: Array = supervisor.start(q)
+        self.request: int = GO
         self.codes: Array = np.zeros(0)
+        self.period = float(supervisor.parameters[at.DT])
+        self.black_box = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
+
+    @property
+    def most_steps_to_rest(self) -> int:
+        """How many periods braking may take; no more are waited for."""
+        bounds = self.supervisor.bounds
+        braking = (bounds.velocity / (bounds.acceleration * self.period)).max(initial=0.0)
+        return int(min(braking + bounds.head[at.WINDOW] + 10.0, _MOST_STEPS))
 
     def begin(self, count: int) -> None:
         """Make room for so many samples."""
         self.codes = np.zeros(count)
 
-    def step(self, k: int, time: float, measured: Array, command: Array, age: float) -> bool:
+    def step(
+        self,
+        k: int,
+        time: float,
+        measured: Array,
+        command: Array,
+        senses: Senses | None = None,
+        elapsed: float | None = None,
+    ) -> bool:
         """Replace the command of sample k by what leaves; return whether the robot is stopped and at rest."""
-        halted = self.supervisor.step(measured, command, self.state, age, self.request, command)
+        age, effort, wrench = (
+            (senses.age, senses.effort, senses.wrench) if senses else (0.0, _NOTHING, _NOTHING)
+        )
+        halted = self.supervisor.step(
+            measured, command, self.state, age, self.request, command, elapsed, effort, wrench
+        )
         self.codes[k] = code = self.supervisor.code(self.state)
         if self._watch and code != (self.codes[k - 1] if k else 0):
             self._watch(time, reasons(code))
@@ -54,9 +131,28 @@ class Supervision:
         if self.request == GO:
             self.request = END
 
+    def finish(self) -> None:
+        """Ask to brake because what was to be followed is over, unless a stop was asked for."""
+        if self.request in (GO, END):
+            self.request = FINISH
+
+    def stop(self) -> None:
+        """Ask to brake as hard as the supervisor may."""
+        self.request = STOP
+
+    @property
+    def stopped_softly(self) -> bool:
+        """Whether it is stopped because it was asked to end, and for nothing else."""
+        return int(self.state[at.FAULT]) == SOFT_STOP
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether it is stopping or stopped."""
+        return self.supervisor.is_stopped(self.state)
+
     def why(self, count: int) -> str:
-        """Say why it is stopped after so many samples."""
-        return ", ".join(reasons(self.codes[count - 1]))
+        """Say in which category and why it is stopped after so many samples."""
+        return describe_stop(self.codes[count - 1])
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return what it did at the first samples, as a quantity of the recording."""

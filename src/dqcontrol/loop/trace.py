@@ -13,7 +13,7 @@ from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
 Array = NDArray[np.float64]
-_FAR = 1e4  # rad or m: no robot goes there
+FARTHEST = 1e4  # rad or m: no robot goes there
 
 
 class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -25,12 +25,16 @@ class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Trace:
-    """What the loop saw at each sample, and why it ended."""
+    """What the loop saw at each sample, and why it ended.
+
+    With a supervisor the last samples are those in which the robot came to rest: what is desired rests there too.
+    """
 
     q: Array
     measured: Array
     command: Array
     stopped: str
+    desired: Array
     disturbance: Array | None = None  # inertial twist, shape (done, 6)
     readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
 
@@ -48,19 +52,20 @@ def ended(
     realised: Array | None,
     failure: str | None,
     halted: str = "",
+    finished: str = "",
 ) -> Trace:
-    """Return the samples done, and say why there are no more."""
-    lost = _first_beyond(_FAR, records[0][:done])
+    """Return the samples done, and say why there are no more: by failure, by a halt, or ``finished`` as it is said."""
+    lost = _first_beyond(FARTHEST, records[0][:done])
     if lost > 0:
-        done, failure = lost, f"a joint went beyond {_FAR:g} rad or m"
+        done, failure = lost, f"a joint went beyond {FARTHEST:g} rad or m"
     if failure is not None:
         stopped = f"diverged at {samples[done, -1]:g} s: {failure}"
     elif halted:
         stopped = f"halted at {samples[max(done - 1, 0), -1]:g} s: {halted}"
     else:
-        stopped = "duration" if done == len(samples) else "settled"
+        stopped = finished or ("duration" if done == len(samples) else "settled")
     q, measured, command = (array[:done] for array in records)
-    return Trace(q, measured, command, stopped, None if realised is None else realised[:done])
+    return Trace(q, measured, command, stopped, samples[:done], None if realised is None else realised[:done])
 
 
 def _first_beyond(bound: float, rows: Array) -> int:

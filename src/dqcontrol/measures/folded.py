@@ -62,11 +62,11 @@ def _total(widths: Sequence[int]) -> int:
 
 
 def _shared(least: Sequence[int], most: Sequence[int], width: int) -> list[int]:
-    """Return widths of columns that need most where there is room left, a letter at a time."""
+    """Return widths of columns: where room is left, each letter goes to the column whose cells have most lines."""
     widths = list(least)
     for _ in range(width - _total(least)):
-        wants = [wish - now for wish, now in zip(most, widths, strict=True)]
-        if max(wants) <= 0:
+        lines = [wish / max(now, 1) for wish, now in zip(most, widths, strict=True)]
+        if max(lines) <= 1:
             break
-        widths[wants.index(max(wants))] += 1
+        widths[lines.index(max(lines))] += 1
     return widths

@@ -51,9 +51,16 @@ METRIC_COLUMNS: dict[str, Column] = {
     "limit_joint": Column("Nearest to limit"),
     "peak_contact": Column("Contact force peak", "N"),
     "recovery_time": Column("Recovery time", "s"),
+    "task": Column("Task"),
+    "peak_velocity_share": Column("Velocity peak of its limit"),
+    "saturation": Column("Samples at velocity limits"),
     "outside_range": Column("Outside the range of J"),
+    "hand_clearance": Column("Clearance of the hand", "m"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
+
+TEXTS = ("limit_joint", "task")
+"""Those that are words."""
 
 PUBLISHED = tuple(f"{key}.integral" for key in _SIGNALS if key != "settled_error")
 """The five integrals that [P16 5.3] tabulates."""
@@ -148,6 +155,6 @@ def metric_column(key: str) -> Column:
 
 def number_column(key: str) -> Column:
     """Return the column of a metric that is a number, or raise `UnknownNameError`."""
-    if key == "limit_joint":
-        raise unknown_name("keys", key, [name for name in METRIC_COLUMNS if name != key])
+    if key in TEXTS:
+        raise unknown_name("keys", key, [name for name in METRIC_COLUMNS if name not in TEXTS])
     return metric_column(key)

@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
+from dqcontrol.measures.task_result import task_result
 from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SETTLED_FRACTION = 0.02
+_ROUNDING = 1e-9  # as a share of a velocity limit
 _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
 
 
@@ -128,9 +131,20 @@ class Metrics:
         Largest force of an obstacle on the hand, N; NaN without obstacles.
     recovery_time
         From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
+    task
+        Whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
+        `task_result`.
+    peak_velocity_share
+        Largest command over the velocity limit of its input, 1 at the limit; NaN without limits or commands, and where
+        commands count from the measured joints.
+    saturation
+        Share of the samples at which a command is at its velocity limit or beyond, 0 … 1; NaN as before.
     outside_range
         How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
         see `task_range`. NaN without differential drives.
+    hand_clearance
+        Least height of the hand above the floor, or distance from the chassis where the robot's file has one, m;
+        negative inside; see `clearance`. NaN without a mobile base.
     """
 
     duration: float
@@ -154,7 +168,11 @@ class Metrics:
     limit_joint: str
     peak_contact: float
     recovery_time: float
+    task: str
+    peak_velocity_share: float
+    saturation: float
     outside_range: float
+    hand_clearance: float = math.nan
 
     def __repr__(self) -> str:
         """Return the errors that matter most, in a line."""
@@ -187,7 +205,12 @@ class Metrics:
 
 
 def evaluate(
-    record: Record, limits: Limits | None = None, *, settle: float = 0.0, tolerance: float | None = None
+    record: Record,
+    limits: Limits | None = None,
+    *,
+    settle: float = 0.0,
+    tolerance: float | None = None,
+    law: Law | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -196,11 +219,13 @@ def evaluate(
     record
         The run; true configurations and poses are judged, not measured ones.
     limits
-        Of the configuration variables, for the margin.
+        Of the configuration variables, for the margin, and of the inputs' speeds.
     settle
         Length of the start that the settled error and deviations leave out, s.
     tolerance
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
+    law
+        What drove the hand: of one that controls a part of the pose only that part's task is judged.
 
     Raises
     ------
@@ -237,6 +262,7 @@ def evaluate(
         effort = math.sqrt(np.sum(row_norms(actuators[:-1]) ** 2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = least_margin(record, limits)
+        peak_share, saturation = _saturation(record.command[:-1], limits)
         return Metrics(
             duration=record.duration,
             samples=len(record),
@@ -259,6 +285,9 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
+            task=task_result(record, law=law, settle=settle).words,
+            peak_velocity_share=peak_share,
+            saturation=saturation,
             outside_range=outside_range(record),
         )
 
@@ -301,6 +330,16 @@ def _settling(time: Array, error: Array, tolerance: float | None) -> tuple[float
         return 0.0, band
     last = int(outside[-1])
     return (float(time[last + 1] - time[0]) if last + 1 < len(time) else math.nan), band
+
+
+def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
+    """Return the largest command over its limit, and the share of samples with one there or beyond."""
+    if limits is None or not len(command) or not np.isfinite(limits.velocity).any():
+        return math.nan, math.nan
+    shares = np.max(np.abs(command) / limits.velocity, axis=1)
+    if not np.isfinite(shares).all():
+        return math.nan, math.nan
+    return float(shares.max()), float(np.mean(shares >= 1 - _ROUNDING))
 
 
 def _overshoot(error: Array) -> float:

@@ -41,10 +41,10 @@ class Repeats:
     def __init__(self, rows: Sequence[Row]) -> None:
         if not rows:
             raise ShapeError("rows: expected at least one run, got none")
-        self.parameters = list(
+        self.parameters: list[str] = list(
             dict.fromkeys(name for row in rows for name in row if name.startswith(_PARAMETER))
         )
-        self.names = (*LABELS, *self.parameters)
+        self.names: tuple[str, ...] = (*LABELS, *self.parameters)
         self.groups: dict[Group, list[Row]] = {}
         for row in rows:
             self.groups.setdefault(tuple(_known(row.get(name)) for name in self.names), []).append(row)

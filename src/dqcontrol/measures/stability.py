@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -13,14 +14,18 @@ from numpy.typing import NDArray
 from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.plants.linear_model import LinearModel
 
-Verdict = Literal["monotone", "oscillatory", "unstable", "drifts", "cannot be decided"]
+Verdict = Literal[
+    "good", "oscillatory", "unstable", "unstable for large errors", "drifts", "cannot be decided"
+]
 
-MOST_STATES = 100  # of a model: eigenvalues of more take too long
+MOST_STATES = 200  # of a model: eigenvalues of more take too long
 _GAINS = np.geomspace(1e-4, 1e6, 134)  # k T that are tried until one fails
 _DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
 _ROUNDING = 1e-12
+_FREQUENCIES = 2000
+_LONGEST = 20_000  # periods of a step response
 
 
 @dataclass(frozen=True)
@@ -79,23 +84,34 @@ class GainLimits:
         Up to it the slowest pole is real and positive: the error ends without oscillation.
     recommended
         Up to it the slowest poles have a damping ratio of 0.7 or more, and twice the gain is stable.
+    large
+        From about there on large errors oscillate for ever at a supervisor's acceleration limit; see
+        `large_error_limit`.
     """
 
     stable: float
     monotone: float
     recommended: float
+    large: float = math.inf
 
     def verdict(self, product: float) -> Verdict:
-        """Say what becomes of small errors at this k T."""
+        """Say what becomes of errors at this k T: good where they end well damped, with at most a little overshoot."""
         if product == 0:
             return "drifts"
         if product >= self.stable:
             return "unstable"
-        return "monotone" if product <= self.monotone * (1 + _TIE) else "oscillatory"
+        if product >= self.large:
+            return "unstable for large errors"
+        return "good" if product <= max(self.monotone, self.recommended) * (1 + _TIE) else "oscillatory"
 
 
 def gain_limits(
-    model: LinearModel, period: float, direction: complex = 1.0, integral_share: float = 0.0
+    model: LinearModel,
+    period: float,
+    direction: complex = 1.0,
+    integral_share: float = 0.0,
+    *,
+    accelerations_limited: bool = False,
 ) -> GainLimits:
     """Return the limits of the loop u = −k y − k_I ∫y dt, with k along a direction of the complex plane.
 
@@ -111,6 +127,8 @@ def gain_limits(
         k/|k|: 1 for all but laws whose own loop oscillates.
     integral_share
         k_I / |k|², which stays as it is when k grows.
+    accelerations_limited
+        Whether commands may change only at a limited rate on their way to the plant.
 
     Examples
     --------
@@ -130,7 +148,83 @@ def gain_limits(
     stable = _first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
     monotone = _first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
     damped = _first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
-    return GainLimits(stable, min(monotone, stable), min(damped, stable / 2))
+    large = large_error_limit(model, period) if accelerations_limited else math.inf
+    return GainLimits(stable, min(monotone, stable), min(damped, stable / 2, large), large)
+
+
+def large_error_limit(model: LinearModel, period: float) -> float:
+    """Return the product k T from which on large errors may oscillate for ever, behind a limit of acceleration.
+
+    A rate limit that is always reached turns a sine into a triangle, φ late and 8/π² cos φ times as high. So there is
+    an oscillation that lasts where k G has the phase −180° + φ with 0 < φ < 90° and the modulus π²/(8 cos φ)
+    (harmonic balance). With a lag τ in all that is from k = 1.23/τ on, however small the acceleration: the limit only
+    says how large the error has to be, about a/k². Simulated loops do so from a gain up to a third higher on.
+
+    Parameters
+    ----------
+    model
+        Of the plant; each joint is looked at by itself.
+    period
+        T, s.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> from dqcontrol.measures.stability import large_error_limit
+    >>> servo = dqc.plants.Servo(time_constant=0.05)
+    >>> round(large_error_limit(servo.linear_model(dqc.load_robot("iiwa7"), None, 0.01), 0.01) / 0.01, 1)  # 1/s
+    24.6
+    """
+    m, unit = model.inputs.shape[1], np.eye(len(model.transition))
+    angles = np.geomspace(1e-3, np.pi, _FREQUENCIES + 1)[:-1]
+    shifted = np.exp(1j * angles)[:, None, None] * unit - model.transition
+    inputs = np.broadcast_to(model.inputs, (len(angles), *model.inputs.shape))
+    responses = np.linalg.solve(shifted, inputs)[:, range(m), range(m)] / period
+    late = np.pi + np.unwrap(np.angle(responses), axis=0)
+    rated = (late > 1e-3) & (late < np.pi / 2 - 1e-6)
+    gains = np.pi**2 / 8 / (np.abs(responses) * np.cos(np.where(rated, late, 0.0)))
+    return float(gains[rated].min(initial=math.inf))
+
+
+def with_mean(model: LinearModel, window: int, period: float, *, from_measured: bool) -> LinearModel:
+    """Return a plant behind a supervisor that limits jerk: what leaves is the mean of so many of its last rates.
+
+    Parameters
+    ----------
+    model
+        Of the plant, y the first entries of its state.
+    window
+        Number of samples that the mean is of.
+    period
+        T, s.
+    from_measured
+        Whether commands count from y: then the mean is of positions, y⁺ + T u, as the supervisor moves its own.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.measures.stability import gain_limits, with_mean
+    >>> from dqcontrol.plants.linear_model import LinearModel
+    >>> ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
+    >>> round(gain_limits(with_mean(ideal, 2, 0.01, from_measured=False), 0.01).stable, 6)  # half a sample late
+    2.0
+    """
+    if window <= 1:
+        return model
+    m, size = model.inputs.shape[1], len(model.transition)
+    memory = (window - 1) * m  # newest first: rates, or positions
+    transition, inputs = np.zeros((size + memory, size + memory)), np.zeros((size + memory, m))
+    transition[:size, :size] = model.transition
+    shares = np.tile(np.eye(m) / window, window - 1)
+    feed = model.inputs / period if from_measured else model.inputs
+    transition[:size, size:] = feed @ shares
+    inputs[:size] = model.inputs / window
+    inputs[size : size + m] = period * np.eye(m) if from_measured else np.eye(m)
+    if from_measured:  # target s⁺ = (y + T u + Σ past)/w, as the rate (s⁺ − y)/T
+        transition[:size, :m] += feed * (1 / window - 1)
+        transition[size : size + m, :m] = np.eye(m)
+    transition[size + m :, size : size + memory - m] = np.eye(memory - m)
+    return LinearModel(transition, inputs)
 
 
 def with_integral(model: LinearModel, reset_rate: float, period: float) -> LinearModel:
@@ -191,6 +285,47 @@ def with_lag(model: LinearModel, lag: float, period: float) -> LinearModel:
     rest = np.zeros((m, len(model.transition)))
     transition = np.block([[model.transition, (1 - share) * model.inputs], [rest, (1 - share) * np.eye(m)]])
     return LinearModel(transition, share * np.vstack([model.inputs, np.eye(m)]))
+
+
+def overshoot(model: LinearModel, gain: float) -> float:
+    """Return by how much of a step the loop u = k (r − y) passes it, 0 or more; infinite if it is unstable.
+
+    Parameters
+    ----------
+    model
+        Of the plant; each joint makes the step by itself.
+    gain
+        k, 1/s.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> from dqcontrol.measures.stability import overshoot
+    >>> servo = dqc.plants.Servo(time_constant=0.05)
+    >>> model = servo.linear_model(dqc.load_robot("iiwa7"), None, 0.001)
+    >>> round(overshoot(model, 1 / (4 * 0.05 * 0.7**2)), 3)  # damping ratio 0.7: 4.6 %
+    0.046
+    """
+    radius = spectral_radius(model.poles(gain))
+    if radius >= 1 - _ROUNDING:
+        return math.inf
+    m = model.inputs.shape[1]
+    transition = model.transition.copy()
+    transition[:, :m] -= gain * model.inputs
+    steps = _LONGEST if radius <= 0 else int(min(_LONGEST, max(10, math.log(_ROUNDING) / math.log(radius))))
+    state, farthest = np.zeros((len(transition), m)), 1.0
+    for _ in range(steps):
+        state = transition @ state + gain * model.inputs
+        farthest = max(farthest, float(np.diagonal(state[:m]).max()))
+    return farthest - 1
+
+
+def damped_overshoot(poles: NDArray[np.complex128]) -> float:
+    """Return exp(−πζ/√(1 − ζ²)) with the damping ratio ζ of the slowest poles; infinite if they grow."""
+    damping = _least_damping(poles)
+    if damping <= 0:
+        return math.inf
+    return math.exp(-math.pi * damping / math.sqrt(1 - damping**2)) if damping < 1 else 0.0
 
 
 def spectral_radius(poles: NDArray[np.complex128]) -> float:

@@ -21,7 +21,7 @@ from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
-from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant
+from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant, limits_before
 from dqcontrol.plants.servo import Servo
 
 __all__ = [
@@ -55,4 +55,5 @@ __all__ = [
     "WheeledBase",
     "WorstCase",
     "WristFault",
+    "limits_before",
 ]

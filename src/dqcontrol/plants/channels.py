@@ -7,6 +7,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+BASE_POSITION, BASE_QUATERNION = "base_position", "base_quaternion"  # of a base that may lift and tilt
+
 
 class Channel(NamedTuple):
     """One quantity that a plant senses.

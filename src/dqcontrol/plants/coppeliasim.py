@@ -47,6 +47,7 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
     """
 
     is_supervised: ClassVar[bool] = True
+    has_velocity_limits: ClassVar[bool] = True
     joints: Annotated[list[str], Meta(min_length=1, description="paths in the scene, from base to hand")]
     host: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 23000
@@ -75,6 +76,9 @@ class LiveCoppelia:
     q, measured
         Joint positions as the simulator gives them, shape (n,), rad or m, updated in place.
     """
+
+    q: Array
+    measured: Array
 
     def __init__(self, plant: CoppeliaPlant, start: Array, dt: float) -> None:
         self._client = _connect(plant)

@@ -9,16 +9,11 @@ from dqcontrol.algebra.dual_quaternion_kernels import rotated
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
-from dqcontrol.laws.inverses import (
-    ELSEWHERE,
-    FilteredInverse,
-    solve,
-    solve_hand_twist,
-    work_size,
-)
+from dqcontrol.laws.hand_twist import solve_hand_twist
+from dqcontrol.laws.inverses import HEAD, FilteredInverse, work_size
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
-from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian
+from dqcontrol.robots.kinematics_kernels import call_chain
 
 Array = NDArray[np.float64]
 
@@ -33,11 +28,10 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     """Let u = J_h⁺ t act for T with t = [ω ; ṗ] of v_w + Ad(x) w, and write the twist J_w J_h⁺ t that comes of it."""
     n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
     buffer = work[0 : 8 + 14 * n]
-    matrix = as_matrix(work[8 + 14 * n : 8 + 20 * n], 6, n)
-    velocity = work[8 + 20 * n : 8 + 21 * n]
-    none = work[8 + 21 * n : 8 + 22 * n]
-    hand = work[8 + 22 * n : 14 + 22 * n]
-    rest = work[14 + 22 * n :]
+    velocity = work[8 + 14 * n : 8 + 15 * n]
+    none = work[8 + 15 * n : 8 + 16 * n]
+    hand = work[8 + 16 * n : 14 + 16 * n]
+    rest = work[14 + 16 * n :]
     status = call_chain(kinematics, chain, q, buffer)
     if status != OK:
         return status
@@ -53,18 +47,20 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     hand[3] = row[3] - (py * row[2] - pz * row[1]) + vx
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
     hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
-    inverse = parameters[1:4]
-    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, none, 1.0, inverse, rest, velocity)
-    if status == ELSEWHERE:
-        hand_jacobian((px, py, pz), twist_jacobian, matrix)
-        status = solve(matrix, hand, none, inverse, rest, velocity)
+    inverse = parameters[1 : 1 + HEAD]
+    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, none, inverse, rest, velocity)
     if status != OK:
         return status
     for i in range(6):
         realised[i] = 0.0
         for k in range(n):
             realised[i] += twist_jacobian[i, k] * velocity[k]
-    advance(as_matrix(parameters[4:], (parameters.shape[0] - 4) // 4, 4), velocity, parameters[0], q)
+    advance(
+        as_matrix(parameters[1 + HEAD :], (parameters.shape[0] - 1 - HEAD) // 4, 4),
+        velocity,
+        parameters[0],
+        q,
+    )
     return OK
 
 
@@ -81,9 +77,9 @@ class LiveDisturbance:
 
     def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
-        self.rows = np.ascontiguousarray(rows)
-        self.parameters = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
-        self.work = np.zeros(14 + 22 * input_size + work_size())
+        self.rows: Array = np.ascontiguousarray(rows)
+        self.parameters: Array = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
+        self.work: Array = np.zeros(20 + 22 * input_size + work_size())
 
     def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
         """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).

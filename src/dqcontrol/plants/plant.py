@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 Array = NDArray[np.float64]
 
@@ -54,6 +58,26 @@ class AgedPlant(Protocol):
 
 
 @runtime_checkable
+class EffortPlant(Protocol):
+    """A live plant that measures the efforts of its joints."""
+
+    @property
+    def effort(self) -> Array:
+        """Of each input, shape (m,), N·m or N."""
+        ...
+
+
+@runtime_checkable
+class WrenchPlant(Protocol):
+    """A live plant that measures what acts on its hand."""
+
+    @property
+    def wrench(self) -> Array:
+        """Force and torque, shape (6,), N and N·m."""
+        ...
+
+
+@runtime_checkable
 class TargetPlant(Protocol):
     """Parameters of a plant whose commands move targets of joint controllers."""
 
@@ -72,9 +96,13 @@ class Plant(
     ----------
     is_supervised
         Whether a supervisor stands before it unless told otherwise: of plants that move more than our own arrays.
+    has_velocity_limits
+        Whether commands before it are scaled to the robot's velocity limits unless told otherwise: of servos and
+        physics, which real joints stand behind.
     """
 
     is_supervised: ClassVar[bool] = False
+    has_velocity_limits: ClassVar[bool] = False
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
         """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""
@@ -89,6 +117,41 @@ def command_mode(plant: Plant) -> Literal["integrated", "measured"]:
     """Return what a plant's commands count from: the last target, or the measured joints."""
     measured = isinstance(plant, TargetPlant) and plant.command_mode == "measured"
     return "measured" if measured else "integrated"
+
+
+def lagging_mode(plant: Plant) -> Literal["integrated", "measured"]:
+    """Return ``"integrated"`` if commands move a target that the joints follow with a lag, else ``"measured"``."""
+    return command_mode(plant) if isinstance(plant, TargetPlant) else "measured"
+
+
+def limits_before(plant: Plant, limits: CommandLimits | None, robot: Robot) -> CommandLimits:
+    """Return what is done to commands before a plant: the limits as given, whether velocities are scaled decided.
+
+    Unless told otherwise they are scaled before servos and physics of robots that have velocity limits: without that, a
+    gain that is good near a target thrashes joints far from it. Commands that count from the measured joints are never
+    scaled unless asked for: T u is then an offset of the target that also carries gravity, and no joint velocity.
+
+    Parameters
+    ----------
+    plant
+        What the commands are for.
+    limits
+        As given; None for none.
+    robot
+        The robot that has them.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> [dqc.plants.limits_before(plant, None, arm).velocity for plant in (dqc.plants.Integrator(), dqc.plants.Servo())]
+    [False, True]
+    """
+    limits = limits or CommandLimits()
+    if limits.velocity is not None:
+        return limits
+    bounded = bool(np.isfinite(robot.limits.velocity).any()) and command_mode(plant) == "integrated"
+    return replace(limits, velocity=plant.has_velocity_limits and bounded)
 
 
 def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
@@ -111,12 +174,36 @@ def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
     return start
 
 
+def plants_that_drive(robot: Robot) -> str:
+    """Say which plants move a robot, in the words of an error about one that does not."""
+    bases = int(base_coordinates(robot).sum()) // 3
+    if not bases:
+        return "arms run on kind 'mujoco'"
+    if len(robot.drives) == bases == 1 and robot.drives[0, 0] == 0:
+        return "use kind 'mobile', or without physics 'servo' or 'integrator'"
+    return "no physics has such a base (mecanum wheels are not modelled); use kind 'servo' or 'integrator'"
+
+
 def as_command(command: ArrayLike, size: int) -> Array:
     """Return a command as finite array (m,), or say what is wrong with it."""
     array = as_array("command", command)
     if array.shape != (size,):
         raise ShapeError(f"command: expected shape ({size},), got {array.shape}")
     return array
+
+
+def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
+    """Return a time of at least 0 as a number of periods dt, the last perhaps begun only, and the share passed of it.
+
+    Examples
+    --------
+    >>> [begun_periods("delay", delay, 0.01) for delay in (0.0, 0.02, 0.025)]
+    [(0, 1.0), (2, 1.0), (3, 0.5)]
+    """
+    periods = as_positive(field, seconds, zero_allowed=True) / dt
+    if abs(round(periods) * dt - seconds) <= 1e-9:
+        return round(periods), 1.0
+    return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
 def whole_periods(field: str, seconds: float, dt: float) -> int:
@@ -151,12 +238,12 @@ class CompiledPlant:
         foreseen: Sequence[tuple[Channel, Array]] = (),
     ) -> None:
         self.kernel = kernel
-        self.parameters = np.ascontiguousarray(parameters, dtype=np.float64)
-        self.state = np.ascontiguousarray(state, dtype=np.float64)
-        self.q = np.array(q0, dtype=np.float64)
-        self.measured = self.q.copy()
+        self.parameters: Array = np.ascontiguousarray(parameters, dtype=np.float64)
+        self.state: Array = np.ascontiguousarray(state, dtype=np.float64)
+        self.q: Array = np.array(q0, dtype=np.float64)
+        self.measured: Array = self.q.copy()
         self.noise = noise
-        self.foreseen = tuple(foreseen)
+        self.foreseen: tuple[tuple[Channel, Array], ...] = tuple(foreseen)
         self._step = 0
 
     def step(self, command: Array) -> None:

@@ -1,9 +1,10 @@
-"""Many messages of one type at once, in the bytes of ROS 2 (CDR, little-endian)."""
+"""Many messages of one type at once, to and from the bytes of ROS 2 (CDR, little-endian)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,3 +64,133 @@ def _parts(field: Field) -> Iterator[tuple[int, Bytes]]:
         yield from _parts(len(field))
         for text in field:
             yield from _parts(text)
+
+
+class Layout(NamedTuple):
+    """Where a message has its numbers; all that agree with it in size and form have them there.
+
+    Attributes
+    ----------
+    size
+        Of the message, bytes.
+    fields
+        First byte and count of float64 of each field.
+    form
+        Indices of the bytes that say how long texts and sequences are, and of the texts.
+    expected
+        These bytes.
+    names
+        Of the joints, where it has some.
+    stamped
+        Whether it begins with a header.
+    """
+
+    size: int
+    fields: dict[str, tuple[int, int]]
+    form: NDArray[np.intp]
+    expected: Bytes
+    names: tuple[str, ...]
+    stamped: bool
+
+
+class _Walk:
+    """Steps through one message and notes its form."""
+
+    def __init__(self, message: bytes) -> None:
+        if message[:2] != b"\x00\x01":
+            raise ValueError("the message is not little-endian CDR")
+        self.message, self.place = message, 4
+        self.form: list[tuple[int, int]] = []
+        self.fields: dict[str, tuple[int, int]] = {}
+
+    def skip(self, size: int, alignment: int) -> int:
+        """Return where something begins, and go behind it."""
+        first = self.place + (4 - self.place) % alignment
+        self.place = first + size
+        if self.place > len(self.message):
+            raise ValueError("the message is cut short")
+        return first
+
+    def count(self) -> int:
+        """Return a number that belongs to the form."""
+        first = self.skip(4, 4)
+        self.form.append((first, self.place))
+        return struct.unpack_from("<I", self.message, first)[0]
+
+    def text(self) -> str:
+        """Return a text."""
+        size = self.count()
+        first = self.skip(size, 1)
+        self.form.append((first, self.place))
+        return self.message[first : self.place].rstrip(b"\0").decode()
+
+    def header(self) -> None:
+        """Go behind a std_msgs/Header."""
+        self.skip(8, 4)
+        self.text()
+
+    def floats(self, name: str, count: int) -> None:
+        """Note float64 numbers."""
+        self.fields[name] = (self.skip(8 * count, 8) if count else self.place, count)
+
+    def layout(self, names: Sequence[str] = (), *, stamped: bool = False) -> Layout:
+        """Return what was found."""
+        form = np.concatenate([np.arange(*each) for each in [(0, 2), *self.form]]).astype(np.intp)
+        expected = np.frombuffer(self.message, dtype=np.uint8)[form]
+        return Layout(len(self.message), self.fields, form, expected, tuple(names), stamped)
+
+
+def _joint_state(walk: _Walk) -> Layout:
+    walk.header()
+    names = [walk.text() for _ in range(walk.count())]
+    for field in ("position", "velocity", "effort"):
+        walk.floats(field, walk.count())
+    return walk.layout(names, stamped=True)
+
+
+def _numbers(walk: _Walk) -> Layout:
+    for _ in range(walk.count()):
+        walk.text()
+        walk.skip(8, 4)
+    walk.skip(4, 4)
+    walk.floats("data", walk.count())
+    return walk.layout()
+
+
+def _stamped(count: int) -> Callable[[_Walk], Layout]:
+    def walked(walk: _Walk) -> Layout:
+        walk.header()
+        walk.floats("data", count)
+        return walk.layout(stamped=True)
+
+    return walked
+
+
+_LAYOUTS = {
+    "sensor_msgs/JointState": _joint_state,
+    "std_msgs/Float64MultiArray": _numbers,
+    "geometry_msgs/PoseStamped": _stamped(7),
+    "geometry_msgs/TwistStamped": _stamped(6),
+}
+
+
+def layout_of(kind: str, message: bytes) -> Layout:
+    """Return where a message of one of the types in `_LAYOUTS` has its numbers.
+
+    Parameters
+    ----------
+    kind
+        As ``"sensor_msgs/JointState"``. Poses and twists have their numbers, in the order of the definition, in the
+        field ``data``.
+    message
+        With its encapsulation.
+
+    Raises
+    ------
+    ValueError
+        If it is no such message.
+    """
+    try:
+        return _LAYOUTS[kind](_Walk(message))
+    except (struct.error, UnicodeDecodeError, IndexError) as error:
+        raise ValueError(f"no message of {kind}: {error}") from None

@@ -30,11 +30,12 @@ from __future__ import annotations
 import csv
 import importlib
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,6 +47,7 @@ from dqcontrol.references.sample import TWIST, TWIST_RATE
 
 DUAL_QUATERNION = ("pw", "px", "py", "pz", "dw", "dx", "dy", "dz")
 _POSE_UNITS = ("",) * 4 + ("m",) * 4
+_ROWS = 1 << 13  # at a time: what is written takes no more memory for longer runs
 _TWIST = ("wx", "wy", "wz", "vx", "vy", "vz")
 
 
@@ -146,39 +148,49 @@ def export_record(
     if path.exists() and not force:
         raise ExistsError(f"{path}: exists; choose another name, or replace it with --force (force=True)")
     texts = {"stopped": record.stopped} | dict(notes or {})
-    content = WRITERS[path.suffix.lower()](record, signals(record, joint_units, input_units), texts)
+    columns = signals(record, joint_units, input_units)
+    _headings(columns)
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path, overwrite=force) as draft:
-            draft.write_bytes(content)
+            WRITERS[path.suffix.lower()](draft, record, columns, texts)
     return path
 
 
-def _csv(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> bytes:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(_headings(columns))
-    writer.writerows(np.hstack([signal.values for signal in columns]).tolist())
-    return stream.getvalue().encode()
+def _csv(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> None:
+    heading = io.StringIO()
+    csv.writer(heading, lineterminator="\n").writerow(_headings(columns))
+    with open(path, "wb") as stream:
+        stream.write(heading.getvalue().encode())
+        for rows in _blocks(columns):
+            if np.isfinite(rows).all():  # msgspec writes numbers with all digits, 30 times as fast as Python
+                lines = msgspec.json.encode(rows.tolist())[2:-2].replace(b"],[", b"\n")
+            else:
+                lines = "\n".join(",".join(map(repr, row)) for row in rows.tolist()).encode()
+            stream.write(lines + b"\n")
 
 
-def _parquet(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> bytes:
+def _parquet(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> None:
     pyarrow, parquet = _library("pyarrow", "pyarrow"), _library("pyarrow.parquet", "pyarrow")
-    arrays = [np.ascontiguousarray(column) for signal in columns for column in signal.values.T]
-    table = pyarrow.table(arrays, names=_headings(columns))
     metadata = {f"dqcontrol.{name}": text for name, text in notes.items()}
-    sink = pyarrow.BufferOutputStream()
-    parquet.write_table(table.replace_schema_metadata(metadata), sink, compression="zstd")
-    return sink.getvalue().to_pybytes()
+    schema = pyarrow.schema([(name, pyarrow.float64()) for name in _headings(columns)], metadata=metadata)
+    with open(path, "wb") as stream, parquet.ParquetWriter(stream, schema, compression="zstd") as writer:
+        for rows in _blocks(columns):
+            writer.write_table(pyarrow.table(list(np.ascontiguousarray(rows.T)), schema=schema))
 
 
-def _mat(record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> bytes:
+def _blocks(columns: Sequence[Signal]) -> Iterator[NDArray[np.float64]]:
+    """Yield the rows of all columns, some at a time."""
+    for first in range(0, len(columns[0].values), _ROWS):
+        yield np.hstack([signal.values[first : first + _ROWS] for signal in columns])
+
+
+def _mat(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> None:
     content: dict[str, Any] = {signal.name: signal.values for signal in columns}
     content["units"] = {signal.name: _cell([unit or "1" for unit in signal.units]) for signal in columns}
     content["joint_names"], content["input_names"] = _cell(record.joint_names), _cell(record.input_names)
-    stream = io.BytesIO()
-    _library("scipy.io", "scipy").savemat(stream, content | dict(notes), do_compression=True)
-    return stream.getvalue()
+    with open(path, "wb") as stream:
+        _library("scipy.io", "scipy").savemat(stream, content | dict(notes), do_compression=True)
 
 
 def _headings(columns: Sequence[Signal]) -> list[str]:
@@ -211,7 +223,7 @@ def _units(field: str, units: Sequence[str] | None, names: Sequence[str]) -> tup
     return tuple(units)
 
 
-WRITERS: dict[str, Callable[[Record, Sequence[Signal], Mapping[str, str]], bytes]] = {
+WRITERS: dict[str, Callable[[Path, Record, Sequence[Signal], Mapping[str, str]], None]] = {
     ".csv": _csv,
     ".parquet": _parquet,
     ".mat": _mat,

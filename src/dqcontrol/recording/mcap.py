@@ -28,7 +28,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -36,10 +35,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ExistsError, FileFormatError
+from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
-from dqcontrol.recording.mcap_topics import COMMAND, DISTURBANCE, MEASURED, READINGS, SAMPLE, STATES
+from dqcontrol.recording.cdr import Layout, layout_of
+from dqcontrol.recording.mcap_reader import Messages, read_records
+from dqcontrol.recording.mcap_topics import COMMAND, DISTURBANCE, MEASURED, NUMBERS, READINGS, SAMPLE, STATES
 from dqcontrol.recording.mcap_writer import END, FORMAT, METADATA, SampleWriter, about
 
 Array = NDArray[np.float64]
@@ -109,7 +111,7 @@ def load_metadata(path: str | Path) -> dict[str, str]:
     Keys: ``format``, ``version`` (of dqcontrol), ``samples``, ``joint_names`` and ``input_names`` (JSON
     lists), ``stopped``, ``spec``. Raises `FileFormatError` as `load_record` does.
     """
-    return _read(path, _metadata)
+    return _read(path, lambda found: found.metadata, messages=False)
 
 
 def _write(stream: IO[bytes], record: Record, spec: str) -> None:
@@ -120,106 +122,106 @@ def _write(stream: IO[bytes], record: Record, spec: str) -> None:
     writer.file.finish()
 
 
-def _read(path: str | Path, parse: Callable[[Any], T]) -> T:
-    """Open a file, parse it, and word whatever a damaged one raises."""
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
+def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool = True) -> T:
+    """Read a file, make something of it, and word whatever a damaged one raises."""
     try:
-        with open(path, "rb") as stream:
-            try:
-                return parse(make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()]))
-            except (FileFormatError, OSError):
-                raise
-            except Exception:
-                if not _is_cut_off(stream):
-                    raise
-                return parse(CutOff(stream))
-    except FileFormatError as error:
+        with open_regular(path) as stream:
+            return parse(_Contents(read_records(stream, messages=messages)))
+    except (FileFormatError, EOFError) as error:
         raise FileFormatError(f"{path}: {error}") from None
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # decoders of damaged bytes raise anything
+    except Exception as error:  # parsing damaged bytes raises anything
         raise FileFormatError(
             f"{path}: is no whole MCAP recording ({type(error).__name__}: {error})"
         ) from None
 
 
-class CutOff:
-    """Reads a recording without an end as far as it goes, as the library's readers do."""
+class _Contents:
+    """What the records of a file say and hold.
 
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
+    Attributes
+    ----------
+    rows
+        Numbers of all messages of a topic, in parts of shape (k, size).
+    is_cut_off
+        Whether it was written while a robot moved, and never ended.
+    """
 
-    def _reader(self) -> Any:
-        from mcap.reader import NonSeekingReader
-        from mcap_ros2.decoder import DecoderFactory
+    def __init__(self, records: Iterator[Any]) -> None:
+        from mcap.records import Channel, Metadata
 
-        self._stream.seek(0)
-        return NonSeekingReader(self._stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        self._about: dict[str, str] = {}
+        self._topics: dict[int, str] = {}
+        self._layouts: dict[str, Layout] = {}
+        self.rows: dict[str, list[Array]] = {}
+        self.is_cut_off, streamed = False, False
+        try:
+            for record in records:
+                if isinstance(record, Messages):
+                    self._take(record)
+                elif isinstance(record, Channel):
+                    self._topics[record.id] = record.topic
+                elif isinstance(record, Metadata) and record.name in (METADATA, END):
+                    streamed = streamed or (record.name == METADATA and "samples" not in record.metadata)
+                    self._about |= record.metadata
+        except OSError:
+            raise
+        except Exception:
+            if not streamed:
+                raise
+            self.is_cut_off = True
 
-    def iter_metadata(self) -> Iterator[Any]:
-        """Yield the metadata."""
-        with suppress(Exception):
-            yield from self._reader().iter_metadata()
+    @property
+    def metadata(self) -> dict[str, str]:
+        """What the file says about itself."""
+        if not self._about:
+            raise FileFormatError("is no record of dqcontrol: it lacks the metadata 'dqcontrol'")
+        if self._about["format"] != FORMAT:
+            raise FileFormatError(f"has record format {self._about['format']}, this version reads {FORMAT}")
+        return self._about
 
-    def iter_decoded_messages(self, topics: list[str], *, log_time_order: bool) -> Iterator[Any]:
-        """Yield the messages of all whole chunks."""
-        with suppress(Exception):
-            yield from self._reader().iter_decoded_messages(topics, log_time_order=log_time_order)
-
-
-def _is_cut_off(stream: Any) -> bool:
-    """Tell whether a file was written while the robot moved, and has no end."""
-    for metadata in CutOff(stream).iter_metadata():
-        if metadata.name == METADATA:
-            return "samples" not in metadata.metadata
-    return False
-
-
-def _metadata(reader: Any) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for metadata in reader.iter_metadata():
-        if metadata.name == METADATA:
-            if metadata.metadata["format"] != FORMAT:
-                raise FileFormatError(
-                    f"has record format {metadata.metadata['format']}, this version reads {FORMAT}"
-                )
-            found |= metadata.metadata
-        elif metadata.name == END:
-            found |= metadata.metadata
-    if not found:
-        raise FileFormatError("is no record of dqcontrol: it lacks the metadata 'dqcontrol'")
-    return found
+    def _take(self, messages: Messages) -> None:
+        """Keep the numbers of messages of one topic."""
+        topic = self._topics[messages.channel]
+        kind, field = _FIELDS.get(topic, (NUMBERS, "data") if topic.startswith(READINGS) else ("", ""))
+        if not kind:
+            return
+        layout = self._layouts.setdefault(topic, layout_of(kind, messages.first()))
+        if not messages.alike(layout).all():
+            raise FileFormatError(f"{topic}: has messages of different forms")
+        self.rows.setdefault(topic, []).append(messages.floats(layout, field))
 
 
-def _record(reader: Any) -> Record:
-    metadata = _metadata(reader)
-    fields = {STATES: "position", MEASURED: "position", COMMAND: "velocity", SAMPLE: "data"}
+_FIELDS = {
+    STATES: ("sensor_msgs/JointState", "position"),
+    MEASURED: ("sensor_msgs/JointState", "position"),
+    COMMAND: ("sensor_msgs/JointState", "velocity"),
+    SAMPLE: (NUMBERS, "data"),
+    DISTURBANCE: ("geometry_msgs/TwistStamped", "data"),
+}
+
+
+def _record(found: _Contents) -> Record:
+    metadata = found.metadata
+    joints, inputs = _names(metadata, "joint_names"), _names(metadata, "input_names")
     readings = {name: (parts, units) for name, parts, units in json.loads(metadata.get("readings", "[]"))}
-    fields |= {READINGS + name: "data" for name in readings}
-    rows: dict[str, list[Any]] = {topic: [] for topic in fields}
-    pushes: list[list[float]] = []
-    for _, channel, _, message in reader.iter_decoded_messages([*fields, DISTURBANCE], log_time_order=False):
-        if channel.topic == DISTURBANCE:
-            angular, linear = message.twist.angular, message.twist.linear
-            pushes.append([angular.x, angular.y, angular.z, linear.x, linear.y, linear.z])
-        else:
-            rows[channel.topic].append(getattr(message, fields[channel.topic]))
-    if not isinstance(reader, CutOff):
+    topics = [STATES, MEASURED, COMMAND, SAMPLE, *(READINGS + name for name in readings)]
+    values = {}
+    for topic in [*topics, DISTURBANCE] if DISTURBANCE in found.rows else topics:
+        parts = found.rows.pop(topic, [])
+        values[topic] = np.concatenate(parts) if parts else np.zeros((0, 0))
+    if not found.is_cut_off:
         count, stopped = int(metadata["samples"]), metadata["stopped"]
     else:
-        count = min(map(len, rows.values()))
+        count = min(map(len, values.values()))
         if not count:
             raise FileFormatError("was cut off before its first samples were written")
-        stopped = f"cut off at {rows[SAMPLE][count - 1][0]:g} s: the recording has no end"
-        rows = {topic: values[:count] for topic, values in rows.items()}
-    for topic, values in rows.items():
-        if len(values) != count:
-            raise FileFormatError(f"{topic}: expected {count} messages, got {len(values)}")
-    if len(pushes) not in (0, count):
-        raise FileFormatError(f"{DISTURBANCE}: expected {count} messages, got {len(pushes)}")
-    values = {topic: np.array(rows[topic], dtype=np.float64).reshape(count, -1) for topic in fields}
+        stopped = f"cut off at {values[SAMPLE][count - 1, 0]:g} s: the recording has no end"
+        values = {topic: each[:count] for topic, each in values.items()}
+    for topic, each in values.items():
+        if len(each) != count:
+            raise FileFormatError(f"{topic}: expected {count} messages, got {len(each)}")
     sample = values[SAMPLE]
     return Record(
         time=sample[:, 0],
@@ -228,12 +230,19 @@ def _record(reader: Any) -> Record:
         command=values[COMMAND],
         pose=sample[:, 1:9],
         desired=sample[:, 9:],
-        joint_names=tuple(json.loads(metadata["joint_names"])),
-        input_names=tuple(json.loads(metadata["input_names"])),
+        joint_names=joints,
+        input_names=inputs,
         stopped=stopped,
-        disturbance=np.array(pushes) if pushes else None,
+        disturbance=values[DISTURBANCE][:, [3, 4, 5, 0, 1, 2]] if DISTURBANCE in values else None,
         readings={
             name: Signal(name, tuple(parts), tuple(units), values[READINGS + name])
             for name, (parts, units) in readings.items()
         },
     )
+
+
+def _names(metadata: dict[str, str], key: str) -> tuple[str, ...]:
+    names = json.loads(metadata[key])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise FileFormatError(f"{key}: expected a list of names, got {names!r:.80}")
+    return tuple(names)

@@ -8,13 +8,14 @@ from typing import IO
 
 import numpy as np
 
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, part_of
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording.mcap_topics import NUMBERS, TOPICS, messages_of
 from dqcontrol.recording.message_types import definition, full_name
 
 FORMAT = "1"
 METADATA, END = "dqcontrol", "dqcontrol_end"
+_BLOCK = 4096  # samples whose messages are in memory at once
 
 
 def about(
@@ -48,7 +49,7 @@ class SampleWriter:
         from mcap.well_known import MessageEncoding, SchemaEncoding
         from mcap.writer import Writer
 
-        self.file = Writer(stream, chunk_size=chunk_size)
+        self.file: Writer = Writer(stream, chunk_size=chunk_size)
         self.file.start(profile="ros2")
         self._schemas = {
             kind: self.file.register_schema(full_name(kind), SchemaEncoding.ROS2, definition(kind).encode())
@@ -59,12 +60,20 @@ class SampleWriter:
 
     def write(self, record: Record, count: int, first: float) -> None:
         """Write the messages of the first samples; MCAP has no negative times, so they count from ``first`` (s)."""
+        for begin in range(0, count, _BLOCK):
+            end = min(begin + _BLOCK, count)
+            self._write(
+                part_of(record, begin, end + 1), end - begin, begin, first
+            )  # one more for its velocity
+
+    def _write(self, record: Record, count: int, begin: int, first: float) -> None:
+        """Write the first samples of a part of a record, which begins at sample ``begin``."""
         stamps = np.rint((record.time - first) * 1e9).astype(np.int64)
         messages = messages_of(record, stamps)
         columns = [(self._channel(topic), rows.shape[1], rows.tobytes()) for topic, rows in messages.items()]
         for k, stamp in enumerate(stamps[:count].tolist()):
             for channel, size, data in columns:
-                self.file.add_message(channel, stamp, data[k * size : (k + 1) * size], stamp, k)
+                self.file.add_message(channel, stamp, data[k * size : (k + 1) * size], stamp, begin + k)
 
     def _channel(self, topic: str) -> int:
         if topic not in self._channels:

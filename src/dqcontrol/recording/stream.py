@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 from collections import deque
@@ -13,16 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record, pose_errors
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
-_EVERY = 0.2  # s between writes
-_CHUNK = 4096  # bytes before compression, some samples: what a kill costs beside what was not yet written
+_EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
+_CHUNK_DRAINS = 10  # in one chunk, of which the library keeps 1 kB of index in memory: 4 MB an hour
+_URGENCY = (
+    1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
+)
 _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 
@@ -34,9 +38,9 @@ def prepare_to_record(robot: Robot) -> None:
 
 
 class RecordStream:
-    """Writes samples to an MCAP file from a thread, some times a second.
+    """Writes samples to an MCAP file from a thread, once a second.
 
-    Killed at any moment, the file holds all but the last half second; `load_record` reads it. If the disk is full,
+    Killed at any moment, the file holds all but the last second; `load_record` reads it. If the disk is full,
     ``failure`` says so, and the loop stops the robot.
 
     Parameters
@@ -59,19 +63,22 @@ class RecordStream:
     ...     stream.take(sample.data, q, measured, command)
     """
 
+    path: Path
+
     def __init__(self, path: str | Path, robot: Robot, spec: str = "") -> None:
         self.path, self._robot = Path(path), robot
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.failure = ""
+        self.failure: str = ""
         self._waiting: deque[tuple[Array, Array, Array, Array, float]] = deque()
         self._held: list[tuple[Array, Array, Array, Array, float]] = []
-        self._written, self._first = 0, 0.0
+        self._written, self._first, self._drains = 0, 0.0, 0
+        self._is_urgent = hasattr(os, "SCHED_FIFO") and bool(os.sched_getscheduler(0) & os.SCHED_FIFO)
         self._end = threading.Event()
         try:
             self._file = open(self.path, "xb")  # noqa: SIM115 — closed by `close`
         except FileExistsError:
             raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
-        self._writer = SampleWriter(self._file, _CHUNK)
+        self._writer = SampleWriter(self._file)
         signal = Signal(INTERVENTIONS, (), ("",), np.zeros((0, 1)))
         self._writer.file.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._file.flush()
@@ -136,6 +143,9 @@ class RecordStream:
         self.close(f"broken off: {error}" if error else "")
 
     def _work(self) -> None:
+        if self._is_urgent:
+            with suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_URGENCY))
         while not self._end.wait(_EVERY):
             try:
                 self._drain()
@@ -166,7 +176,9 @@ class RecordStream:
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), codes[:, None])},
         )
         self._writer.write(record, ready, self._first)
-        self._file.flush()
+        self._drains += 1
+        if self._drains % _CHUNK_DRAINS == 0:
+            self._writer.file.flush()
         self._written += ready
         self._held = rows[ready:]
 

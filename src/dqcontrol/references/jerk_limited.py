@@ -23,6 +23,7 @@ _EVEN = 1e-9  # speeds that differ by no more than this fraction are constant
 _AT_REST = 1e-9  # m and rad; who goes less far between two stops rests
 _BEFORE = 2 * SNAP  # s before a stop the reference has surely the twist that leads to it
 _PROBES = np.concatenate([[1e-3], np.linspace(0.01, 0.99, 29), [1 - 1e-3]])
+_LEAST, _MOST = 1e-6, 1e6  # of limits, in units of m or rad
 _TABLE_SIZE = 400_000  # nodes of all tables of path length together
 
 
@@ -79,7 +80,7 @@ class JerkLimited(Reference):
     _lengths: dict[int, PathLength] = field(init=False, repr=False)  # of uneven stretches
 
     def __post_init__(self) -> None:
-        linear = Limits(*(as_positive(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
+        linear = Limits(*(_limit(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
         angular = self._angular()
         if not np.isfinite(self.reference.duration):
             raise ValueRangeError("reference: never ends, so it has no pace to change")
@@ -133,22 +134,23 @@ class JerkLimited(Reference):
         stretch = self._stretches[k]
         start, end = self._stops[stretch], self._stops[stretch + 1]
         inner_time = np.clip(start + progress, start, end)
-        for i in np.unique(stretch):
-            if i in self._lengths:
-                rows = stretch == i
-                inner_time[rows] = self._lengths[i].inner_time(progress[rows])
+        uneven = [int(i) for i in np.unique(stretch) if i in self._lengths] if self._lengths else []
+        for i in uneven:
+            rows = stretch == i
+            inner_time[rows] = self._lengths[i].inner_time(progress[rows])
         out = self.reference.motion(inner_time)
         # At the end of a stretch the reference already has the twist of what follows.
         late = np.flatnonzero(inner_time > end - _BEFORE)
-        out[late, TWIST.start : TWIST_RATE.stop] = self.reference.motion(
-            np.maximum(end[late] - _BEFORE, start[late])
-        )[:, TWIST.start : TWIST_RATE.stop]
-        for i in np.unique(stretch):
-            if i in self._lengths:
-                rows = stretch == i
-                slope, bend = self._lengths[i].slope(out[rows])
-                rate[rows] /= slope
-                change[rows] = (change[rows] - bend * rate[rows] ** 2) / slope
+        if len(late):
+            before = np.maximum(end[late] - _BEFORE, start[late])
+            out[late, TWIST.start : TWIST_RATE.stop] = self.reference.motion(before)[
+                :, TWIST.start : TWIST_RATE.stop
+            ]
+        for i in uneven:
+            rows = stretch == i
+            slope, bend = self._lengths[i].slope(out[rows])
+            rate[rows] /= slope
+            change[rows] = (change[rows] - bend * rate[rows] ** 2) / slope
         twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
         out[:, TWIST] *= rate
         out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist
@@ -162,7 +164,15 @@ class JerkLimited(Reference):
         for name in names:
             if name not in given:
                 raise ShapeError(f"{name}: missing: give all of {', '.join(names)} or none")
-        return Limits(*(as_positive(name, getattr(self, name)) for name in names))
+        return Limits(*(_limit(name, getattr(self, name)) for name in names))
+
+
+def _limit(field: str, value: float) -> float:
+    """Return a limit; beyond these numbers phases would take no time, or for ever."""
+    limit = as_positive(field, value)
+    if not _LEAST <= limit <= _MOST:
+        raise ValueRangeError(f"{field}: must lie in {_LEAST:g} … {_MOST:g}, got {limit:g}")
+    return limit
 
 
 def _is_even(rates: Array) -> NDArray[np.bool_]:

@@ -61,7 +61,7 @@ class PathLength:
         steps = 0.5 * h * (slope[:-1] + slope[1:]) + h * h / 12 * (bend[:-1] - bend[1:])
         self._time, self._length = time, np.concatenate([[0.0], np.cumsum(steps)])
         self._slopes, self._bends = 1 / slope, -bend / slope**3  # dσ/dℓ, d²σ/dℓ²
-        self.length = float(self._length[-1])
+        self.length: float = float(self._length[-1])
 
     def inner_time(self, length: Array) -> Array:
         """Return the times σ (N,), s, at which lengths (N,), m, are reached."""

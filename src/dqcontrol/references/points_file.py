@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import pose, renormalise
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.points import Points
@@ -21,7 +22,6 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 DUAL_QUATERNION = ("pw", "px", "py", "pz", "dw", "dx", "dy", "dz")
 _COLUMNS = ("time", *POSITION, *QUATERNION, *DUAL_QUATERNION)
 _LAYOUTS = (POSITION, POSITION + QUATERNION, DUAL_QUATERNION)
-_UNIT_TOLERANCE = 1e-3  # of numbers written with few digits; they are then normalised
 
 
 def load_points(
@@ -131,9 +131,9 @@ def _units(x: Array, lines: list[str], columns: str) -> Array:
     """Return dual quaternions (N, 8), normalised."""
     norms = np.linalg.norm(x[:, :4], axis=1)
     along = np.abs(np.sum(x[:, :4] * x[:, 4:], axis=1))
-    wrong = (np.abs(norms - 1) > _UNIT_TOLERANCE) | (along > _UNIT_TOLERANCE)
+    wrong = (np.abs(norms - 1) > WRITTEN_TOLERANCE) | (along > WRITTEN_TOLERANCE)
     for i in np.flatnonzero(wrong)[:1]:
         raise FileFormatError(
-            f"{lines[i]}: {columns}: must have norm 1, got {norms[i]:.6g} + ε {along[i]:.6g}"
+            f"{lines[i]}: {columns}: must have norm 1, got {norms[i]:.9g} + ε {along[i]:.6g}"
         )
     return renormalise(x)

@@ -44,6 +44,8 @@ class PointsWriter:
     4.0
     """
 
+    path: Path
+
     def __init__(self, path: str | os.PathLike[str], linear: float = 0.1, angular: float = 0.5) -> None:
         self.path, self._linear, self._angular = Path(path), linear, angular
         self._time, self._count, self._last = 0.0, 0, np.zeros(8)

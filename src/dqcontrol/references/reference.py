@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE, Sample
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 
 Array = NDArray[np.float64]
 
@@ -20,6 +21,26 @@ SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
 )
 SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
+_BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
+
+
+@kernel(types.void(READ, READ, types.float64, WRITE, types.Array(types.boolean, 1, "C")), strict=True)
+def _snap(times, corners, duration, inside, at_corner):
+    """Put times into [0, duration] and onto the nearest corner, or the end, within `SNAP`; say which are there."""
+    for i in range(times.shape[0]):
+        time = min(max(times[i], 0.0), duration)
+        low, high = 0, corners.shape[0]  # to the number of corners before the time
+        while low < high:
+            middle = (low + high) // 2
+            if corners[middle] < time:
+                low = middle + 1
+            else:
+                high = middle
+        before = corners[low - 1] if low > 0 else -np.inf
+        after = corners[low] if low < corners.shape[0] else duration
+        nearest = before if time - before <= after - time else after
+        at_corner[i] = abs(time - nearest) <= SNAP
+        inside[i] = nearest if at_corner[i] else time
 
 
 class Reference(ABC):
@@ -89,10 +110,14 @@ class Reference(ABC):
             raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
         if (asked < 0).any():
             raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
-        inside, at_corner = self.snapped(asked)
-        out = self.motion(inside)
-        out[at_corner, TWIST_RATE] = 0.0
-        out[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
+        out = np.empty((len(asked), SAMPLE_SIZE))
+        for first in range(0, len(asked), _BLOCK):
+            rows = slice(first, first + _BLOCK)
+            inside, at_corner = self.snapped(asked[rows])
+            block = self.motion(inside)
+            block[at_corner, TWIST_RATE] = 0.0
+            block[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
+            out[rows] = block
         out[:, TIME] = asked
         return out
 
@@ -106,13 +131,9 @@ class Reference(ABC):
 
         For references made of other references, whose own times are sums and differences.
         """
-        marks = np.concatenate([[-np.inf], self.corners, [self.duration, np.inf]])
-        inside = np.clip(times, 0.0, self.duration)
-        after = np.searchsorted(marks, inside)
-        left, right = marks[after - 1], marks[after]
-        nearest = np.where(inside - left <= right - inside, left, right)
-        at_corner = np.abs(inside - nearest) <= SNAP
-        return np.where(at_corner, nearest, inside), at_corner
+        inside, at_corner = np.empty(len(times)), np.empty(len(times), dtype=np.bool_)
+        _snap(np.ascontiguousarray(times), self.corners, self.duration, inside, at_corner)
+        return inside, at_corner
 
 
 def _in_short(value: object) -> str:

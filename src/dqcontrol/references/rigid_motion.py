@@ -5,10 +5,33 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.algebra import adjoint_twist, multiply, pose, translation
+from dqcontrol.algebra import adjoint_twist, multiply, translation
+from dqcontrol.algebra.conversions import as_unit_quaternion
+from dqcontrol.algebra.elementary import set_pose
+from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
+from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
 
 Array = NDArray[np.float64]
+
+
+@kernel(types.void(READ2, READ2, READ2, READ2, READ2, READ2, WRITE2), strict=True)
+def _rigid_motion(position, velocity, acceleration, rotation, angular_velocity, angular_acceleration, out):
+    """Write samples as `motion_samples` defines them; all but the position may have one row for all."""
+    v_step, a_step = int(velocity.shape[0] > 1), int(acceleration.shape[0] > 1)
+    r_step, w_step = int(rotation.shape[0] > 1), int(angular_velocity.shape[0] > 1)
+    alpha_step = int(angular_acceleration.shape[0] > 1)
+    for i in range(out.shape[0]):
+        p, v, a, r = position[i], velocity[i * v_step], acceleration[i * a_step], rotation[i * r_step]
+        w, alpha = angular_velocity[i * w_step], angular_acceleration[i * alpha_step]
+        set_pose(r, p, out[i])
+        for k in range(3):
+            m, n = (k + 1) % 3, (k + 2) % 3
+            out[i, 8 + k] = w[k]
+            out[i, 11 + k] = v[k] + (p[m] * w[n] - p[n] * w[m])
+            out[i, 14 + k] = alpha[k]
+            out[i, 17 + k] = a[k] + (v[m] * w[n] - v[n] * w[m]) + (p[m] * alpha[n] - p[n] * alpha[m])
+        out[i, 20] = 0.0
 
 
 def motion_samples(
@@ -37,16 +60,26 @@ def motion_samples(
     >>> motion_samples([[1.0, 0.0, 0.0]], velocity=[[0.0, 2.0, 0.0]])[0, 8:14].tolist()
     [0.0, 0.0, 0.0, 0.0, 2.0, 0.0]
     """
-    p = np.atleast_2d(np.asarray(position, dtype=np.float64))
-    v, a, w, alpha = (
-        np.broadcast_to(np.asarray(each, dtype=np.float64), p.shape)
-        for each in (velocity, acceleration, angular_velocity, angular_acceleration)
-    )
-    out = np.zeros((len(p), SAMPLE_SIZE))
-    out[:, POSE] = pose(rotation, p)
-    out[:, TWIST] = np.concatenate([w, v + np.cross(p, w)], axis=1)
-    out[:, TWIST_RATE] = np.concatenate([alpha, a + np.cross(v, w) + np.cross(p, alpha)], axis=1)
+    p = np.ascontiguousarray(np.atleast_2d(as_array("position", position, (3,))))
+    v, a = _rows("velocity", velocity, len(p)), _rows("acceleration", acceleration, len(p))
+    w = _rows("angular_velocity", angular_velocity, len(p))
+    alpha = _rows("angular_acceleration", angular_acceleration, len(p))
+    r = np.ascontiguousarray(np.atleast_2d(as_unit_quaternion("rotation", rotation)))
+    if len(r) not in (1, len(p)):
+        raise ShapeError(f"rotation: expected shape (4,) or ({len(p)}, 4), got {r.shape}")
+    out = np.empty((len(p), SAMPLE_SIZE))
+    _rigid_motion(p, v, a, r, w, alpha, out)
     return out
+
+
+def _rows(field: str, vectors: ArrayLike, count: int) -> Array:
+    """Return vectors (N, 3), or one row for all of them."""
+    array = np.asarray(vectors, dtype=np.float64)
+    if array.ndim < 2:
+        return np.full((1, 3), array)
+    if array.shape not in ((1, 3), (count, 3)):
+        raise ShapeError(f"{field}: expected shape ({count}, 3), got {array.shape}")
+    return np.ascontiguousarray(array)
 
 
 def point_motion(samples: Array) -> tuple[Array, Array, Array]:

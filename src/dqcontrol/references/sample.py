@@ -9,18 +9,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
+Array = NDArray[np.float64]
+
 POSE, TWIST, TWIST_RATE, TIME = slice(0, 8), slice(8, 14), slice(14, 20), 20
 SAMPLE_SIZE = 21  # a sample as compiled code sees it: pose, twist, twist rate, time
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Sample:
     """Desired pose, twist and twist rate at one time, inertial frame; checked when made.
 
     Parameters
     ----------
     pose
-        Unit dual quaternion, `DualQuaternion` or shape (8,), m.
+        Unit dual quaternion, `DualQuaternion` or shape (8,), m; kept as an array.
     twist
         ξ_d = ω + ε(ṗ + p × ω), shape (6,), rad/s and m/s; 0 for a resting target.
     twist_rate
@@ -34,29 +36,32 @@ class Sample:
         If a shape is wrong, a value is not finite, or the pose has not norm 1.
     """
 
-    pose: ArrayLike
-    twist: ArrayLike = 0.0
-    twist_rate: ArrayLike = 0.0
-    time: float = 0.0
-    data: NDArray[np.float64] = field(init=False, repr=False)
+    pose: Array
+    twist: Array
+    twist_rate: Array
+    time: float
+    data: Array = field(repr=False)
     # The same, not to be written, as compiled code takes it at once: an array that is frozen costs 0.3 µs more.
-    numbers: NDArray[np.float64] = field(init=False, repr=False)
+    numbers: Array = field(repr=False)
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self, pose: ArrayLike, twist: ArrayLike = 0.0, twist_rate: ArrayLike = 0.0, time: float = 0.0
+    ) -> None:
         data = np.empty(SAMPLE_SIZE)
-        data[POSE] = as_pose("pose", self.pose)
-        data[TWIST] = _six("twist", self.twist)
-        data[TWIST_RATE] = _six("twist_rate", self.twist_rate)
-        data[TIME] = as_array("time", self.time, ())
+        data[POSE] = as_pose("pose", pose)
+        data[TWIST] = _six("twist", twist)
+        data[TWIST_RATE] = _six("twist_rate", twist_rate)
+        data[TIME] = as_array("time", time, ())
         object.__setattr__(self, "numbers", data)
         data = data.view()
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
+        object.__setattr__(self, "time", time)
         for name, part in (("pose", POSE), ("twist", TWIST), ("twist_rate", TWIST_RATE)):
             object.__setattr__(self, name, data[part])
 
 
-def _six(field: str, value: ArrayLike) -> NDArray[np.float64]:
+def _six(field: str, value: ArrayLike) -> Array:
     """Return a twist (6,), or a number that stands for all six."""
     array = as_array(field, value)
     if array.shape not in ((), (6,)):
@@ -64,7 +69,7 @@ def _six(field: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def as_pose(field: str, pose: ArrayLike) -> NDArray[np.float64]:
+def as_pose(field: str, pose: ArrayLike) -> Array:
     """Return one pose as unit dual quaternion (8,), renormalised, or say what is wrong with it."""
     x = as_array(field, getattr(pose, "vec8", pose), (8,))
     if x.ndim != 1:

@@ -44,6 +44,10 @@ class Sequence(Reference):
     corners: NDArray[np.float64] = field(init=False, repr=False)
     _times: Array = field(init=False, repr=False)
     _signs: Array = field(init=False, repr=False)
+    _distinct: tuple[Reference, ...] = field(
+        init=False, repr=False
+    )  # a repeated reference is sampled at once
+    _which: NDArray[np.intp] = field(init=False, repr=False)  # of these each one is
 
     def __post_init__(self) -> None:
         parts = tuple(self.references)
@@ -52,17 +56,25 @@ class Sequence(Reference):
         for i, part in enumerate(parts[:-1]):
             if not np.isfinite(part.duration):
                 raise ValueRangeError(f"references[{i}]: never ends, so nothing can follow it")
+        numbers: dict[int, int] = {}
+        which = np.array([numbers.setdefault(id(part), len(numbers)) for part in parts])
+        distinct = tuple({id(part): part for part in parts}.values())
         times = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
-        starts = np.concatenate([part.motion(np.zeros(1)) for part in parts])
-        ends = np.concatenate([part.motion(np.array([part.duration])) for part in parts[:-1]] + [starts[:0]])
+        starts = np.concatenate([part.motion(np.zeros(1)) for part in distinct])[which]
+        lasting = [part.duration if np.isfinite(part.duration) else 0.0 for part in distinct]
+        ends = np.concatenate(
+            [part.motion(np.array([end])) for part, end in zip(distinct, lasting, strict=True)]
+        )
+        ends = ends[which[:-1]]
         object.__setattr__(self, "references", parts)
         object.__setattr__(self, "duration", float(times[-1]))
         object.__setattr__(self, "_times", times)
+        object.__setattr__(self, "_distinct", distinct)
+        object.__setattr__(self, "_which", which)
         object.__setattr__(self, "_signs", _signs(ends[:, POSE], starts[1:, POSE]))
         seams = corners_between(ends[:, TWIST], starts[1:, TWIST], times[1:-1])
-        inner = [
-            part.corners[part.corners < part.duration] + t for part, t in zip(parts, times, strict=False)
-        ]
+        within = [part.corners[part.corners < part.duration] for part in distinct]
+        inner = [within[i] + time for i, time in zip(which, times, strict=False)]
         last = parts[-1].corners[parts[-1].corners == parts[-1].duration] + times[-2]
         corners = np.sort(np.concatenate([seams, *inner, last]))
         corners.flags.writeable = False
@@ -70,13 +82,15 @@ class Sequence(Reference):
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
+        place = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self.references) - 1)
+        inner_times, which = times - self._times[place], self._which[place]
+        order = np.argsort(which, kind="stable")
         out = np.empty((len(times), SAMPLE_SIZE))
-        which = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self.references) - 1)
-        for i in np.unique(which):
-            rows = which == i
-            part = self.references[i]
-            out[rows] = part.motion(part.snapped(times[rows] - self._times[i])[0])
-            out[rows, POSE] *= self._signs[i]
+        for rows in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+            if len(rows):
+                part = self._distinct[which[rows[0]]]
+                out[rows] = part.motion(part.snapped(inner_times[rows])[0])
+        out[:, POSE] *= self._signs[place, None]
         return out
 
 

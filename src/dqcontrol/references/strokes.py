@@ -9,10 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, kernel, types
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 
 Array = NDArray[np.float64]
@@ -20,6 +22,38 @@ Array = NDArray[np.float64]
 _SAME_POINT = 1e-9  # m
 _SMOOTH_TURN = 1e-3  # rad; a tangent that jumps by less comes of rounded coordinates
 _OFF_CIRCLE = 0.01  # the two radii of an arc may differ by this fraction
+
+_PIECE = types.Array(types.intp, 1, "C", readonly=True)
+
+
+@kernel(types.void(READ2, _PIECE, READ, WRITE2, WRITE2, WRITE2, WRITE, WRITE), strict=True)
+def _run(pieces, which, elapsed, position, velocity, acceleration, yaw, yaw_rate):
+    """Write the motion at elapsed times within pieces; an arc's chord is a sinc of half its angle.
+
+    Parameters
+    ----------
+    pieces
+        Start, heading, speed, turn rate, yaw and yaw rate of each, as of `Trace`, shape (n, 7).
+    which, elapsed
+        Piece, and time in it, shape (N,), s.
+    position, velocity, acceleration, yaw, yaw_rate
+        As `Trace.at` returns them.
+    """
+    for i in range(which.shape[0]):
+        k, t = which[i], elapsed[i]
+        start_heading, speed, rate = pieces[k, 2], pieces[k, 3], pieces[k, 4]
+        angle = rate * t
+        heading, middle = start_heading + angle, start_heading + 0.5 * angle
+        half = math.pi * (0.5 * angle / math.pi)  # as NumPy's sinc has it
+        sinc = math.sin(half) / half if half != 0.0 else 1.0
+        chord = speed * t * sinc
+        along_x, along_y = math.cos(heading), math.sin(heading)
+        position[i, 0] = pieces[k, 0] + chord * math.cos(middle)
+        position[i, 1] = pieces[k, 1] + chord * math.sin(middle)
+        velocity[i, 0], velocity[i, 1] = speed * along_x, speed * along_y
+        acceleration[i, 0], acceleration[i, 1] = speed * rate * -along_y, speed * rate * along_x
+        yaw[i] = pieces[k, 5] + pieces[k, 6] * t
+        yaw_rate[i] = pieces[k, 6]
 
 
 @dataclass(frozen=True)
@@ -181,18 +215,19 @@ class Trace:
         """Return the same at the end of each piece, before whatever jumps there."""
         return self._within(np.arange(len(self.speed)), np.diff(self.times))
 
-    def _within(self, i: NDArray[np.intp], elapsed: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the motion at elapsed times within pieces i; an arc's chord is a sinc of half its angle."""
-        speed, rate = self.speed[i][:, None], self.turn_rate[i]
-        angle = rate * elapsed
-        heading = self.heading[i] + angle
-        middle = self.heading[i] + 0.5 * angle
-        chord = self.speed[i] * elapsed * np.sinc(0.5 * angle / math.pi)
-        position = self.start[i] + chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1)
-        along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        yaw = self.yaw[i] + self.yaw_rate[i] * elapsed
-        return position, speed * along, speed * rate[:, None] * left, yaw, self.yaw_rate[i]
+    def _within(self, which: NDArray[np.intp], elapsed: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return the motion at elapsed times (N,), s, within pieces (N,)."""
+        count = len(which)
+        position, velocity, acceleration = (np.empty((count, 2)) for _ in range(3))
+        yaw, yaw_rate = np.empty(count), np.empty(count)
+        _run(self._pieces, which, elapsed, position, velocity, acceleration, yaw, yaw_rate)
+        return position, velocity, acceleration, yaw, yaw_rate
+
+    @cached_property
+    def _pieces(self) -> Array:
+        return np.column_stack(
+            [self.start, self.heading, self.speed, self.turn_rate, self.yaw, self.yaw_rate]
+        )
 
 
 def distance_home(strokes: Sequence[Stroke]) -> float:

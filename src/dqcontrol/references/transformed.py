@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.references.reference import Array, Reference
 from dqcontrol.references.rigid_motion import displaced
@@ -38,7 +38,7 @@ class Transformed(Reference):
     reference: Reference
     by: ArrayLike
     duration: float = field(init=False)
-    corners: NDArray = field(init=False, repr=False)
+    corners: Array = field(init=False, repr=False)
     _by: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.algebra import multiply, translation
+from dqcontrol.algebra import translation
+from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inlined, kernel, types
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.points import as_path
 from dqcontrol.references.reference import Array, Reference, corners_between
@@ -15,6 +17,58 @@ from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import TWIST
 
 _FARTHEST_TURN = 150.0  # degrees between two poses
+
+_CUBICS = types.Array(types.float64, 3, "C", readonly=True)
+_PIECE = types.Array(types.intp, 1, "C", readonly=True)
+
+
+@inlined
+def _vector_of_product(a, b, out):
+    """Write Im(a b*)."""
+    aw, ax, ay, az = a[0], a[1], a[2], a[3]
+    bw, bx, by, bz = b[0], -b[1], -b[2], -b[3]
+    out[0] = aw * bx + ax * bw + ay * bz - az * by
+    out[1] = aw * by - ax * bz + ay * bw + az * bx
+    out[2] = aw * bz + ax * by - ay * bx + az * bw
+
+
+@kernel(types.void(_CUBICS, _PIECE, READ, WRITE, WRITE2, WRITE2, WRITE2, WRITE2, WRITE2, WRITE2), strict=True)
+def _run(cubics, which, elapsed, work, position, velocity, acceleration, rotation, spin, spin_rate):
+    """Write the motion, as `motion_samples` takes it, at elapsed times within the pieces of a spline.
+
+    Parameters
+    ----------
+    cubics
+        As of `ViaPoints`: of the rotation's four coefficients, then of the position.
+    which, elapsed
+        Piece, and time in it, shape (N,), s.
+    work
+        Shape (12,).
+    position, velocity, acceleration, rotation, spin, spin_rate
+        Shapes (N, 3), of the rotation (N, 4).
+    """
+    c, c_rate, c_change = work[0:4], work[4:8], work[8:12]
+    for i in range(which.shape[0]):
+        k, t = which[i], elapsed[i]
+        for n in range(7):
+            k0, k1, k2, k3 = cubics[0, k, n], cubics[1, k, n], cubics[2, k, n], cubics[3, k, n]
+            value = k0 + t * (k1 + t * (k2 + t * k3))
+            rate, change = k1 + t * (2 * k2 + 3 * t * k3), 2 * k2 + 6 * t * k3
+            if n < 4:
+                c[n], c_rate[n], c_change[n] = value, rate, change
+            else:
+                position[i, n - 4], velocity[i, n - 4], acceleration[i, n - 4] = value, rate, change
+        square, growth = 0.0, 0.0
+        for n in range(4):
+            square += c[n] * c[n]
+            growth += c_rate[n] * c[n]
+        _vector_of_product(c_rate, c, spin[i])
+        _vector_of_product(c_change, c, spin_rate[i])
+        for n in range(3):
+            spin[i, n] = 2 * spin[i, n] / square
+            spin_rate[i, n] = 2 * spin_rate[i, n] / square - 2 * growth / square * spin[i, n]
+        for n in range(4):
+            rotation[i, n] = c[n] / math.sqrt(square)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -76,21 +130,14 @@ class ViaPoints(Reference):
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
-        i = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self._times) - 2)
-        t = (times - self._times[i])[:, None]
-        k0, k1, k2, k3 = self._cubics[:, i]
-        value, rate, change = (
-            k0 + t * (k1 + t * (k2 + t * k3)),
-            k1 + t * (2 * k2 + 3 * t * k3),
-            2 * k2 + 6 * t * k3,
-        )
-        c, c_rate, c_change = value[:, :4], rate[:, :4], change[:, :4]
-        square = np.sum(c * c, axis=1, keepdims=True)
-        spin = 2 * _product_with_conjugate(c_rate, c) / square
-        growth = 2 * np.sum(c_rate * c, axis=1, keepdims=True) / square
-        spin_rate = 2 * _product_with_conjugate(c_change, c) / square - growth * spin
-        rotation = c / np.sqrt(square)
-        return motion_samples(value[:, 4:], rate[:, 4:], change[:, 4:], rotation, spin, spin_rate)
+        which = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self._times) - 2)
+        count = len(times)
+        position, velocity, acceleration, spin, spin_rate = (np.empty((count, 3)) for _ in range(5))
+        rotation = np.empty((count, 4))
+        elapsed = times - self._times[which]
+        work = np.empty(12)
+        _run(self._cubics, which, elapsed, work, position, velocity, acceleration, rotation, spin, spin_rate)
+        return motion_samples(position, velocity, acceleration, rotation, spin, spin_rate)
 
 
 def _natural_spline(times: Array, values: Array) -> Array:
@@ -120,12 +167,3 @@ def _check_norms(times: Array, cubics: Array) -> None:
         raise ValueRangeError(
             f"poses: turn too far and unevenly between index {i} and {i + 1} for a smooth motion: give more of them"
         )
-
-
-def _product_with_conjugate(a: Array, b: Array) -> Array:
-    """Return Im(a b*) (N, 3) of quaternions (N, 4)."""
-    return multiply(_whole(a), _whole(b * [1.0, -1.0, -1.0, -1.0]))[:, 1:4]
-
-
-def _whole(quaternion: Array) -> Array:
-    return np.concatenate([quaternion, np.zeros_like(quaternion)], axis=1)

@@ -13,11 +13,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_comparison_figures(records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
-    """Write figures of a dozen records at most, by label, into an existing folder, and return them."""
+def write_comparison_figures(
+    records: Mapping[str, Record], folder: Path, unit: str = "rad or m"
+) -> dict[str, Figure]:
+    """Write figures of a dozen records at most, by label, into an existing folder, and return them.
+
+    ``unit`` is that of what the inputs move, as of `compare_criteria`.
+    """
     from dqcontrol.figures import comparison_figures, save_figures
 
     few = dict(list(records.items())[:MOST_CURVES])
-    figures = {name: draw() for name, draw in comparison_figures(few).items()} if few else {}
+    figures = {name: draw() for name, draw in comparison_figures(few, unit).items()} if few else {}
     save_figures(figures, folder)
     return figures

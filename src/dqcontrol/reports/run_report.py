@@ -28,8 +28,8 @@ def figures_of(run: Run) -> dict[str, Figure]:
     return _figures(run, Certificate.recorded(run.record))
 
 
-def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
-    """Write ``report.html`` and the figures of a run as PNG files into an existing folder.
+def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
+    """Write ``report.html`` and, unless told otherwise, the figures of a run as PNG files into an existing folder.
 
     ``outside`` leads from there out of all results.
     """
@@ -39,12 +39,12 @@ def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
     certificate, stopped = Certificate.recorded(run.record), run.record.stopped
-    figures = _figures(run, certificate)
+    drawn = _figures(run, certificate) if figures else {}
     tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
-    with laid_out(figures.values()):
-        save_figures(figures, folder)
+    with laid_out(drawn.values()):
+        save_figures(drawn, folder)
         write_report(
             folder,
             run.label,
@@ -53,7 +53,7 @@ def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE) -> None:
             command=_command(run, data, outside),
             verdicts=[run_verdicts(run, certificate)],
             tables=tables,
-            figures=figures,
+            figures=drawn,
             spec=run.spec,
             origins=origins(data),
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -9,13 +10,14 @@ import numpy as np
 
 from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.limits import list_interventions
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
-from dqcontrol.loop.record import has_failed
-from dqcontrol.loop.supervision import INTERVENTIONS
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
+from dqcontrol.measures.task_result import TaskResult
+from dqcontrol.plants.plant import command_mode
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
@@ -39,9 +41,11 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         Of its Lyapunov function; None where there is none.
     """
     rows = [
-        *_end(run.record),
+        *_end(run),
+        *_task(run.task),
         *_joint_limits(run),
         *_velocity_limits(run),
+        *_clearance(run),
         *_interventions(run.record),
         *_range(run.record),
         *_periods(run.timing),
@@ -51,12 +55,6 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
     if run.expected is not None:
         rows.append(_loop_gains(run.expected))
     return Table([Column("Question"), Column("Verdict"), Column("Number")], rows)
-
-
-def ended(stopped: str) -> Verdict:
-    """Return whether a run ended as it should."""
-    failed = has_failed(stopped)
-    return Verdict("failed" if failed else "as wished", not failed)
 
 
 def interventions_tables(record: Record) -> list[Table]:
@@ -69,8 +67,19 @@ def interventions_tables(record: Record) -> list[Table]:
     return [table] if found else []
 
 
-def _end(record: Record) -> Iterator[Row]:
-    yield ["End", ended(record.stopped), f"{record.stopped}; {record.duration:.4g} s"]
+def _end(run: Run) -> Iterator[Row]:
+    words = "failed" if run.task.outcome == "failed" else "succeeded" if run.task.succeeded else "fell short"
+    yield ["End", Verdict(words, run.task.succeeded), f"{run.record.stopped}; {run.record.duration:.4g} s"]
+
+
+def _task(task: TaskResult) -> Iterator[Row]:
+    if task.error:
+        allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
+        allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
+        words = (
+            f"{task.error}; counts as {'reached' if task.rests else 'followed'} up to {', '.join(allowed)}"
+        )
+        yield ["Task", Verdict(task.outcome, task.succeeded), words]
 
 
 def _joint_limits(run: Run) -> Iterator[Row]:
@@ -86,9 +95,23 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     if not np.isfinite(shares).all() or not shares.any():  # no commands, no limits, or a diverged run
         return
     joint = int(shares.max(axis=0).argmax())
+    if run.plant is not None and command_mode(run.plant) == "measured":
+        return  # an offset of the target, which also carries gravity: no velocity
     kept = bool(shares.max() <= 1 + _ROUND_OFF)
     words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
+    if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
+        words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
     yield ["Velocity limits", Verdict("kept" if kept else "exceeded", kept), words]
+
+
+def _clearance(run: Run) -> Iterator[Row]:
+    least = run.metrics.hand_clearance
+    if np.isfinite(least):
+        where = (
+            f"hand {1e3 * abs(least):.3g} mm {'from' if least >= 0 else 'inside'} floor or chassis at least"
+        )
+        words = where if least >= 0 else where.replace(" at least", " at most")
+        yield ["Floor and chassis", Verdict(*(("kept", True) if least >= 0 else ("passed", False))), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:
@@ -129,5 +152,8 @@ def _loop_gains(found: LoopCheck) -> Row:
     words = found.unknown
     if found.loops:
         worst = found.worst
-        words = f"{worst.gain.loop}: k T = {worst.product:.3g}, limit {worst.limits.stable:.3g}"
+        words = (
+            f"{worst.gain.loop}: k = {abs(worst.gain.value):.3g} 1/s, limit "
+            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {100 * found.overshoot:.2g} %"
+        )
     return ["Loop gains", judged(found), words]

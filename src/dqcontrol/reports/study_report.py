@@ -30,6 +30,8 @@ def write_study_report(
     tables: Sequence[Table],
     records: Mapping[str, Record],
     pages: Mapping[str, str],
+    *,
+    figures: bool = True,
 ) -> None:
     """Write ``report.html`` and the figures of a study into an existing folder.
 
@@ -45,6 +47,8 @@ def write_study_report(
         That are compared, by label.
     pages
         Of single runs, relative to the folder, by label.
+    figures
+        False: draw none.
     """
     from dqcontrol.reports import write_report
 
@@ -57,11 +61,18 @@ def write_study_report(
         command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
-        figures=write_comparison_figures(records, folder) | _write_repeats(study, folder),
+        figures=_figures(study, records, folder) if figures else {},
         files=pages,
         spec=study.spec,
         origins=origins(data),
     )
+
+
+def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
+    """Write the figures of all runs together, and return them."""
+    kinds = {kind for run in study.runs.values() for kind in run.robot.input_types}
+    unit = {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
+    return write_comparison_figures(records, folder, unit) | _write_repeats(study, folder)
 
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
@@ -80,15 +91,20 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
     lines: list[list[Cell]] = []
     for label, trials in by_label(rows).items():
         well = sum(not has_failed(str(row["stopped"])) for row in trials)
-        end = Verdict("as wished" if well == len(trials) else "failed", well == len(trials))
+        end = Verdict("succeeded" if well == len(trials) else "failed", well == len(trials))
+        short = [str(row["task"]) for row in trials if str(row.get("task")).startswith("not ")]
+        done = len(trials) - len(short)
+        words = short[0] if len(trials) == 1 and short else f"{done} of {len(trials)}"
+        task = Verdict(words if short else str(trials[0].get("task")), not short) if well else None
         margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
         least = min(margins, default=None)
         kept = None if least is None else Verdict("kept" if least >= 0 else "exceeded", least >= 0)
-        lines.append([label, f"{well} of {len(trials)}", end, kept, least])
+        lines.append([label, f"{well} of {len(trials)}", end, task, kept, least])
     columns = [
         Column("Run"),
         Column("Ended well"),
         Column("End"),
+        Column("Task"),
         Column("Joint limits"),
         Column("Least margin", "rad or m", ".3g"),
     ]

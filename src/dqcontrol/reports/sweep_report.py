@@ -22,7 +22,7 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
     save_figures(figures, folder)
     data = parse_yaml(MARK, spec)
     whole = ranking.placed == count
-    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("as wished" if whole else "failed", whole)]
+    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("succeeded" if whole else "failed", whole)]
     write_report(
         folder,
         str(data["name"]),

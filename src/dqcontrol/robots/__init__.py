@@ -1,6 +1,6 @@
 """Robots: chains, their Jacobians, and where they come from."""
 
-from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
@@ -14,6 +14,7 @@ from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.robots.whole_body_file import WholeBodyFile
 
 __all__ = [
+    "Chassis",
     "Description",
     "DifferentialDrive",
     "HolonomicBase",

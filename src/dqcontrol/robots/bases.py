@@ -14,7 +14,64 @@ from dqcontrol.robots.serial_arm import SerialArm
 
 # z of each frame is the axis of x, y, φ in turn: thirds of a turn about (1, 1, 1), whose product is the identity.
 _THIRD = np.array([0.5, 0.5, 0.5, 0.5, 0, 0, 0])
+CLEARANCE = 0.02  # m; below a chassis
+
 _FRAMES = np.array([_THIRD, _THIRD, -_THIRD, [1.0, 0, 0, 0, 0, 0, 0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chassis:
+    """The body of a differential drive: what physics needs to know beside its wheels' radius and track.
+
+    The chassis is a solid cylinder two centimetres above the floor. It stands on the two wheels and on two casters, one
+    ahead of the axle and one behind it.
+
+    Parameters
+    ----------
+    mass
+        Of the chassis with all that is fixed to it, without wheels and arm, kg.
+    radius, height
+        Of the cylinder, m.
+    wheel_mass
+        Of each wheel, a solid disc, kg.
+    wheel_torque
+        Largest torque of each wheel's motor, N·m.
+    caster_distance
+        Of each caster from the axle, m.
+    centre_ahead, centre_height
+        The chassis' centre of mass ahead of the axle and above the floor, m; the latter is the middle of the cylinder
+        if omitted.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a number is not positive, or ``centre_ahead`` not finite.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> chassis = Chassis(
+    ...     mass=60.0, radius=0.27, height=0.3, wheel_mass=2.0, wheel_torque=10.0, caster_distance=0.22
+    ... )
+    >>> round(chassis.centre_height, 3)
+    0.17
+    """
+
+    mass: float
+    radius: float
+    height: float
+    wheel_mass: float
+    wheel_torque: float
+    caster_distance: float
+    centre_ahead: float = 0.0
+    centre_height: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in ("mass", "radius", "height", "wheel_mass", "wheel_torque", "caster_distance"):
+            as_positive(f"chassis.{field}", getattr(self, field))
+        as_array("chassis.centre_ahead", self.centre_ahead, ())
+        if not as_positive("chassis.centre_height", self.centre_height, zero_allowed=True):
+            object.__setattr__(self, "centre_height", CLEARANCE + 0.5 * self.height)
 
 
 @dataclass(frozen=True)
@@ -30,6 +87,8 @@ class HolonomicBase:
         Largest |ẋ| and largest |ẏ|, m/s.
     turn_rate
         Largest |φ̇|, rad/s.
+    acceleration, turn_acceleration
+        With which its speed and its turning change at most, m/s² and rad/s²; plants with motors keep them: `servo`.
 
     Raises
     ------
@@ -47,10 +106,12 @@ class HolonomicBase:
 
     speed: float = math.inf
     turn_rate: float = math.inf
+    acceleration: float = math.inf
+    turn_acceleration: float = math.inf
 
     def __post_init__(self) -> None:
-        _check_limit("speed", self.speed)
-        _check_limit("turn_rate", self.turn_rate)
+        for field in ("speed", "turn_rate", "acceleration", "turn_acceleration"):
+            _check_limit(field, getattr(self, field))
 
     @property
     def configuration_size(self) -> int:
@@ -82,6 +143,10 @@ class DifferentialDrive:
     rim_speed
         Largest speed of the wheels' rims, m/s. It limits |v| + b |ω|; so the limits of the inputs, each alone, are
         rim_speed and rim_speed / b.
+    acceleration, turn_acceleration
+        Largest |v̇| and |ω̇|, m/s² and rad/s²; plants with motors keep them: `servo` and `mobile`.
+    chassis
+        Its body, for physics.
 
     Raises
     ------
@@ -102,6 +167,9 @@ class DifferentialDrive:
     half_track: float
     displacement: float = 0.1
     rim_speed: float = math.inf
+    acceleration: float = math.inf
+    turn_acceleration: float = math.inf
+    chassis: Chassis | None = None
 
     def __post_init__(self) -> None:
         as_positive("wheel_radius", self.wheel_radius)
@@ -110,7 +178,8 @@ class DifferentialDrive:
             raise ValueRangeError(
                 "displacement: must not be 0, because the middle of the axle cannot move sideways"
             )
-        _check_limit("rim_speed", self.rim_speed)
+        for field in ("rim_speed", "acceleration", "turn_acceleration"):
+            _check_limit(field, getattr(self, field))
 
     @property
     def configuration_size(self) -> int:

@@ -13,6 +13,8 @@ of x is the z axis of the frame of y. [S17 4.21]
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 from dqcontrol.compiled.compile import (
     INPUT,
@@ -34,7 +36,7 @@ REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 CHAIN = STATUS(READ2, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
 
-call_chain = caller(CHAIN)
+call_chain: Callable[..., Any] = caller(CHAIN)
 
 
 @inlined
@@ -130,8 +132,8 @@ def _store_pose(w, x, y, z, px, py, pz, out):
     out[7] = pz * w + px * y - py * x
 
 
-@kernel(CHAIN)
-def forward(chain, q, out):
+@inlined
+def joint_frames(chain, q, out):
     """Write the end pose (8), or with more room all joint frames after their screws and the end pose (8 (n + 1))."""
     n = chain.shape[0] - 1
     if q.shape[0] != n:
@@ -151,6 +153,12 @@ def forward(chain, q, out):
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def forward(chain, q, out):
+    """Write what `joint_frames` does."""
+    return joint_frames(chain, q, out)
 
 
 @inlined

@@ -28,7 +28,7 @@ def unit_poses(field: str, pose: ArrayLike) -> Array:
     if (np.abs(norm - 1) > 1e-6).any() or (np.abs(along) > 1e-6).any():
         worst = np.unravel_index(int(np.argmax(np.abs(norm - 1) + np.abs(along))), norm.shape)
         raise ValueRangeError(
-            f"{field}: expected unit dual quaternions, got norm {norm[worst]:.6g} + ε {along[worst]:.6g}"
+            f"{field}: expected unit dual quaternions, got norm {norm[worst]:.9g} + ε {along[worst]:.6g}"
         )
     return x / norm[..., None]
 

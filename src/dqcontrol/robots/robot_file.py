@@ -271,12 +271,10 @@ def fixed_pose(field: str, pose: FixedPose | None, unit: float) -> Array:
         raise FileFormatError(f"{field}: has both 'rpy' and 'quaternion'; leave out one of them")
     at = shift(*pose.position)
     if pose.quaternion is not None:
-        turn = np.array(pose.quaternion)
-        if abs(np.linalg.norm(turn) - 1) > 1e-6:  # few digits; others stay as they are, to the last bit
-            try:
-                turn = as_unit_quaternion(f"{field}.quaternion", turn)
-            except Error as error:
-                raise FileFormatError(str(error)) from None
+        try:
+            turn = as_unit_quaternion(f"{field}.quaternion", pose.quaternion)
+        except Error as error:
+            raise FileFormatError(str(error)) from None
         return compose(at, np.array([*turn, 0, 0, 0]))
     roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
     return compose(at, rotation_z(yaw), rotation_y(pitch), rotation_x(roll))

@@ -60,6 +60,9 @@ class SerialArm(Robot):
     [2.0, 0.0, 0.0]
     """
 
+    input_names: tuple[str, ...]
+    input_types: tuple[str, ...]
+
     def __init__(
         self,
         fixed: ArrayLike,
@@ -83,19 +86,19 @@ class SerialArm(Robot):
         chain[:, :4] /= norms[:, None]
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
         self.urdf: tuple[Path, str] | None = None
-        self.name = name or "arm"
+        self.name: str = name or "arm"
         self._keep_chain(chain)
-        self.joint_types = tuple(joint_types)
-        self.joint_names = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
+        self.joint_types: tuple[str, ...] = tuple(joint_types)
+        self.joint_names: tuple[str, ...] = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
         if not isinstance(limits, Limits | None):
             raise ShapeError(f"limits: expected Limits or None, got {limits!r:.80}")
-        self.limits = limits if limits is not None else Limits.none(n)
+        self.limits: Limits = limits if limits is not None else Limits.none(n)
         self.inertia = inertia
         self.configuration_size = n
         self.input_size = n
         self.input_names, self.input_types = self.joint_names, self.joint_types
-        self.input_coordinates = np.arange(n)
-        self.drives = np.zeros((0, 4))
+        self.input_coordinates: NDArray[np.intp] = np.arange(n)
+        self.drives: Array = np.zeros((0, 4))
         for field, size in (
             ("joint_names", len(self.joint_names)),
             ("limits", len(self.limits.lower)),

@@ -130,7 +130,7 @@ class UrdfTree:
         if len(roots) != 1:
             text = f"several links have no parent: {', '.join(roots)}" if roots else "every link has a parent"
             raise FileFormatError(f"{xml.path}: the links are not a tree: {text}")
-        self.root = roots[0]
+        self.root: str = roots[0]
         if len(reached := list(self.below(self.root))) != len(self.links):
             loop = ", ".join(link for link in self.links if link not in reached)
             raise FileFormatError(f"{xml.path}: the links are not a tree: {loop} form a loop")

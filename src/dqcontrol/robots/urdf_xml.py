@@ -7,8 +7,10 @@ from pathlib import Path
 from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.files.input_file import read_whole
 
 _DEEPEST = 50
+_LARGEST = 20_000_000  # bytes; the largest that robots come with have one million
 _JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _NUMBERS = {  # element: attributes that hold numbers, and how many
     "origin": {"xyz": 3, "rpy": 3},
@@ -40,7 +42,7 @@ class CheckedXml:
         self.path = path
         self.lines: dict[tuple[str, str], int] = {}
         try:
-            self.data = Path(path).read_bytes()
+            self.data: bytes = read_whole(path, _LARGEST)
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
         self._refuse_declarations()

@@ -12,7 +12,7 @@ from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
 from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
-from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
@@ -67,10 +67,15 @@ class WholeBody(Robot):
     (10, 9, ('v', 'omega', 'panda_joint1'))
     """
 
+    configuration_size: int
+    input_size: int
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+
     def __init__(self, parts: Sequence[Part], name: str | None = None, form: Form = "constrained") -> None:
         if form not in get_args(Form):
             raise unknown_name("form", str(form), get_args(Form))
-        self.parts = tuple(_taken_apart(parts))
+        self.parts: tuple[Mover | ArrayLike, ...] = tuple(_taken_apart(parts))
         self.form: Form = form
         if not any(isinstance(part, Mover) for part in self.parts):
             raise ShapeError(
@@ -78,7 +83,7 @@ class WholeBody(Robot):
             )
         whole = SerialArm.join([_as_joints(part) for part in self.parts], name)
         n = whole.configuration_size
-        self.drives = _drives(self.parts)
+        self.drives: Array = _drives(self.parts)
         firsts = self.drives[:, 0].astype(np.intp) if form == "constrained" else np.zeros(0, dtype=np.intp)
         chain = whole.chain.copy()
         chain[firsts, 7], chain[firsts + 1, 7], chain[n, 7] = HEADING, SIDEWAYS, len(firsts)
@@ -88,16 +93,16 @@ class WholeBody(Robot):
             names[i] = names[i].removesuffix("x") + _V
             names[i + 2] = names[i + 2].removesuffix("phi") + _OMEGA
 
-        self.name = whole.name
+        self.name: str = whole.name
         self._keep_chain(chain)
         self.configuration_size, self.input_size = n, len(kept)
         self.joint_names, self.joint_types = whole.joint_names, whole.joint_types
         self.input_coordinates = kept
-        self.input_names = tuple(names[i] for i in kept)
-        self.input_types = tuple(whole.joint_types[i] for i in kept)
+        self.input_names: tuple[str, ...] = tuple(names[i] for i in kept)
+        self.input_types: tuple[str, ...] = tuple(whole.joint_types[i] for i in kept)
         limits = whole.limits
-        self.limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
-        self.inertia = whole.inertia
+        self.limits: Limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
+        self.inertia: Inertia | None = whole.inertia
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
@@ -148,6 +153,16 @@ class WholeBody(Robot):
         out = np.empty((len(starts), size))
         driving.feasible_inputs(self.drives, starts, wanted, out)
         return out.reshape(*lead, size)
+
+    @property
+    def largest_acceleration(self) -> Array:
+        """Largest rate of each input in the constrained form, shape (n − k,), m/s² or rad/s²; infinite for joints."""
+        body = self if self.form == "constrained" else self.in_form("constrained")
+        rates = np.full(self.configuration_size, np.inf)
+        for first, part in placed(self.parts):
+            if not isinstance(part, SerialArm):
+                rates[first : first + 3] = part.acceleration, part.acceleration, part.turn_acceleration
+        return rates[body.input_coordinates]
 
     def input_map(self, q: ArrayLike) -> Array:
         """Return F, shape (…, n − k, n), from rates of the configuration to wheel and joint speeds. [S17 4.27]

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta
+from msgspec.structs import asdict
 
 from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, naming
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Form, WholeBody
@@ -24,6 +25,19 @@ class _Part(FilePart, tag_field="kind"):
     """Base of all parts of a whole body; ``kind`` tells them apart."""
 
 
+class ChassisPart(FilePart):
+    """As `Chassis`."""
+
+    mass: Annotated[Positive, Meta(description="kg")]
+    radius: Annotated[Positive, Meta(description="m")]
+    height: Annotated[Positive, Meta(description="m")]
+    wheel_mass: Annotated[Positive, Meta(description="kg")]
+    wheel_torque: Annotated[Positive, Meta(description="N·m")]
+    caster_distance: Annotated[Positive, Meta(description="m")]
+    centre_ahead: Length = 0.0
+    centre_height: Annotated[Positive, Meta(description="m")] | None = None
+
+
 class DrivePart(_Part, tag="differential-drive"):
     """As `DifferentialDrive`."""
 
@@ -31,6 +45,11 @@ class DrivePart(_Part, tag="differential-drive"):
     half_track: Annotated[Positive, Meta(description="m")]
     displacement: Length = 0.1
     rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
+    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
+    turn_acceleration: (
+        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
+    ) = None
+    chassis: ChassisPart | None = None
 
 
 class HolonomicPart(_Part, tag="holonomic-base"):
@@ -38,6 +57,10 @@ class HolonomicPart(_Part, tag="holonomic-base"):
 
     speed: Annotated[Positive, Meta(description="m/s")] | None = None
     turn_rate: Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None = None
+    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
+    turn_acceleration: (
+        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
+    ) = None
 
 
 class ArmPart(_Part, tag="arm"):
@@ -96,13 +119,31 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody
 def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -> Any:
     if isinstance(part, DrivePart):
         return DifferentialDrive(
-            part.wheel_radius, part.half_track, part.displacement, part.rim_speed or math.inf
+            part.wheel_radius,
+            part.half_track,
+            part.displacement,
+            part.rim_speed or math.inf,
+            part.acceleration or math.inf,
+            (part.turn_acceleration or math.inf) * unit,
+            _chassis(part.chassis),
         )
     if isinstance(part, HolonomicPart):
-        return HolonomicBase(part.speed or math.inf, (part.turn_rate or math.inf) * unit)
+        return HolonomicBase(
+            part.speed or math.inf,
+            (part.turn_rate or math.inf) * unit,
+            part.acceleration or math.inf,
+            (part.turn_acceleration or math.inf) * unit,
+        )
     if isinstance(part, PosePart):
         at = fixed_pose(field, part, unit)
         return pose(at[:4], at[4:])
     near = folder / part.robot
     arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     return arm.reversed() if part.reversed else arm
+
+
+def _chassis(part: ChassisPart | None) -> Chassis | None:
+    if part is None:
+        return None
+    numbers = asdict(part)
+    return Chassis(**(numbers | {"centre_height": part.centre_height or 0.0}))

@@ -11,16 +11,26 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
 
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import ByTwist, ToPose
+from dqcontrol.loop.targets import ByTwist, Target, ToPose
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, Commands
+from dqcontrol.ros2.gain_check import OVERRIDE
+from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
-from dqcontrol.ros2.parameters import declare, number, numbers_said, on_change, read_once, refuse_unknown
+from dqcontrol.ros2.parameters import (
+    declare,
+    declare_switch,
+    number,
+    numbers_said,
+    on_change,
+    read_once,
+    refuse_unknown,
+)
 from dqcontrol.ros2.period_monitor import SILENCE, Pace
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
@@ -28,6 +38,9 @@ from dqcontrol.ros2.tuning import numbers_of, retune
 Array = NDArray[np.float64]
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
+_HEARTBEAT = 0.05  # s
+_GAP_PERIODS = 2.5  # between two steps, at least, before it means a stop: one left out costs none
+_MOST_PERIODS = 1.5  # by which the reference goes on in a step: a message half a period late costs none
 
 
 class Following:
@@ -52,9 +65,14 @@ class Following:
     ----------
     control
         Law, supervisor and phase.
+    longest_period
+        Between two steps since the start, s.
     recorder
         What records its motions, if they are to be kept.
     """
+
+    loaded: Loaded
+    target: Target
 
     def __init__(
         self,
@@ -72,11 +90,13 @@ class Following:
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control = Control(law, self.target, supervisor)
+        self.control: Control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._origin = self._time = self._steady_since = 0.0
+        self._time = self._stamp = self._origin = self._stepped = self._steady_since = 0.0
         self._slept, self._due = False, np.inf
+        self.longest_period = 0.0
+        self._enabled = -np.inf
         self._joints = self._joint_names()
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
@@ -84,7 +104,8 @@ class Following:
         )
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
-        refuse_unknown(node, [*names, "joint_names", "base_frame", "tool_frame"])
+        declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
+        refuse_unknown(node, [*names, OVERRIDE, "joint_names", "base_frame", "tool_frame"])
         self._retune(numbers_said(node, names))
         on_change(node, self._retune, diagnostics.refuse)
         self._commands = Commands(node, interface, self._joints, loaded.period)
@@ -95,6 +116,9 @@ class Following:
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
         if isinstance(self.target, ByTwist):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
+        node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
+        self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
+        steady_timer(node, _HEARTBEAT, self._beat)
         self._alarm = steady_timer(node, SILENCE * loaded.period, self._watch)  # each message puts it off
 
     def activate(self) -> None:
@@ -108,17 +132,33 @@ class Following:
         now = time.monotonic()
         if self._latest is None or self.age > self._longest_silence:
             raise Error(f"activate: no joint states on {self._joint_states.topic_name}")
-        if not self._commands.is_heard:
-            raise Error(f"activate: nobody listens on {self._commands.topic}")
+        if why_not := self._why_not():
+            raise Error(f"activate: {why_not}")
         heard, stamp, measured = self._latest
         if self._source == "spec":
             self._check_start(measured)
-        if self.recorder and self.control.phase is Phase.INACTIVE:
-            self.recorder.start()
-        self.control.activate(measured)
-        self._origin = stamp
+        try:
+            self._commands.claim()
+            if self.recorder and self.control.phase is Phase.INACTIVE:
+                self.recorder.start()
+            self.control.activate(measured)
+        finally:
+            self.let_go()
         self._pace.start(heard, stamp)
+        self._time, self._stamp, self._stepped, self.longest_period = 0.0, stamp, now, 0.0
+        self._origin = stamp
         self._step(0.0, measured, now)
+
+    def let_go(self) -> None:
+        """Leave the robot to others if it is not to be held; called whenever what is done has changed."""
+        if not self.control.is_commanding:
+            self._commands.release()
+
+    def hold(self) -> None:
+        """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does."""
+        if self.control.is_commanding:
+            self._commands.send(self.control.position, np.zeros_like(self.control.rate))
+        self._commands.release()
 
     @property
     def age(self) -> float:
@@ -172,7 +212,7 @@ class Following:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
         elif self._pace.hear(now, stamp) and not late:
-            self._step(stamp - self._origin, measured, now)
+            self._step(stamp - self._stamp, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
         goal = pose_of(message, self._base)
@@ -190,7 +230,7 @@ class Following:
         late = self._has_slept(now)
         self._watch_in(0.5 * period if late else period)
         if not late and self.control.is_commanding and self._pace.is_overdue(now):
-            self._step(self._time + self.loaded.period, None, now)
+            self._step(period, None, now)
 
     def _has_slept(self, now: float) -> bool:
         """Return whether this process, not the robot, was silent: newer messages may wait. Not twice in a row."""
@@ -203,19 +243,53 @@ class Following:
         self._alarm.timer_period_ns = round(seconds * NANOSECONDS)
         self._alarm.reset()
 
-    def _step(self, at: float, measured: Array | None, now: float) -> None:
-        control, before = self.control, self.control.phase
-        self._time = at
-        control.step(at, measured, self._pace.age(now))
+    def _step(self, passed: float, measured: Array | None, now: float) -> None:
+        """Send one command, so long (s) after the last one by the robot's clock, and now by ours.
+
+        The reference goes on by a period and a half at most: what was missed is left out, not caught up with.
+        """
+        control, before, gap = self.control, self.control.phase, now - self._stepped
+        self.longest_period = max(self.longest_period, gap)
+        if control.phase is Phase.ACTIVE and (cause := self._why_not(passed, gap)):
+            control.emergency_stop(cause)
+        passed = max(passed, 0.0)
+        self._time += min(passed, _MOST_PERIODS * self.loaded.period)
+        self._stamp, self._stepped = self._stamp + passed, now
+        control.step(self._time, measured, self._pace.age(now))
         self._commands.send(control.position, control.rate)
         if self.recorder:
-            self.recorder.take(control, at)
+            self.recorder.take(control, self._stamp - self._origin, self._time)
         if control.phase is not before:
             self._changed(before)
 
+    def _why_not(self, passed: float = 0.0, gap: float = 0.0) -> str:
+        """Say why the robot may not move, so long (s) after the last step by its clock and by ours."""
+        longest = max(self._longest_silence, _GAP_PERIODS * self.loaded.period)
+        if gap > longest:
+            return f"the controller stood still for {gap:.3g} s"
+        if passed > longest:
+            return f"the stamps of the joint states jumped by {passed:.3g} s"
+        if rivals := self._commands.rivals:
+            return f"{', '.join(rivals)} publishes on {self._commands.topic} too; a robot obeys one at a time"
+        topic = self._joint_states.topic_name
+        if self._node.count_publishers(topic) > 1:
+            return f"several publish on {topic}: {', '.join(sorted(publishers_of(self._node, topic)))}"
+        patience = number(self._node, "enable_timeout")
+        if patience and time.monotonic() - self._enabled > patience:
+            return "not enabled"
+        return ""
+
+    def _hear_enable(self, message: Bool) -> None:
+        self._enabled = time.monotonic() if message.data else -np.inf
+
+    def _beat(self) -> None:
+        """Say whether the robot needs its power: while this lives, and the robot moves or brakes under control."""
+        self._heartbeat.publish(Bool(data=self.control.phase in (Phase.ACTIVE, Phase.STOPPING)))
+
     def _retune(self, numbers: dict[str, float]) -> None:
         active = self.control.phase is not Phase.INACTIVE
-        law, supervisor = retune(self.loaded, numbers, active=active)
+        allow = self._node.get_parameter(OVERRIDE).value
+        law, supervisor = retune(self.loaded, numbers, active=active, allow_unstable=bool(allow))
         if law:
             self.control.law = self.loaded.prepared_law(self._source)
         if supervisor:

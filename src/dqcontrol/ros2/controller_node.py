@@ -10,9 +10,11 @@ from std_srvs.srv import Trigger
 
 from dqcontrol.errors import Error
 from dqcontrol.loop.control import Phase
+from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.ros2.controller_loop import Following
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.middleware import spin
 from dqcontrol.ros2.recorder import Recorder
 
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
@@ -47,6 +49,9 @@ class ControllerNode(Node):
     outcome
         What ended the last motion: ``duration``, ``interrupted``, or why it was stopped; empty before.
     """
+
+    outcome: str
+    ended: bool
 
     def __init__(
         self,
@@ -104,12 +109,42 @@ class ControllerNode(Node):
         self.following = following
         self._diagnostics.tell(f"configured: {loaded.robot.name}, {loaded.period * 1e3:g} ms")
 
+    def serve(self, interrupts: Interrupts, priority: int | None = None) -> None:
+        """Work until there is no more to do; a first interrupt stops softly before it ends, a second one does not.
+
+        Parameters
+        ----------
+        interrupts
+            Of the process.
+        priority
+            Of real-time scheduling; see `middleware.spin`.
+        """
+
+        def look() -> None:
+            if interrupts.count and not self._is_retiring:
+                self.retire()
+
+        try:
+            spin(self, is_over=lambda: self.ended or interrupts.count > 1, look=look, priority=priority)
+        finally:
+            self._hold()
+
     def retire(self) -> None:
         """Stop softly, and end."""
         self._autostart, self.ended = False, self.phase not in (Phase.ACTIVE, Phase.STOPPING)
         self._is_retiring = True
         if self.phase is Phase.ACTIVE:
             self._configured().control.deactivate()
+            self._follow_up(Phase.ACTIVE)
+
+    def _hold(self) -> None:
+        """Leave no robot moving, whatever ended the program."""
+        if self.following:
+            self.following.hold()
+        if self.phase in (Phase.ACTIVE, Phase.STOPPING):
+            self.outcome = "broken off while it moved"
+        if self.recorder:
+            self.recorder.end(self.phase, self.outcome)
 
     def _configured(self) -> Following:
         if not self.following:
@@ -142,6 +177,7 @@ class ControllerNode(Node):
                 self.outcome = "interrupted" if self._is_retiring else "duration"
             heard = f"; last joint states {self._configured().age:.3f} s ago" * (phase is Phase.STOPPING)
             self._diagnostics.tell(f"{phase.value}{f': {control.reason}' if control.reason else ''}{heard}")
+        self._configured().let_go()
         if self.recorder and phase in (Phase.INACTIVE, Phase.STOPPED):
             self.recorder.end(phase, self.outcome)
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)
@@ -155,7 +191,8 @@ class ControllerNode(Node):
         except Error as error:
             self._diagnostics.refuse(error)
         else:
-            self._follow_up(Phase.INACTIVE)
+            if self.phase is Phase.ACTIVE:  # else it has stopped at once, and said so
+                self._follow_up(Phase.INACTIVE)
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         if not self.following:
@@ -167,6 +204,7 @@ class ControllerNode(Node):
             "interface": self._interface,
             "supervisor": control.reason or "lets all through",
             "age of joint states [s]": f"{self.following.age:.4f}",
+            "longest period [s]": f"{self.following.longest_period:.4f}",
         }
         level = _LEVELS.get(control.phase, "warning" if control.reason else "ok")
         return level, control.phase.value, values

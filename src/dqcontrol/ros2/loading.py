@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -16,13 +17,17 @@ from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
-from dqcontrol.plants.plant import command_mode
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
 Array = NDArray[np.float64]
 
-SILENCE = 0.05  # s: default of the time after which nothing heard means a stop
+
+def silence(period: float) -> float:
+    """Return after how long without a message the other side is taken for dead, where nobody says: s, as the period."""
+    return max(0.03, 2.5 * period)
 
 
 @dataclass
@@ -55,6 +60,11 @@ class Loaded:
         """Control period, s."""
         return self.setting.spec.period
 
+    @cached_property
+    def linear_model(self) -> LinearModel | None:
+        """The plant where the spec starts, for small motions; None if that is unknown."""
+        return self.case.plant.linear_model(self.robot, self.case.scene.start, self.period)
+
     def target(self, source: str) -> Target:
         """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
         if source == "spec":
@@ -64,7 +74,8 @@ class Loaded:
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
-        return self.law.prepare(self.robot, reference, self.period, self.setting.spec.limits)
+        mode = lagging_mode(self.case.plant)
+        return self.law.prepare(self.robot, reference, self.period, self.case.limits, mode)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""
@@ -75,17 +86,8 @@ class Loaded:
 
         The second is whether its inputs are counted from the measured joints.
         """
-        limits = msgspec.structs.replace(
-            self.supervisor,
-            ramp=0.0,
-            slow_below=0.0,
-            hold_below=0.0,
-            tracking_error=1e9,
-            jerk=None,
-            workspace=None,
-        )
         mode = self._mode(interface)
-        return limits.prepare(self.robot, self.period, mode), mode == "measured"
+        return self.supervisor.limits_alone().prepare(self.robot, self.period, mode), mode == "measured"
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
         return command_mode(self.case.plant) if interface != "velocity" else "integrated"
@@ -108,5 +110,5 @@ def load(source: str | Path) -> Loaded:
         )
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     if supervisor.stale_after is None:
-        supervisor = msgspec.structs.replace(supervisor, stale_after=SILENCE)
+        supervisor = msgspec.structs.replace(supervisor, stale_after=silence(setting.spec.period))
     return Loaded(setting, case, case.variant.law, supervisor, Speeds())

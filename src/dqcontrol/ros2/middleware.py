@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
@@ -27,6 +26,7 @@ _PACKAGES = (
     "std_msgs.msg",
     "std_srvs.srv",
 )
+_AWAKE = 0.05  # s between two looks at whether a user wants it to end
 _LOOPBACK = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",  # the profile says it; LOCALHOST would open more
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("loopback.xml")),
@@ -95,7 +95,6 @@ def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = 
         rclpy.init(args=words, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy names its reasons by classes of its C library
         raise Error(f"ros2: {str(error).splitlines()[0]}") from None
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: robots are to be stopped softly
     try:
         yield
     finally:
@@ -110,8 +109,13 @@ def steady_timer(node: Node, seconds: float, act: Callable[[], None]) -> Timer:
     return node.create_timer(seconds, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False, priority: int | None = None) -> None:
-    """Serve nodes until something has ended, or the user ends it all by KeyboardInterrupt.
+def spin(
+    *nodes: Node,
+    is_over: Callable[[], bool],
+    look: Callable[[], None] = lambda: None,
+    priority: int | None = None,
+) -> None:
+    """Serve nodes until something is over.
 
     One thread does everything: with several, rclpy's timers starve.
 
@@ -119,8 +123,10 @@ def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False, priority: int 
     ----------
     nodes
         To be served.
-    ended
-        Asked after each event.
+    is_over
+        Asked after each event, and at least 20 times a second.
+    look
+        Called before that.
     priority
         1 … 99: asks for real-time scheduling of all threads there are, those of the middleware too.
     """
@@ -130,12 +136,17 @@ def spin(*nodes: Node, ended: Callable[[], bool] = lambda: False, priority: int 
     executor = SingleThreadedExecutor()
     for node in nodes:
         executor.add_node(node)
+    waking = steady_timer(nodes[0], _AWAKE, lambda: None)  # a signal does not end the library's waiting
     gc.collect()
     gc.freeze()  # what is there stays; what comes is little
     try:
         with real_time(priority, threads_of_process()) if priority else nullcontext():
-            while rclpy.utilities.ok() and not ended():
+            while rclpy.utilities.ok():
+                look()
+                if is_over():
+                    break
                 executor.spin_once()
     finally:
         gc.unfreeze()
+        waking.cancel()
         executor.shutdown()

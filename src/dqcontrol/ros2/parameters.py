@@ -46,6 +46,20 @@ def declare(node: Node, numbers: Sequence[Number]) -> None:
         _declare(node, one.name, value, descriptor)
 
 
+def declare_switch(node: Node, name: str, description: str) -> None:
+    """Declare a parameter that is true or false, false unless it was given at the start.
+
+    Raises
+    ------
+    ValueRangeError
+        If the one given is neither.
+    """
+    given = _given(node, name, False)
+    if type(given) is not bool:
+        raise ValueRangeError(f"parameter {name}: expected true or false, got {given!r}")
+    _declare(node, name, given, ParameterDescriptor(description=description))
+
+
 def read_once(node: Node, name: str, value: Any, description: str) -> Any:
     """Declare a parameter that cannot be changed later, and return its value.
 

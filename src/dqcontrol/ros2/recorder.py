@@ -50,12 +50,17 @@ class Recorder:
         if not self._is_open:  # or the last start failed
             self._stream, self._last, self._is_open = self._streamed.record(), -math.inf, True
 
-    def take(self, control: Control, time: float) -> None:
+    def take(self, control: Control, time: float, reference_time: float) -> None:
         """Record the controller's last step, at a time since the start, s; what comes after the reference is left out.
 
-        Messages give the times, so one may not be later than the last.
+        Messages give the times, so one may not be later than the last; the reference's time waits where they jump.
         """
-        if self._stream and self._is_open and time > self._last and not control.target.is_over(time):
+        if (
+            self._stream
+            and self._is_open
+            and time > self._last
+            and not control.target.is_over(reference_time)
+        ):
             self._last = time
             control.record(self._stream, time, control.measured)
 

@@ -16,7 +16,7 @@ from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.channels import SensingPlant
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH
+from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH, publishers_of
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
 from dqcontrol.ros2.middleware import steady_timer
@@ -24,6 +24,7 @@ from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse
 
 Array = NDArray[np.float64]
 
+_NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
 _TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
@@ -69,7 +70,7 @@ class RobotNode(Node):
         self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._guarded = self._plant if isinstance(self._plant, GuardedPlant) else None
         self._asked: Array | None = None
-        self._heard, self._silent, self._fault, self._ticks = 0.0, True, "", 0
+        self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
@@ -78,9 +79,9 @@ class RobotNode(Node):
         refuse_unknown(self, ["command_timeout"])
         on_change(self, lambda _: None, self._diagnostics.refuse)
         topic, kind = COMMANDS[interface]
-        self.create_subscription(kind, topic, self._hear, NEWEST)
+        self._commands = self.create_subscription(kind, topic, self._hear, NEWEST)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT)
-        self.nodes = (self, *([Node(wrench_node)] if wrench_node else []))
+        self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._diagnostics.tell(
             f"serves {robot.name}, {self._period * 1e3:g} ms"
@@ -119,8 +120,8 @@ class RobotNode(Node):
             self._publish()
 
     def _move(self) -> None:
-        silent = time.monotonic() - self._heard > number(self, "command_timeout")
-        if silent:
+        waits = self._why_wait()
+        if waits:
             self._asked = None
         self._before[:] = self._plant.measured
         self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
@@ -128,13 +129,26 @@ class RobotNode(Node):
             self._plant.rewind()
         self._plant.step(self._input)
         self._ticks += 1
-        if silent is not self._silent:
-            self._silent = silent
-            self._diagnostics.tell("holds: no commands" if silent else "moves")
+        if waits != self._waits:
+            self._waits = waits
+            self._diagnostics.tell(self._state_in_words)
         fault = self._guarded.fault if self._guarded else ""
         if fault and fault != self._fault:
             self._fault = fault
             self._diagnostics.alarm(f"motors off: {fault}")
+
+    def _why_wait(self) -> str:
+        """Say why it does not move; empty if it does."""
+        if time.monotonic() - self._heard > number(self, "command_timeout"):
+            return _NO_COMMANDS
+        topic = self._commands.topic_name
+        if self.count_publishers(topic) > 1:
+            return f"several publish on {topic}: {', '.join(sorted(publishers_of(self, topic)))}"
+        return ""
+
+    @property
+    def _state_in_words(self) -> str:
+        return f"holds: {self._waits}" if self._waits else "moves"
 
     def _rates(self) -> Array:
         """Return what the command asks of the joints, rad/s or m/s; without one, to stay where they were told to be."""
@@ -159,7 +173,7 @@ class RobotNode(Node):
         values = {"interface": self._interface, "limits": words or "let all through", "periods": self._ticks}
         if self._fault:
             return "error", f"motors off: {self._fault}", values
-        return "ok", "holds: no commands" if self._silent else "moves", values
+        return "ok", self._state_in_words, values
 
 
 def wrench_publisher(node: Node, plant: object) -> Callable[[int], None] | None:

@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Struct
 
 from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.ros2.gain_check import check_stable
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.parameters import Number
 
@@ -16,6 +17,13 @@ T = TypeVar("T", bound=Struct)
 
 _LAW, _SUPERVISOR = "law.", "supervisor."
 _OWN = (
+    Number(
+        "enable_timeout",
+        0.0,
+        0.0,
+        1.0,
+        "without ~/enable being true before the robot stops, s; 0: not needed",
+    ),
     Number("start_tolerance", 0.1, 0.0, 3.2, "how far joints may be from the spec's start, rad or m"),
     Number("linear_speed", 0.1, 0.001, 2.0, "of the desired pose on the way to a pose or by a twist, m/s"),
     Number("angular_speed", 0.5, 0.001, 6.0, "of the same, rad/s"),
@@ -51,8 +59,21 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
         raise ValueRangeError(f"{prefix}{next(iter(own))}: {error}") from None
 
 
-def retune(loaded: Loaded, numbers: Mapping[str, float], *, active: bool) -> tuple[bool, bool]:
+def retune(
+    loaded: Loaded, numbers: Mapping[str, float], *, active: bool, allow_unstable: bool
+) -> tuple[bool, bool]:
     """Change law, supervisor and speeds; return whether law and supervisor did.
+
+    Parameters
+    ----------
+    loaded
+        The spec; changed.
+    numbers
+        By name.
+    active
+        Whether the controller moves the robot.
+    allow_unstable
+        Whether a law may be one whose loops are expected to be unstable.
 
     Raises
     ------
@@ -65,7 +86,9 @@ def retune(loaded: Loaded, numbers: Mapping[str, float], *, active: bool) -> tup
         raise Error("the supervisor may be changed only while the controller is inactive")
     if active and law is not loaded.law and law.horizon(loaded.case.scene.reference) > 0:
         raise Error("this law depends on time; it may be changed only while the controller is inactive")
-    law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
+    prepared = law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
+    if not allow_unstable and (law is not loaded.law or not active):
+        check_stable(loaded, law, prepared, supervisor, advise=not active)
     supervisor.prepare(loaded.robot, loaded.period)
     changes = law is not loaded.law, supervisor is not loaded.supervisor
     loaded.law, loaded.supervisor = law, supervisor

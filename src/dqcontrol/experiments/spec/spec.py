@@ -26,7 +26,7 @@ from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
-from dqcontrol.plants import Disturbance, Plant
+from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots import Posture, Robot, SerialArm, load_robot, postures
 from dqcontrol.robots.robot_file import arm_from, plain_arm
@@ -148,7 +148,8 @@ class Spec(Part, frozen=True, kw_only=True):
     plant, plants
         One plant, or several by label.
     limits
-        What is done to the commands before they leave.
+        What is done to the commands before they leave; velocities are scaled before servos and physics unless
+        ``velocity`` is false.
     supervisor
         What stands between law and plant; ``true``: with default parameters. If omitted, that before plants that move
         more than our own arrays, and nothing before the others.
@@ -239,6 +240,10 @@ class Spec(Part, frozen=True, kw_only=True):
             return self.supervisor
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
         return Supervisor() if wanted else None
+
+    def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
+        """Return what is done to commands before a plant."""
+        return limits_before(plant, self.limits, robot)
 
     @property
     def variants(self) -> list[Variant[AnyLaw]]:

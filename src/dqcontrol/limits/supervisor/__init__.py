@@ -1,13 +1,21 @@
 """The supervisor, which all commands to a robot go through."""
 
-from dqcontrol.limits.supervisor.interventions import Intervention, list_interventions
+from dqcontrol.limits.supervisor.interventions import (
+    Intervention,
+    describe_stop,
+    list_interventions,
+    stop_category,
+)
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
-from dqcontrol.limits.supervisor.supervisor import Supervisor, WorkspaceBox
+from dqcontrol.limits.supervisor.supervisor import LinkPoint, Supervisor, WorkspaceBox
 
 __all__ = [
     "Intervention",
+    "LinkPoint",
     "PreparedSupervisor",
     "Supervisor",
     "WorkspaceBox",
+    "describe_stop",
     "list_interventions",
+    "stop_category",
 ]

@@ -1,4 +1,4 @@
-"""What a supervisor does to commands, by name."""
+"""What a supervisor does to commands, by name, and the category of each of its stops."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+INTERVENTIONS = "interventions"  # name of the signal in recordings
 
 # One bit each, so that a sample's interventions are one number in a recording.
 (
@@ -21,7 +23,19 @@ from numpy.typing import ArrayLike
     EMERGENCY,
     SOFT_STOP,
     REJOINING,
-) = (2**i for i in range(12))
+    HAND_SPEED,
+    HAND_ACCELERATION,
+    IMPOSSIBLE,
+    GAP,
+    PERIOD,
+    MEASURED_POSITION,
+    MEASURED_WORKSPACE,
+    OVERSPEED,
+    JUMP,
+    FROZEN,
+    EFFORT,
+    CONTACT,
+) = (2**i for i in range(24))
 
 REASONS = {
     VELOCITY: "velocity limit",
@@ -36,7 +50,39 @@ REASONS = {
     EMERGENCY: "emergency stop",
     SOFT_STOP: "soft stop",
     REJOINING: "command returns to the measured joints",
+    HAND_SPEED: "hand speed limit",
+    HAND_ACCELERATION: "hand acceleration limit",
+    IMPOSSIBLE: "limits that cannot be kept together",
+    GAP: "gap in time",
+    PERIOD: "periods too long",
+    MEASURED_POSITION: "measured joint beyond its limits",
+    MEASURED_WORKSPACE: "measured hand outside the workspace",
+    OVERSPEED: "measured joint too fast",
+    JUMP: "measured joint jumped",
+    FROZEN: "measured joint frozen while commanded to move",
+    EFFORT: "joint effort too large",
+    CONTACT: "contact",
 }
+
+# Stop categories of IEC 60204-1. 0 removes the power at once: only the robot can, and says so by its fault. In the
+# others the supervisor brakes within its limits; 1: then the power is to be removed, 2: then it holds under power.
+_CATEGORIES = {
+    MEASUREMENT: 1,
+    COMMAND: 2,
+    TRACKING: 1,
+    EMERGENCY: 1,
+    SOFT_STOP: 2,
+    GAP: 2,
+    PERIOD: 2,
+    MEASURED_POSITION: 1,
+    MEASURED_WORKSPACE: 1,
+    OVERSPEED: 1,
+    JUMP: 1,
+    FROZEN: 1,
+    EFFORT: 1,
+    CONTACT: 1,
+}
+STOPS = sum(_CATEGORIES)
 
 
 class Intervention(NamedTuple):
@@ -64,6 +110,32 @@ def reasons(code: float) -> tuple[str, ...]:
     ('velocity limit', 'position limit')
     """
     return tuple(text for bit, text in REASONS.items() if int(code) & bit)
+
+
+def stop_category(code: float) -> int | None:
+    """Return the category (IEC 60204-1) of the stop that a sample's number names, the strictest of several.
+
+    1: braked within the limits, then the power of the drives is to be removed; 2: braked, then held under power.
+    None if the number names no stop. Category 0, power removed at once, is the robot's own.
+
+    Examples
+    --------
+    >>> stop_category(TRACKING), stop_category(SOFT_STOP), stop_category(VELOCITY)
+    (1, 2, None)
+    """
+    return min((category for bit, category in _CATEGORIES.items() if int(code) & bit), default=None)
+
+
+def describe_stop(code: float) -> str:
+    """Return a stop's category and reasons in words.
+
+    Examples
+    --------
+    >>> describe_stop(TRACKING)
+    'stop category 1: tracking error too large'
+    """
+    category, words = stop_category(code), ", ".join(reasons(code))
+    return words if category is None else f"stop category {category}: {words}"
 
 
 def list_interventions(time: ArrayLike, codes: ArrayLike) -> list[Intervention]:

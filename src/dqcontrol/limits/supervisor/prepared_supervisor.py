@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.limits.supervisor import supervisor_layout as at
-from dqcontrol.limits.supervisor.interventions import reasons
+from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
+from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import base_coordinates
 
 Array = NDArray[np.float64]
 
-GO, END, STOP, RESET = at.GO, at.END, at.STOP_NOW, at.RESET
+GO, END, STOP, RESET, FINISH = at.GO, at.END, at.STOP_NOW, at.RESET, at.FINISH
 
 _START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
+_NOTHING: Array = np.zeros(0)
 
 
 class PreparedSupervisor:
@@ -38,45 +38,60 @@ class PreparedSupervisor:
         self._position = slice(at.MEMORY + n, at.MEMORY + n + m)
         self._rate = slice(at.MEMORY + n + m, at.MEMORY + n + 2 * m)
 
+    @property
+    def bounds(self) -> at.Bounds:
+        """Its parameters by name; writing to them changes them."""
+        return at.unpack_parameters(self.parameters, self.robot.input_size)
+
+    @property
+    def window(self) -> int:
+        """Number of rates whose mean leaves; 1 where jerk is not limited."""
+        return int(self.parameters[at.WINDOW])
+
+    @property
+    def acceleration(self) -> Array:
+        """Largest of each input, shape (m,), rad/s² or m/s²."""
+        return self.parameters[at.HEAD : at.HEAD + self.robot.input_size]
+
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
+
+        One that is beyond a limit by no more than 0.01 is brought in, within its acceleration.
 
         Raises
         ------
         ValueRangeError
             If a joint is outside its limits, or the hand outside the box: move it inside by other means first.
         """
-        n, m, head = self.robot.configuration_size, self.robot.input_size, at.HEAD
+        n, m, bounds = self.robot.configuration_size, self.robot.input_size, self.bounds
         measured = as_array("q", q, (n,))
         if measured.ndim != 1:
             raise ShapeError(f"q: expected one configuration, got shape {measured.shape}")
-        lower, upper = (self.parameters[head + k * m : head + (k + 1) * m] for k in (1, 2))
         position = measured[self.robot.input_coordinates]
-        outside = (position < lower - _START_TOLERANCE) | (position > upper + _START_TOLERANCE)
+        outside = (position < bounds.lower - _START_TOLERANCE) | (position > bounds.upper + _START_TOLERANCE)
         if outside.any():
             i = int(outside.argmax())
             raise ValueRangeError(
-                f"q: {self.robot.input_names[i]} is {position[i]:.4g}, outside {lower[i]:.4g} … {upper[i]:.4g}"
+                f"q: {self.robot.input_names[i]} is {position[i]:.4g}, outside "
+                f"{bounds.lower[i]:.4g} … {bounds.upper[i]:.4g}"
             )
-        position = np.clip(position, lower, upper)
-        state = np.zeros(at.MEMORY + n + (4 + int(self.parameters[at.WINDOW])) * m)
-        state[at.MEMORY : at.MEMORY + n] = measured
-        state[self._position] = position
-        state[at.MEMORY + n + 2 * m : at.MEMORY + n + 3 * m] = position
-        if self.parameters[at.BOXED]:
-            self._check_inside(measured, position)
+        window = int(bounds.head[at.WINDOW])
+        state = np.zeros(at.state_size(n, m, window))
+        memory = at.unpack_state(state, n, m, window)
+        memory.own[at.LATENESS] = 1.0
+        memory.good[:] = measured
+        memory.sent[:] = memory.position[:] = memory.sent_then[:] = position
+        memory.usual_effort[:] = np.nan
+        self._check_inside(measured)
         return state
 
-    def _check_inside(self, measured: Array, position: Array) -> None:
-        config = measured.copy()
-        joints = ~base_coordinates(self.robot)
-        coordinates = self.robot.input_coordinates
-        config[coordinates] = np.where(joints[coordinates], position, config[coordinates])
-        hand = algebra.translation(self.robot.fkm(config))
-        box = self.parameters[at.BOX : at.BOX + 6]
-        if (hand < box[:3]).any() or (hand > box[3:]).any():
+    def _check_inside(self, measured: Array) -> None:
+        bounds, frames, hand = self.bounds, np.zeros(8 * (len(measured) + 1)), np.zeros(3)
+        if not is_inside(self.robot.chain, measured, bounds, 0.0, frames, hand):
+            box = bounds.head[at.BOX : at.BOX + 6]
             raise ValueRangeError(
-                f"supervisor.workspace: the hand starts at {hand.round(4)}, outside {box[:3]} … {box[3:]} m"
+                f"supervisor.workspace: the hand starts at {hand.round(4)}, or a point of its links, outside "
+                f"{box[:3]} … {box[3:]} m"
             )
 
     def command(
@@ -86,7 +101,10 @@ class PreparedSupervisor:
         state: Array,
         *,
         age: float = 0.0,
+        elapsed: float | None = None,
         request: int = GO,
+        effort: Array = _NOTHING,
+        wrench: Array = _NOTHING,
         out: Array | None = None,
     ) -> Array:
         """Return the inputs that leave for the robot this period.
@@ -101,8 +119,16 @@ class PreparedSupervisor:
             From `start`; updated in place.
         age
             Of the measurement, s.
+        elapsed
+            Since the last step, s, on a clock that never jumps; one period if omitted.
         request
-            ``GO``, ``END`` (soft stop), ``STOP`` (emergency stop) or ``RESET`` (go on after a stop, once it rests).
+            ``GO``, ``END`` (soft stop: the law is followed while speed goes down), ``FINISH`` (soft stop at the
+            acceleration limit: the law is not asked any more), ``STOP`` (emergency stop) or ``RESET`` (go on after a
+            stop, once it rests).
+        effort
+            Measured, shape (m,), N·m or N; empty if it is not.
+        wrench
+            Force and torque measured at the hand, shape (6,), N and N·m; empty if it is not.
         out
             Written in place and returned, if given, shape (m,).
 
@@ -125,18 +151,35 @@ class PreparedSupervisor:
             age,
             request,
             out,
+            elapsed,
+            effort,
+            wrench,
         )
         return out
 
-    def step(self, q: Array, wanted: Array, state: Array, age: float, request: int, out: Array) -> bool:
+    def step(
+        self,
+        q: Array,
+        wanted: Array,
+        state: Array,
+        age: float,
+        request: int,
+        out: Array,
+        elapsed: float | None = None,
+        effort: Array = _NOTHING,
+        wrench: Array = _NOTHING,
+    ) -> bool:
         """Write the inputs that leave; return whether the robot is stopped and at rest. What the loop calls."""
         status = supervise(
             kernels.twist_kinematics.pointer,
             self.robot.chain,
             q,
             age,
+            self.parameters[at.DT] if elapsed is None else elapsed,
             request,
             wanted,
+            effort,
+            wrench,
             self.parameters,
             state,
             self.work,
@@ -145,7 +188,8 @@ class PreparedSupervisor:
         if status not in (0, at.AT_REST):
             raise ShapeError(
                 f"supervisor: expected {self.robot.configuration_size} measured and {self.robot.input_size} wanted "
-                f"numbers and the state from start, got {q.shape}, {wanted.shape} and {state.shape}"
+                f"numbers, {self.robot.input_size} efforts and a wrench of 6 or none, and the state from start, got "
+                f"{q.shape}, {wanted.shape}, {effort.shape}, {wrench.shape} and {state.shape}"
             )
         return status == at.AT_REST
 
@@ -168,3 +212,11 @@ class PreparedSupervisor:
     def is_stopped(self, state: Array) -> bool:
         """Return whether it is stopping or stopped until it is reset."""
         return state[at.MODE] == at.STOPPED
+
+    def stop_category(self, state: Array) -> int | None:
+        """Return the category (IEC 60204-1) of the stop that it is in, None if it is in none; see `stop_category`."""
+        return stop_category(state[at.FAULT]) if self.is_stopped(state) else None
+
+    def describe_stop(self, state: Array) -> str:
+        """Return category and reasons of the stop that it is in, in words; empty if it is in none."""
+        return describe_stop(state[at.FAULT]) if self.is_stopped(state) else ""

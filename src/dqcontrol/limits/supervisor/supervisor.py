@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive
+from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.limits.supervisor import supervisor_layout as at
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.robots.robot import Robot
@@ -18,13 +19,28 @@ from dqcontrol.robots.whole_body import base_coordinates
 Array = NDArray[np.float64]
 
 _LONGEST_WINDOW = 10_000  # samples
+_STALE_PERIODS = 1.5
+_LONGEST_STEP = 0.05  # s between two steps, if that is more than what is stale
+_FROZEN_PERIODS = (
+    5  # at least, before joints that do not change count as frozen: commands take a while to arrive
+)
+_LONGEST_RAMP = 60.0  # s
+_NEVER = 1e9  # as a bound of what is not to be watched
+
+
+class LinkPoint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point fixed to the link that a joint moves, m, in the frame of that joint: its centre if omitted."""
+
+    joint: str
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class WorkspaceBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the hand may be: a box with sides along the inertial axes, m."""
+    """Where the hand may be: a box with sides along the inertial axes, m; and other points that are to stay in it."""
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
+    points: list[LinkPoint] = msgspec.field(default_factory=list)
 
 
 class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -34,12 +50,15 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     u is counted from the measured joints, it also holds the arm against gravity: 14 rad/s on average in [P16]). Each
     period p moves by T v with |v| ≤ velocity (the whole command scaled, so that the hand keeps its direction),
     |v − v_before| ≤ T acceleration, and such that braking at that acceleration ends within the position limits and in
-    the box. Jerk is bounded by the mean of the last rates, which keeps the other bounds of joints.
+    the box. Jerk is bounded by the mean of the last rates, which keeps the other bounds. Where limits that change, or a
+    start outside them, cannot be kept at once, p brakes and comes back within its acceleration, and that is said.
 
-    It stops, at the acceleration limit, on two bad samples in a row (measurement too old or not finite, command not
-    finite; the first of them brakes already), on a tracking error |q − p| beyond its bound and on request; it then
-    stays so until it is reset, and brings p back to the measured joints before it follows the law again. This is
-    software in a loop that is not hard real time: it stands beside the robot's own safety, not in its place.
+    It stops, at the acceleration limit, on two bad samples in a row (measurement too old, not finite or out of reach
+    of the last one, command not finite; the first of them brakes already), and at once on a gap in time, on joints or a
+    hand measured outside, too fast or frozen, on too large efforts and forces, on a tracking error |q − p| beyond its
+    bound and on request; it then stays so until it is reset, and brings p back to the measured joints before it follows
+    the law again. This is software in a loop that is not hard real time: it stands beside the robot's own safety, not
+    in its place.
 
     Parameters
     ----------
@@ -54,14 +73,34 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     tracking_error
         |q − p| that stops, rad or m, joints only: one number, or one an input.
     stale_after
-        Age of a measurement at which it no longer counts, s; 1.5 periods if omitted.
+        Age of a measurement at which it no longer counts, and time between two steps that stops, s. If omitted 1.5
+        periods, and for steps 50 ms if that is more.
     slow_below, hold_below
         Smallest singular value of the hand's Jacobian [ω ; ṗ] (rad and m) below which motions towards a singularity
         are slowed, and below which they are held until it exceeds the mean of both. Motions away are free. 0: off.
     workspace
-        Box that the hand stays in; anywhere if omitted. With ``jerk`` kept as far as the hand's path is straight.
+        Box that the hand, and other points of links, stay in; anywhere if omitted.
     ramp
         Time in which speed comes up after a start and goes down at a soft stop, s.
+    hand_speed
+        Of the commanded hand, m/s; not bounded if omitted. While joints brake, up to a tenth more.
+    hand_acceleration
+        Of the commanded hand while it follows the law, m/s²; not bounded if omitted. Stops brake as hard as joints may.
+    measured_tolerance
+        How far measured joints may be beyond the robot's limits, and the measured hand outside the box, rad or m.
+    overspeed
+        Measured speed of a joint, smoothed over 20 ms, that stops: in velocity limits, and 0.1 rad/s or m/s more.
+    jump
+        Way of a measured joint beyond what that speed allows, at which a sample is bad, rad or m.
+    frozen_after
+        Time that a measured joint may stay the same number while it is told to move by more than 0.02 rad or m, s; five
+        periods at least.
+    effort
+        Measured effort that stops, N·m or N: one number, or one an input; not bounded if omitted.
+    contact_force, contact_torque
+        Measured at the hand that stop, N and N·m; not bounded if omitted.
+    contact_effort
+        Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
 
     Examples
     --------
@@ -84,7 +123,40 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     slow_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.04
     hold_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.02
     workspace: WorkspaceBox | None = None
-    ramp: Annotated[float, Meta(ge=0, le=60, description="s")] = 0.5
+    ramp: Annotated[float, Meta(ge=0, le=_LONGEST_RAMP, description="s")] = 0.5
+    hand_speed: Annotated[float, Meta(gt=0, description="m/s")] | None = None
+    hand_acceleration: Annotated[float, Meta(gt=0, description="m/s²")] | None = None
+    measured_tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
+    overspeed: Annotated[float, Meta(gt=0, description="velocity limits")] = 1.5
+    jump: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
+    frozen_after: Annotated[float, Meta(gt=0, description="s")] = 0.1
+    effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
+    contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
+    contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
+    contact_effort: Annotated[float, Meta(gt=0, description="N·m or N")] | None = None
+
+    def limits_alone(self) -> Supervisor:
+        """Return what keeps position, velocity and acceleration limits and watches nothing, as a robot itself does."""
+        return msgspec.structs.replace(
+            self,
+            ramp=0.0,
+            slow_below=0.0,
+            hold_below=0.0,
+            jerk=None,
+            workspace=None,
+            hand_speed=None,
+            hand_acceleration=None,
+            effort=None,
+            contact_force=None,
+            contact_torque=None,
+            contact_effort=None,
+            tracking_error=_NEVER,
+            stale_after=_NEVER,
+            measured_tolerance=_NEVER,
+            overspeed=_NEVER,
+            jump=_NEVER,
+            frozen_after=_NEVER,
+        )
 
     def prepare(
         self, robot: Robot, dt: float, command_mode: Literal["integrated", "measured"] = "integrated"
@@ -102,7 +174,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
         Raises
         ------
-        ShapeError, ValueRangeError
+        ShapeError, UnknownNameError, ValueRangeError
             If a parameter is not allowed, or the robot has no velocity limits and none are given.
         """
         dt, m = as_positive("dt", dt), robot.input_size
@@ -112,38 +184,89 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
             )
         acceleration = _each("acceleration", self.acceleration, m)
-        window = 1
-        if self.jerk is not None:
-            window = max(1, math.ceil((2 * acceleration / (_each("jerk", self.jerk, m) * dt)).max() - 1e-9))
-            if window > _LONGEST_WINDOW:
-                raise ValueRangeError(
-                    f"supervisor.jerk: smooths over {window} periods; at most {_LONGEST_WINDOW}: allow more jerk"
-                )
+        margin = self._number("position_margin", zero_allowed=True)
+        moved = robot.input_coordinates
+        lower, upper = robot.limits.lower[moved] + margin, robot.limits.upper[moved] - margin
+        if (lower > upper).any():
+            raise ValueRangeError(
+                f"supervisor.position_margin: {margin:g} leaves "
+                f"{robot.input_names[int((lower > upper).argmax())]} no room"
+            )
+        head = np.zeros(at.HEAD)
+        head[at.DT], head[at.WINDOW] = dt, self._window(acceleration, dt)
+        head[at.FROM_MEASURED] = command_mode == "measured"
+        self._fill_head(head, margin)
+        points = self._workspace(robot, head)
+        head[at.DRIVES], head[at.POINTS] = len(robot.drives), len(points)
+        tracking = _each("tracking_error", self.tracking_error, m)
+        effort = np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m)
+        joints = ~base_coordinates(robot)[moved]
+        rows = (head, acceleration, lower, upper, tracking, effort, moved, joints, velocity)
+        parts = [np.asarray(row, dtype=np.float64) for row in (*rows, robot.drives.ravel(), points.ravel())]
+        return PreparedSupervisor(robot, np.concatenate(parts))
+
+    def _number(self, field: str, *, zero_allowed: bool = False, most: float = math.inf) -> float:
+        """Return a single number, inf if it is omitted, and check it: from Python as from YAML."""
+        value = getattr(self, field)
+        if value is None:
+            return math.inf
+        number = as_positive(f"supervisor.{field}", value, zero_allowed=zero_allowed)
+        if number > most:
+            raise ValueRangeError(f"supervisor.{field}: must be ≤ {most:g}, got {number:g}")
+        return number
+
+    def _fill_head(self, head: Array, margin: float) -> None:
+        dt, ramp = head[at.DT], self._number("ramp", zero_allowed=True, most=_LONGEST_RAMP)
+        stale = self._number("stale_after")
+        head[at.STALE] = stale if self.stale_after is not None else _STALE_PERIODS * dt
+        head[at.LONGEST_STEP] = (
+            stale if self.stale_after is not None else max(_STALE_PERIODS * dt, _LONGEST_STEP)
+        )
+        head[at.SLOW] = self._number("slow_below", zero_allowed=True)
+        head[at.HOLD] = self._number("hold_below", zero_allowed=True)
         if self.slow_below < self.hold_below:
             raise ValueRangeError(
                 f"supervisor.slow_below: must be ≥ hold_below {self.hold_below:g}, got {self.slow_below:g}"
             )
-        moved = robot.input_coordinates
-        lower = robot.limits.lower[moved] + self.position_margin
-        upper = robot.limits.upper[moved] - self.position_margin
-        if (lower > upper).any():
+        head[at.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
+        head[at.HAND_TOLERANCE] = self._number("measured_tolerance", zero_allowed=True)
+        head[at.JOINT_TOLERANCE] = head[at.HAND_TOLERANCE] + margin
+        head[at.OVERSPEED] = self._number("overspeed")
+        head[at.JUMP] = self._number("jump", zero_allowed=True)
+        head[at.FROZEN_AFTER] = max(self._number("frozen_after"), _FROZEN_PERIODS * dt)
+        head[at.HAND_SPEED_LIMIT] = self._number("hand_speed")
+        head[at.HAND_ACCELERATION_LIMIT] = self._number("hand_acceleration")
+        head[at.CONTACT_FORCE] = self._number("contact_force")
+        head[at.CONTACT_TORQUE] = self._number("contact_torque")
+        head[at.CONTACT_EFFORT] = self._number("contact_effort")
+
+    def _window(self, acceleration: Array, dt: float) -> int:
+        """Return how many periods the rates are smoothed over, to keep the jerk."""
+        if self.jerk is None:
+            return 1
+        with np.errstate(over="ignore", divide="ignore"):
+            needed = (2 * (acceleration / _each("jerk", self.jerk, len(acceleration))) / dt).max() - 1e-9
+        if not needed <= _LONGEST_WINDOW:
             raise ValueRangeError(
-                f"supervisor.position_margin: {self.position_margin:g} leaves "
-                f"{robot.input_names[int((lower > upper).argmax())]} no room"
+                f"supervisor.jerk: smooths over {np.ceil(needed):.7g} periods; at most {_LONGEST_WINDOW}: "
+                "allow more jerk"
             )
-        head = np.zeros(at.HEAD)
-        head[at.DT], head[at.WINDOW] = dt, window
-        head[at.STALE] = 1.5 * dt if self.stale_after is None else self.stale_after
-        head[at.SLOW], head[at.HOLD] = self.slow_below, self.hold_below
-        head[at.RAMP] = dt / self.ramp if self.ramp else 1.0
-        head[at.FROM_MEASURED] = command_mode == "measured"
-        if self.workspace is not None:
-            head[at.BOXED] = 1.0
-            head[at.BOX : at.BOX + 6] = _box(self.workspace)
-        tracking = _each("tracking_error", self.tracking_error, m)
-        joints = ~base_coordinates(robot)[moved]
-        rows = (head, acceleration, lower, upper, tracking, moved, joints, velocity, robot.drives.ravel())
-        return PreparedSupervisor(robot, np.concatenate([np.asarray(row, dtype=np.float64) for row in rows]))
+        return max(1, math.ceil(needed))
+
+    def _workspace(self, robot: Robot, head: Array) -> Array:
+        """Note the box; return its points as rows (index of the joint, offset)."""
+        if self.workspace is None:
+            return np.zeros((0, 4))
+        head[at.BOXED] = 1.0
+        head[at.BOX : at.BOX + 6] = _box(self.workspace)
+        rows = []
+        for k, point in enumerate(self.workspace.points):
+            field = f"supervisor.workspace.points[{k}]"
+            if point.joint not in robot.joint_names:
+                raise unknown_name(f"{field}.joint", point.joint, robot.joint_names)
+            offset = as_array(f"{field}.offset", point.offset, (3,))
+            rows.append([robot.joint_names.index(point.joint), *offset])
+        return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 
 def _each(field: str, value: float | list[float], m: int) -> Array:

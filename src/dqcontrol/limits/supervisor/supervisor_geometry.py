@@ -1,31 +1,43 @@
-"""What a supervisor keeps of the hand: its distance from singularities, and its box."""
+"""What a supervisor keeps of the hand: its distance from singularities, its box, its speed and acceleration."""
 
 from __future__ import annotations
+
+import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import translation
 from dqcontrol.compiled.compile import OK, inlined
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.limits.supervisor.braking import braked
-from dqcontrol.limits.supervisor.interventions import HELD, SLOWED
-from dqcontrol.limits.supervisor.supervisor_layout import BOX, DT, HOLD, HOLDING, SLOW
+from dqcontrol.limits.supervisor.interventions import HAND_ACCELERATION, HELD, SLOWED
+from dqcontrol.limits.supervisor.supervisor_layout import (
+    BOX,
+    BOXED,
+    DT,
+    HAND_ACCELERATION_LIMIT,
+    HAND_BEFORE,
+    HAND_SPEED_LIMIT,
+    HOLD,
+    HOLDING,
+    INDEX,
+    SLOW,
+    WINDOW,
+)
 from dqcontrol.robots.dexterity_step import smallest_singular_value
-from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian
+from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, joint_frames
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
+_ROUNDING = 1e-9  # share of a limit
+_BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
 
 
 @inlined
-def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_joint, state, work):
+def avoid_singularity(kinematics, chain, bounds, memory, scratch):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
+    good, rates, moved, is_joint = memory.good, scratch.rates, bounds.coordinate, bounds.is_joint
     n, m = good.shape[0], rates.shape[0]
-    buffer = work[0 : 8 + 14 * m]
-    at = 8 + 14 * m
-    jacobian = as_matrix(work[at : at + 6 * m], 6, m)
-    at += 6 * m
-    gram, vectors = as_matrix(work[at : at + 36], 6, 6), as_matrix(work[at + 36 : at + 72], 6, 6)
-    column = work[at + 72 : at + 78]
-    hand, config = work[at + 78 : at + 81], work[at + 81 : at + 81 + n]
-    slow, hold = parameters[SLOW], parameters[HOLD]
+    buffer, jacobian, config = scratch.buffer, scratch.jacobian, scratch.config
+    hand = scratch.hand
+    slow, hold = bounds.head[SLOW], bounds.head[HOLD]
     fastest = 0.0
     for i in range(m):
         if is_joint[i] != 0.0:
@@ -45,11 +57,11 @@ def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_join
         twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
         translation(buffer[0:8], hand)
         hand_jacobian((hand[0], hand[1], hand[2]), twist_jacobian, jacobian)
-        value = smallest_singular_value(jacobian, 2.0 * slow, gram, vectors, column)
+        value = smallest_singular_value(jacobian, 2.0 * slow, scratch.gram, scratch.vectors, scratch.column)
         if look == 0:
             here = value
             if here > 0.5 * (slow + hold):
-                state[HOLDING] = 0.0
+                memory.own[HOLDING] = 0.0
             if here >= slow:
                 return 0
         else:
@@ -57,42 +69,154 @@ def avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_join
     if ahead >= here:
         return 0
     if here <= hold:
-        state[HOLDING] = 1.0
-    scale = (here - hold) / (slow - hold) if slow > hold and state[HOLDING] == 0.0 else 0.0
+        memory.own[HOLDING] = 1.0
+    scale = (here - hold) / (slow - hold) if slow > hold and memory.own[HOLDING] == 0.0 else 0.0
     for i in range(m):
         rates[i] *= scale
     return SLOWED if scale > 0.0 else HELD
 
 
 @inlined
-def stays_inside(
-    kinematics, chain, good, rates, share, rate, position, acceleration, moved, is_joint, parameters, work
-):
-    """Return whether the hand is in the box after these rates and at each period of braking from them."""
-    n, m, dt = good.shape[0], rates.shape[0], parameters[DT]
-    buffer = work[0 : 8 + 14 * m]
-    at = 8 + 14 * m + 6 * m + 78
-    hand, config, trial = work[at : at + 3], work[at + 3 : at + 3 + n], work[at + 3 + n : at + 3 + n + m]
-    for i in range(n):
-        config[i] = good[i]
+def is_inside(chain, config, bounds, tolerance, frames, hand):
+    """Write where the hand is, m; return whether it and all points to be kept inside are in the box."""
+    if joint_frames(chain, config, frames) != OK:
+        return False
+    head, points = bounds.head, bounds.points
+    inside = True
+    for k in range(points.shape[0]):
+        at = 8 * int(points[k, 0])
+        frame = frames[at : at + 8]
+        translation(frame, hand)
+        w, x, y, z = frame[0], frame[1], frame[2], frame[3]
+        a, b, c = points[k, 1], points[k, 2], points[k, 3]
+        ta, tb, tc = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+        hand[0] += a + w * ta + y * tc - z * tb
+        hand[1] += b + w * tb + z * ta - x * tc
+        hand[2] += c + w * tc + x * tb - y * ta
+        for i in range(3):
+            inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
+    translation(frames[frames.shape[0] - 8 :], hand)
+    for i in range(3):
+        inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
+    return inside or head[BOXED] == 0.0
+
+
+@inlined
+def commanded_hand(chain, bounds, memory, scratch, ahead, hand):
+    """Write where the hand is commanded, m, ``ahead`` s later at the rates; return whether all is in the box."""
+    config = scratch.config
+    for i in range(config.shape[0]):
+        config[i] = memory.good[i]
+    for i in range(scratch.rates.shape[0]):
+        if bounds.is_joint[i] != 0.0:
+            config[int(bounds.coordinate[i])] = memory.sent[i] + ahead * scratch.rates[i]
+    return is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
+
+
+@inlined
+def _distance(a, b):
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@inlined
+def scale_hand_speed(chain, bounds, memory, scratch):
+    """Scale the rates so that the commanded hand, at ``hand`` now, keeps its speed; return whether it did not."""
+    dt = bounds.head[DT]
+    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
+    speed = _distance(scratch.ahead, scratch.hand) / dt
+    limit = bounds.head[HAND_SPEED_LIMIT]
+    if not speed > limit:
+        return False
+    for i in range(scratch.rates.shape[0]):
+        scratch.rates[i] *= limit / speed
+    return True
+
+
+@inlined
+def limit_hand_acceleration(chain, bounds, memory, scratch):
+    """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
+
+    With the share s of the change the hand's acceleration is c + s d to first order in T: the largest s in 0 … 1 with
+    |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast).
+    """
+    m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
+    rates, rate, trial = scratch.rates, memory.rate, scratch.trial
+    cc, cd, dd = 0.0, 0.0, 0.0
+    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
+    for i in range(3):  # the column holds x with all of the change, as it is overwritten below
+        scratch.column[i] = scratch.ahead[i]
     for i in range(m):
-        safe = braked(rate[i], acceleration[i] * dt)
-        trial[i] = safe + share * (rates[i] - safe)
-        if is_joint[i] != 0.0:
-            config[int(moved[i])] = position[i]
-    for _ in range(_BRAKING_STEPS):
+        trial[i], rates[i] = rates[i], rate[i]
+    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
+    for i in range(3):
+        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.own[HAND_BEFORE + i]) / (dt * dt)
+        d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
+        cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
+    share = 1.0
+    if cc + 2.0 * cd + dd > limit * limit:
+        share = 0.0
+        if dd > 0.0:
+            inner = cd * cd - dd * (cc - limit * limit)
+            share = min(max((math.sqrt(max(inner, 0.0)) - cd) / dd, 0.0), 1.0)
+    for i in range(m):
+        rates[i] = rate[i] + share * (trial[i] - rate[i])
+    return HAND_ACCELERATION if share < 1.0 else 0
+
+
+@inlined
+def _decayed(rate, change):
+    """Return a rate that has been braked by so much."""
+    return math.copysign(max(abs(rate) - change, 0.0), rate)
+
+
+@inlined
+def stays_safe(chain, bounds, memory, scratch, share):
+    """Return whether the commanded hand keeps box and speed after these rates, and in each period of braking from them.
+
+    The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
+    smoothing: rates from before still come out of its window when all joints brake.
+    """
+    head, past = bounds.head, memory.past
+    m, dt, window = scratch.rates.shape[0], head[DT], int(head[WINDOW])
+    look, trial, sums, config = scratch.look, scratch.trial, scratch.sums, scratch.config
+    for i in range(config.shape[0]):
+        config[i] = memory.good[i]
+    for i in range(m):
+        safe = braked(memory.rate[i], bounds.acceleration[i] * dt)
+        scratch.asked[i] = trial[i] = safe + share * (scratch.rates[i] - safe)
+        look[i], sums[i] = memory.sent[i], 0.0
+        for k in range(window):
+            sums[i] += past[k, i]
+    for k in range(3):
+        scratch.column[k] = scratch.hand[k]
+    row, quiet = int(memory.own[INDEX]), 0
+    for step in range(_BRAKING_STEPS + 2 * window):
         moving = False
         for i in range(m):
-            if is_joint[i] != 0.0:
-                config[int(moved[i])] += dt * trial[i]
-                trial[i] = braked(trial[i], acceleration[i] * dt)
+            change = bounds.acceleration[i] * dt
+            if step < window:
+                dropped = past[(row + step) % window, i]
+            else:
+                dropped = (
+                    _decayed(scratch.asked[i], (step - window) * change)
+                    if step > window
+                    else scratch.asked[i]
+                )
+            sums[i] += trial[i] - dropped
+            if bounds.is_joint[i] != 0.0:
+                look[i] += dt * sums[i] / window
+                config[int(bounds.coordinate[i])] = look[i]
+                trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
-        if call_chain(kinematics, chain, config, buffer) != OK:
+        if not is_inside(chain, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
-        translation(buffer[0:8], hand)
-        box = parameters[BOX : BOX + 6]
-        if not (box[0] <= hand[0] <= box[3] and box[1] <= hand[1] <= box[4] and box[2] <= hand[2] <= box[5]):
+        share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
+        limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
+        if not _distance(scratch.ahead, scratch.column) <= limit:
             return False
-        if not moving:
+        for k in range(3):
+            scratch.column[k] = scratch.ahead[k]
+        quiet = 0 if moving else quiet + 1
+        if quiet >= window:
             return True
     return False

@@ -5,59 +5,73 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
-from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
-from dqcontrol.limits.command_limits import scale_down
+from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.limits.supervisor.braking import braked, fastest_stoppable
 from dqcontrol.limits.supervisor.interventions import (
     ACCELERATION,
-    COMMAND,
-    EMERGENCY,
-    MEASUREMENT,
+    HAND_SPEED,
+    IMPOSSIBLE,
     POSITION,
     REJOINING,
     SOFT_STOP,
-    TRACKING,
     VELOCITY,
     WORKSPACE,
 )
-from dqcontrol.limits.supervisor.supervisor_geometry import avoid_singularity, stays_inside
+from dqcontrol.limits.supervisor.supervisor_geometry import (
+    avoid_singularity,
+    commanded_hand,
+    limit_hand_acceleration,
+    scale_hand_speed,
+    stays_safe,
+)
 from dqcontrol.limits.supervisor.supervisor_layout import (
     AT_REST,
-    BAD,
     BOXED,
+    DRIVES,
     DT,
-    END,
     ENDING,
     FAULT,
     FROM_MEASURED,
+    HAND_ACCELERATION_LIMIT,
+    HAND_BEFORE,
+    HAND_SPEED_LIMIT,
     HEAD,
-    HOLDING,
     INDEX,
     MEMORY,
     MODE,
     NOW,
+    POINTS,
     RAMP,
-    RESET,
     RETURNING,
+    ROWS,
     RUNNING,
     SCALE,
     SLOW,
-    STALE,
-    STOP_NOW,
+    STARTED,
     STOPPED,
     WINDOW,
+    unpack_parameters,
+    unpack_state,
+    unpack_work,
 )
+from dqcontrol.limits.supervisor.supervisor_watch import judge
+from dqcontrol.limits.velocity_limit import scale_down
+from dqcontrol.robots.driving import drive_speeds
 
-_FAR = 1e6  # rad or m: no measurement says so
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
+_ROUNDING = 1e-9  # relative
 
-# kinematics, chain, measured, age (s), request, wanted, parameters, state, work, out
+# kinematics, chain, measured, age (s), time since the last step (s), request, wanted, measured effort and wrench
+# (empty: not measured), parameters, state, work, out
 SUPERVISOR = STATUS(
     ADDRESS,  # of the kinematics
     READ2,
     READ,
     types.float64,
+    types.float64,
     types.intp,
+    READ,
+    READ,
     READ,
     READ,
     WRITE,
@@ -67,200 +81,236 @@ SUPERVISOR = STATUS(
 
 
 @inlined
-def _judge(measured, age, request, wanted, parameters, tracking, moved, is_joint, position, at_rest, state):
-    """Keep a good measurement, note what is wrong, change the mode; return what is wrong now."""
-    n, m = measured.shape[0], wanted.shape[0]
-    good = state[MEMORY : MEMORY + n]
-    seen = age <= parameters[STALE]
-    for i in range(n):
-        seen = seen and abs(measured[i]) < _FAR
-    wrong = 0
-    if seen:
-        for i in range(n):
-            good[i] = measured[i]
-        for i in range(m):
-            if not math.isfinite(wanted[i]):
-                wrong = COMMAND
-    else:
-        wrong = MEASUREMENT
-    state[BAD] = state[BAD] + 1.0 if wrong else 0.0
-    fault = wrong if state[BAD] >= 2.0 else 0
-    far, near = False, True
-    for i in range(m):
-        if is_joint[i] != 0.0:
-            distance = abs(good[int(moved[i])] - position[i])
-            far = far or not distance <= tracking[i]
-            near = near and distance <= 0.5 * tracking[i]
-    if seen and far and state[MODE] == RUNNING:
-        fault |= TRACKING
-    if request == STOP_NOW:
-        fault |= EMERGENCY
-    elif request == END:
-        state[ENDING] = 1.0
-    if state[ENDING] != 0.0 and state[SCALE] == 0.0 and at_rest and state[MODE] == RUNNING:
-        fault |= SOFT_STOP
-    if fault:
-        state[FAULT] = float(int(state[FAULT]) | fault)
-        state[MODE] = STOPPED
-    elif request == RESET and state[MODE] == STOPPED and at_rest and not wrong:
-        state[FAULT] = 0.0
-        state[SCALE], state[ENDING], state[HOLDING] = 0.0, 0.0, 0.0
-        state[MODE] = RETURNING
-    if state[MODE] == RETURNING and near:
-        state[MODE] = RUNNING
-    return wrong
+def _want(wanted, following, wrong, bounds, memory, rates):
+    """Write the rates that law, return or stop want."""
+    head, own, dt = bounds.head, memory.own, bounds.head[DT]
+    for i in range(rates.shape[0]):
+        goal = memory.good[int(bounds.coordinate[i])]
+        rates[i] = 0.0
+        if following:
+            rates[i] = min(max(wanted[i], -_MOST), _MOST)
+            if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+                rates[i] += (goal - memory.position[i]) / dt
+            rates[i] = min(max(rates[i], -_MOST), _MOST) * own[SCALE]
+        elif own[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
+            room = abs(goal - memory.position[i])
+            rates[i] = math.copysign(
+                min(fastest_stoppable(room, bounds.acceleration[i], dt), _MOST), goal - memory.position[i]
+            )
 
 
 @inlined
-def _accelerate(rates, rate, position, acceleration, lower, upper, is_joint, drives, dt):
-    """Bring wanted rates within reach of the present ones, and joints to rates from which they stop in time."""
-    m = rates.shape[0]
-    done = 0
-    for k in range(drives.shape[0]):  # both inputs by the same share: the rims keep their limit
-        first = int(drives[k, 0]) - k
+def _accelerate(bounds, memory, rates):
+    """Bring both inputs of each drive within reach by the same share, so that the rims keep their limit."""
+    done, rate = 0, memory.rate
+    for k in range(bounds.drives.shape[0]):
+        first = int(bounds.drives[k, 0]) - k
         share = 1.0
         for i in range(first, first + 2):
-            change, step = abs(rates[i] - rate[i]), acceleration[i] * dt
+            change, step = abs(rates[i] - rate[i]), bounds.acceleration[i] * bounds.head[DT]
             if change * share > step:
                 share = step / change
         if share < 1.0:
             done |= ACCELERATION
             for i in range(first, first + 2):
                 rates[i] = rate[i] + share * (rates[i] - rate[i])
-    for i in range(m):
-        step = acceleration[i] * dt
-        reached = min(max(rates[i], rate[i] - step), rate[i] + step)
-        if abs(reached - rates[i]) > 1e-9:
-            done |= ACCELERATION
-        rates[i] = reached
-        if is_joint[i] != 0.0:
-            least = -fastest_stoppable(position[i] - lower[i], acceleration[i], dt)
-            most = fastest_stoppable(upper[i] - position[i], acceleration[i], dt)
-            kept = min(max(reached, least), most)
-            if kept != reached:
-                done |= POSITION
-            rates[i] = kept
     return done
 
 
 @inlined
-def _commit(rates, rate, position, m, window, velocity, lower, upper, is_joint, dt, state, n):
-    """Move the position command, smoothed over the window; return whether all is at rest."""
-    base = MEMORY + n
-    sent, sent_rate = state[base : base + m], state[base + m : base + 2 * m]
-    past = as_matrix(state[base + 4 * m : base + 4 * m + window * m], window, m)
-    row = int(state[INDEX])
-    state[INDEX] = float((row + 1) % window)
-    still = True
+def _keep(bounds, memory, rates, inwards):
+    """Bring rates within reach of the present ones, and to those from which joints stop within their limits.
+
+    A joint that is outside, because it started there or its limits moved, is brought in by a share ``inwards`` of what
+    it can stop from. Where not all is possible together, the acceleration is kept.
+    """
+    done, dt = 0, bounds.head[DT]
+    for i in range(rates.shape[0]):
+        rate, step = memory.rate[i], bounds.acceleration[i] * dt
+        low, high = -bounds.velocity[i], bounds.velocity[i]
+        if bounds.is_joint[i] != 0.0:
+            below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
+            least = -fastest_stoppable(below, bounds.acceleration[i], dt)
+            most = fastest_stoppable(above, bounds.acceleration[i], dt)
+            if below < 0.0:
+                least = inwards * fastest_stoppable(-below, bounds.acceleration[i], dt)
+            if above < 0.0:
+                most = -inwards * fastest_stoppable(-above, bounds.acceleration[i], dt)
+            low, high = min(max(low, least), bounds.velocity[i]), max(min(high, most), -bounds.velocity[i])
+            if low > high:
+                low, high = 0.0, 0.0
+            if rates[i] < least or rates[i] > most:
+                done |= POSITION
+        reached = min(max(rates[i], low), high)
+        kept = min(max(reached, rate - step), rate + step)
+        if abs(kept - reached) > _ROUNDING:
+            done |= ACCELERATION
+        rates[i] = kept
+    return done
+
+
+@inlined
+def _breaks_bounds(bounds, memory):
+    """Return whether what leaves is beyond a limit of position or speed, which moved or was exceeded at the start."""
+    found = False
+    m, n = memory.sent.shape[0], memory.good.shape[0]
     for i in range(m):
-        rate[i] = rates[i]
-        position[i] = min(max(position[i] + dt * rate[i], lower[i]), upper[i])
-        past[row, i] = rate[i]
+        sent = memory.sent[i]
+        slack = _ROUNDING * max(1.0, abs(sent))
+        found = found or abs(memory.sent_rate[i]) > bounds.velocity[i] * (1.0 + _ROUNDING)
+        if bounds.is_joint[i] != 0.0:
+            found = found or sent < bounds.lower[i] - slack or sent > bounds.upper[i] + slack
+    for k in range(bounds.drives.shape[0]):
+        v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
+        fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
+        found = found or abs(v) + bounds.drives[k, 3] * abs(omega) > fastest * (1.0 + _ROUNDING)
+    return found
+
+
+@inlined
+def _moved(position, way, lower, upper):
+    """Return a position after a way; what ends beyond a limit by rounding alone ends on it."""
+    after = position + way
+    slack = _ROUNDING * max(1.0, abs(after))
+    if position <= upper < after <= upper + slack:
+        return upper
+    if position >= lower > after >= lower - slack:
+        return lower
+    return after
+
+
+@inlined
+def _commit(bounds, memory, rates):
+    """Move the position command, smoothed over the window; return whether all is at rest."""
+    own, past, dt = memory.own, memory.past, bounds.head[DT]
+    window = past.shape[0]
+    row = int(own[INDEX])
+    own[INDEX] = float((row + 1) % window)
+    still = True
+    for i in range(rates.shape[0]):
+        lower, upper = bounds.lower[i], bounds.upper[i]
+        if bounds.is_joint[i] == 0.0:
+            lower, upper = -math.inf, math.inf
+        memory.rate[i] = past[row, i] = rates[i]
+        memory.position[i] = _moved(memory.position[i], dt * rates[i], lower, upper)
         total = 0.0
         for k in range(window):
             total += past[k, i]
-        sent_rate[i] = min(max(total / window, -velocity[i]), velocity[i])
-        sent[i] += dt * sent_rate[i]
-        if is_joint[i] != 0.0:
-            sent[i] = min(max(sent[i], lower[i]), upper[i])
-        still = still and sent_rate[i] == 0.0
+        mean = total / window
+        if abs(mean) <= bounds.velocity[i] * (1.0 + _ROUNDING):
+            mean = min(max(mean, -bounds.velocity[i]), bounds.velocity[i])
+        memory.sent_rate[i] = mean
+        memory.sent[i] = _moved(memory.sent[i], dt * mean, lower, upper)
+        still = still and mean == 0.0
     return still
 
 
+@inlined
+def _keep_safe(chain, bounds, memory, scratch):
+    """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
+    share = 1.0
+    while share > 0.0 and not stays_safe(chain, bounds, memory, scratch, share):
+        share = 0.5 * share if share > 0.2 else 0.0
+    if share == 1.0:
+        return 0
+    for i in range(scratch.rates.shape[0]):
+        safe = braked(memory.rate[i], bounds.acceleration[i] * bounds.head[DT])
+        scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
+    if share == 0.0 and not stays_safe(chain, bounds, memory, scratch, 0.0):
+        return WORKSPACE | IMPOSSIBLE
+    return WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
+
+
 @kernel(SUPERVISOR)
-def supervise(kinematics, chain, measured, age, request, wanted, parameters, state, work, out):
+def supervise(
+    kinematics,
+    chain,
+    measured,
+    age,
+    elapsed,
+    request,
+    wanted,
+    effort,
+    wrench,
+    parameters,
+    state,
+    work,
+    out,
+):
     """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped."""
-    n, m, dt, window = measured.shape[0], wanted.shape[0], parameters[DT], int(parameters[WINDOW])
-    base = MEMORY + n
+    n, m, window = measured.shape[0], wanted.shape[0], int(parameters[WINDOW])
     if (
         chain.shape[0] != n + 1
         or out.shape[0] != m
-        or (parameters.shape[0] - HEAD - 7 * m) % 4 != 0
-        or parameters.shape[0] < HEAD + 7 * m
-        or state.shape[0] != base + (4 + window) * m
+        or parameters.shape[0] != HEAD + ROWS * m + 4 * int(parameters[DRIVES] + parameters[POINTS])
+        or state.shape[0] != MEMORY + n + (8 + window) * m
+        or (effort.shape[0] != 0 and effort.shape[0] != m)
+        or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
     ):
         return WRONG_SIZE
-    acceleration = parameters[HEAD : HEAD + m]
-    lower, upper = parameters[HEAD + m : HEAD + 2 * m], parameters[HEAD + 2 * m : HEAD + 3 * m]
-    tracking = parameters[HEAD + 3 * m : HEAD + 4 * m]
-    moved, is_joint = parameters[HEAD + 4 * m : HEAD + 5 * m], parameters[HEAD + 5 * m : HEAD + 6 * m]
-    speeds = parameters[HEAD + 6 * m :]
-    velocity = speeds[0:m]
-    drives = as_matrix(speeds[m:], (speeds.shape[0] - m) // 4, 4)
-    good = state[MEMORY:base]
-    sent, sent_rate = state[base : base + m], state[base + m : base + 2 * m]
-    position, rate = state[base + 2 * m : base + 3 * m], state[base + 3 * m : base + 4 * m]
-    rates = work[work.shape[0] - m :]
-    asked = work[work.shape[0] - 2 * m : work.shape[0] - m]
+    bounds = unpack_parameters(parameters, m)
+    memory = unpack_state(state, n, m, window)
+    scratch = unpack_work(work, n, m)
+    head, own, rates = bounds.head, memory.own, scratch.rates
 
     at_rest = True
     for i in range(m):
-        at_rest = at_rest and sent_rate[i] == 0.0
-    wrong = _judge(
-        measured, age, request, wanted, parameters, tracking, moved, is_joint, sent, at_rest, state
+        at_rest = at_rest and memory.sent_rate[i] == 0.0
+    wrong = judge(
+        chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch
     )
     now = wrong
-    aim = 1.0 if state[MODE] == RUNNING and state[ENDING] == 0.0 else 0.0
-    state[SCALE] = min(max(aim, state[SCALE] - parameters[RAMP]), state[SCALE] + parameters[RAMP])
+    aim = 1.0 if own[MODE] == RUNNING and own[ENDING] == 0.0 else 0.0
+    own[SCALE] = min(max(aim, own[SCALE] - head[RAMP]), own[SCALE] + head[RAMP])
 
-    following = state[MODE] == RUNNING and not wrong
-    for i in range(m):
-        goal = good[int(moved[i])]
-        rates[i] = 0.0
-        if following:
-            rates[i] = wanted[i]
-            if parameters[FROM_MEASURED] != 0.0 and is_joint[i] != 0.0:
-                rates[i] = (goal + dt * wanted[i] - position[i]) / dt
-            rates[i] = min(max(rates[i] * state[SCALE], -_MOST), _MOST)
-        elif state[MODE] == RETURNING and not wrong and is_joint[i] != 0.0:
-            room = abs(goal - position[i])
-            rates[i] = math.copysign(
-                min(fastest_stoppable(room, acceleration[i], dt), _MOST), goal - position[i]
-            )
-    if state[ENDING] != 0.0 and state[MODE] == RUNNING:
+    following = own[MODE] == RUNNING and not wrong
+    returning = own[MODE] == RETURNING and not wrong
+    _want(wanted, following, wrong, bounds, memory, rates)
+    if own[ENDING] != 0.0 and own[MODE] == RUNNING:
         now |= SOFT_STOP
-    if state[MODE] == RETURNING:
+    if own[MODE] == RETURNING:
         now |= REJOINING
-    if following and parameters[SLOW] > 0.0:
-        now |= avoid_singularity(kinematics, chain, parameters, good, rates, moved, is_joint, state, work)
+    if following and head[SLOW] > 0.0:
+        now |= avoid_singularity(kinematics, chain, bounds, memory, scratch)
     for i in range(m):
-        asked[i] = rates[i]
-    scale_down(good, speeds, rates)
+        scratch.asked[i] = rates[i]
+    scale_down(memory.good, bounds.speeds, rates)
     for i in range(m):
-        if rates[i] != asked[i] and following:
+        if rates[i] != scratch.asked[i] and following:
             now |= VELOCITY
-        rates[i] = min(max(rates[i], -velocity[i]), velocity[i])
-    done = _accelerate(rates, rate, position, acceleration, lower, upper, is_joint, drives, dt)
+        rates[i] = min(max(rates[i], -bounds.velocity[i]), bounds.velocity[i])
+    looks_at_hand = (
+        head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
+    )
+    if looks_at_hand:
+        commanded_hand(chain, bounds, memory, scratch, 0.0, scratch.hand)
+        if own[STARTED] == 0.0:
+            for i in range(3):
+                own[HAND_BEFORE + i] = scratch.hand[i]
+        bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
+        if bounded and scale_hand_speed(chain, bounds, memory, scratch):
+            now |= HAND_SPEED
+    done = _accelerate(bounds, memory, rates)
+    if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
+        now |= limit_hand_acceleration(chain, bounds, memory, scratch)
+    inwards = own[SCALE] if following else (1.0 if returning else 0.0)
+    done |= _keep(bounds, memory, rates, inwards)
     if following:
         now |= done
-    if parameters[BOXED] != 0.0:
-        share = 1.0
-        while share > 0.0 and not stays_inside(
-            kinematics,
-            chain,
-            good,
-            rates,
-            share,
-            rate,
-            position,
-            acceleration,
-            moved,
-            is_joint,
-            parameters,
-            work,
-        ):
-            share = 0.5 * share if share > 0.2 else 0.0
-        if share < 1.0:
-            now |= WORKSPACE
-            for i in range(m):
-                safe = braked(rate[i], acceleration[i] * dt)
-                rates[i] = safe + share * (rates[i] - safe)
-    still = _commit(rates, rate, position, m, window, velocity, lower, upper, is_joint, dt, state, n)
+    if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
+        now |= _keep_safe(chain, bounds, memory, scratch)
+    if looks_at_hand:
+        own[STARTED] = 1.0
+        for i in range(3):
+            own[HAND_BEFORE + i] = scratch.hand[i]
+    still = _commit(bounds, memory, rates)
+    if _breaks_bounds(bounds, memory):
+        now |= IMPOSSIBLE
     for i in range(m):
-        out[i] = sent_rate[i]
-        if parameters[FROM_MEASURED] != 0.0 and is_joint[i] != 0.0:
-            out[i] = (sent[i] - good[int(moved[i])]) / dt
-    if state[MODE] == STOPPED:
-        now |= int(state[FAULT])
-    state[NOW] = float(now)
-    return AT_REST if state[MODE] == STOPPED and still else OK
+        out[i] = memory.sent_rate[i]
+        if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+            out[i] = (memory.sent[i] - memory.good[int(bounds.coordinate[i])]) / head[DT]
+    if own[MODE] == STOPPED:
+        now |= int(own[FAULT])
+    own[NOW] = float(now)
+    return AT_REST if own[MODE] == STOPPED and still else OK

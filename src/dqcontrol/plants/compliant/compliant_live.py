@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +47,9 @@ class LiveCompliant:
     channels, readings
         What is sensed beside them, as `dqcontrol.plants.channels.SensingPlant` says.
     """
+
+    model: Any
+    data: Any
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         robot, model, data, n = arm.robot, arm.model, arm.data, arm.robot.configuration_size
@@ -103,12 +106,24 @@ class LiveCompliant:
             wrist.memory,
             wrist.filtered,
         )
-        self.channels = _channels(robot.joint_names, bool(plant.obstacles), bool(arm.scale))
+        self.channels: tuple[Channel, ...] = _channels(
+            robot.joint_names, bool(plant.obstacles), bool(arm.scale)
+        )
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
         self._rotors = arm.rotors.astype(np.intp)
         self._measure()
+
+    @property
+    def effort(self) -> Array:
+        """Measured torques of the springs, shape (n,), N·m."""
+        return self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
+
+    @property
+    def wrench(self) -> Array:
+        """Force and torque measured at the wrist, shape (6,), N and N·m."""
+        return self._other_readings[0:6]
 
     @property
     def time(self) -> float:

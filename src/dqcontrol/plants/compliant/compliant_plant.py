@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -98,6 +98,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     True
     """
 
+    has_velocity_limits: ClassVar[bool] = True
     mode: Mode = "THETA_GC"
     command_mode: Literal["integrated", "measured"] = "integrated"
     stiffness: Share | list[Share] = 1.0

@@ -55,7 +55,7 @@ class PayloadScale:
         gravity: tuple[float, float, float],
         period: float,
     ) -> None:
-        self.mass = 0.0
+        self.mass: float = 0.0
         self._robot, self._bodies, self._bare = robot, bodies, bodies[-1].copy()
         self._gravity, self._strength = gravity, math.hypot(*gravity)
         if not self._strength:

@@ -21,8 +21,11 @@ class LiveWrist:
         Of its filter, and the filtered wrench that the arm exerts on the hand, shapes (5,), (6, 3) and (6,).
     """
 
+    filtered: NDArray[np.float64]
+    memory: NDArray[np.float64]
+
     def __init__(self, sensor: WristSensor, fault: WristFault | None = None) -> None:
-        self.coefficients = butterworth(sensor.cutoff, TICK)
+        self.coefficients: NDArray[np.float64] = butterworth(sensor.cutoff, TICK)
         self.memory, self.filtered = np.zeros((6, MEMORY)), np.zeros(6)
         self._bias = np.array([*sensor.force_bias, *sensor.torque_bias])
         self._scale = np.repeat([sensor.force_noise, sensor.torque_noise], 3)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import DivergedError, ValueRangeError
+from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
-from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.live_camera import Sight
 from dqcontrol.plants.mobile.odometry import Odometry
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
+SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long drive nowhere
+SLIP, TILT = slice(4, 7), 7  # among the readings
+
 
 class LiveMobile:
     """A mobile manipulator in motion; made by `MobilePlant.start`.
@@ -40,11 +44,14 @@ class LiveMobile:
         True and measured configuration, shape (n,), rad or m, updated in place.
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip: speed of each wheel's contact along
-        the heading, and of the axle across it), tilt of the base, opening of the gripper, poses of the cubes, and with
-        a camera the age of its last frame and the share of the commands that is obeyed.
+        the heading, and of the axle across it), tilt and pose of the base, opening of the gripper, poses of the cubes,
+        and with a camera the age of its last frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
     """
+
+    model: Any
+    data: Any
 
     def __init__(
         self,
@@ -63,14 +70,16 @@ class LiveMobile:
         self._substeps, self._advance = substeps, import_mujoco().mj_step
         joints = robot.joint_names[3:]
         self._joints = coordinates_of(model, joints)
-        self.dofs = dofs_of(model, joints)
+        self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         wheels = [f"wheel_{name}" for name in WHEELS]
         self._wheels, self._wheel_dofs = coordinates_of(model, wheels), dofs_of(model, wheels)
         self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
         self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
         self._rim = robot.limits.velocity[0] / drive.wheel_radius
         self._encoders = JointEncoders(plant, len(joints), run[2])
-        self.channels = _channels(plant)
+        self._slid = 0.0  # s
+        self._acceleration, self._moving = robot.largest_acceleration[:2].tolist(), [0.0, 0.0]  # of v and ω
+        self.channels: tuple[Channel, ...] = _channels(plant)
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
@@ -126,6 +135,8 @@ class LiveMobile:
             If the command has the wrong shape or is not finite, or the camera's periods are over.
         DivergedError
             If the robot left the finite numbers, or the command those that MuJoCo takes.
+        FallenError
+            If the base has toppled, or its wheels have lost their grip for long.
         """
         u = as_command(command, self._robot.input_size)
         if len(u) == len(self.q):
@@ -152,6 +163,25 @@ class LiveMobile:
         if self._sight is not None:
             self._sight.look(self.q[:3])
         self._measure()
+        self._check_standing()
+
+    def _check_standing(self) -> None:
+        """Raise if the robot has fallen over, or slides for long."""
+        tilt = self.readings[TILT]
+        if tilt > TOPPLED:
+            raise FallenError(
+                f"toppled at {self.data.time:.3g} s: the base tilts by {math.degrees(tilt):.0f}°, more than "
+                f"{math.degrees(TOPPLED):.0f}°; drive or move the arm more slowly, or give the base a "
+                "heavier, lower or wider chassis"
+            )
+        slip = np.abs(self.readings[SLIP]).max()
+        self._slid = self._slid + self._run[0] if slip > SLIDING else 0.0
+        if self._slid > SLIDES_FOR:
+            raise FallenError(
+                f"slipped at {self.data.time:.3g} s: a wheel has slid over the floor at more than {SLIDING:g} m/s for "
+                f"{SLIDES_FOR:g} s (tilt {math.degrees(tilt):.0f}°); it bears too little load or friction for what is "
+                "commanded"
+            )
 
     @property
     def _share(self) -> float:
@@ -159,7 +189,11 @@ class LiveMobile:
         return self._sight.share if self._sight is not None else 1.0
 
     def _command_wheels(self, v: float, omega: float) -> None:
-        """Set the wheels' speeds, along the same arc where the rims would be too fast."""
+        """Set the wheels' speeds, along the same arc where the rims would be too fast, and no faster than it may."""
+        for i, wanted in enumerate((v, omega)):
+            most = self._run[0] * self._acceleration[i]
+            self._moving[i] = min(max(wanted, self._moving[i] - most), self._moving[i] + most)
+        v, omega = self._moving
         turning, share = self._drive.half_track * omega, self._share
         right, left = (
             share * (v + turning) / self._drive.wheel_radius,
@@ -199,10 +233,11 @@ class LiveMobile:
         data, out = self.data, self.readings
         out[0:2] = data.qpos[self._wheels]
         out[2:4] = data.qfrc_actuator[self._wheel_dofs]
-        out[4:7] = self._slip()
+        out[SLIP] = self._slip()
         x, y = data.qpos[4:6]
-        out[7] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
-        at = 8
+        out[TILT] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
+        out[8:15] = data.qpos[:7]
+        at = 15
         if (gripper := self._plant.gripper) is not None:
             out[at] = gripper.opening - data.qpos[self._fingers].sum()
             at += 1
@@ -247,6 +282,8 @@ def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
         Channel("wheel_torque", WHEELS, "N·m"),
         Channel("wheel_slip", (*WHEELS, "sideways"), "m/s"),
         Channel("tilt", (), "rad"),
+        Channel(BASE_POSITION, ("x", "y", "z"), "m"),
+        Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),
         *([Channel("gripper_opening", (), "m")] if plant.gripper is not None else []),
         *(
             channel

@@ -12,10 +12,11 @@ from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.scene import Scene, add_scene
+from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import Array, JointServos
-from dqcontrol.plants.plant import start_within_limits
+from dqcontrol.plants.plant import plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
@@ -35,10 +36,12 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     The base is a free body; its wheels touch the floor with friction and are turned by speed controllers, which get
     ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, both scaled down where the rims would be too fast. The arm's joints have
     the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
-    cubes, baskets and the floor.
+    cubes, baskets and the floor. A base that does not stand under its arm in all postures within the joint limits is
+    refused; a run ends as toppled when the base tilts by more than `TOPPLED`, and as slipping when a wheel has slid
+    faster than `SLIDING` for `SLIDES_FOR`.
 
-    Configuration x, y and φ are those of the point of the floor below the middle of the axle; tilt is recorded, and no
-    part of the configuration.
+    Configuration x, y and φ are those of the point of the floor below the middle of the axle; the whole pose of the
+    base is recorded beside it.
 
     Parameters
     ----------
@@ -48,7 +51,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     camera
         That camera.
     base
-        Masses, friction and motors of the base.
+        Friction of wheels and casters, and masses, size and motors of the chassis where they are not those of the
+        robot's own.
     link_mass
         Of the arm's links, if it has no inertias: one number, or one a link, kg. They are then solid rods.
     link_radius
@@ -112,9 +116,13 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         MissingExtraError
             If mujoco is not installed.
         Error
-            If the robot has another base, or something does not fit it.
+            If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
+            does not fit it.
         """
         body, drive, arm = self._taken_apart(robot)
+        base = self.base.under(drive, robot.name)
+        if arm is not None:
+            check_standing(robot.name, base, drive, arm)
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
         model = self._mobile_model(robot, drive, arm)
@@ -144,7 +152,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
             raise ValueRangeError(
                 f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
-                f"{robot.name}: {found or type(robot).__name__}; mecanum wheels are not modelled"
+                f"{robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
         if not any(isinstance(part, SerialArm) for part in carried):
             return robot, drive, None
@@ -160,7 +168,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         spec = mujoco.MjSpec()
         spec.modelname = robot.name
         spec.compiler.degree, spec.compiler.autolimits = False, True
-        body = add_base(spec, self.base, drive, float(robot.chain[3, 6]))
+        base = self.base.under(drive, robot.name)
+        body = add_base(spec, base, drive, float(robot.chain[3, 6]))
         if arm is not None:
             add_arm(body, arm)
             add_inertias(spec, arm)
@@ -168,9 +177,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             body = spec.body(f"link_{arm.configuration_size}")
         else:
             body.add_site(name="hand", pos=robot.chain[-1, 4:7], quat=robot.chain[-1, :4], size=[1e-3] * 3)
-        mass = 2 * self.base.wheel_mass + self.base.mass
+        mass = 2 * base.wheel_mass + base.mass
         mass += 0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum())
-        add_wheel_motors(spec, self.base, drive, mass)
+        add_wheel_motors(spec, base, drive, mass)
         if self.gripper is not None:
             add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
         add_scene(spec, self.scene)

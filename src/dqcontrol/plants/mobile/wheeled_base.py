@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import asdict
 
-from dqcontrol.errors import as_positive
+from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.robots.bases import CLEARANCE
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -21,52 +24,40 @@ if TYPE_CHECKING:
 FLOOR, THINGS = 1, 2  # what touches what: wheels only the floor, things all but wheels
 WHEELS = ("right", "left")
 
-_CLEARANCE = 0.02  # m; below the chassis
-
 _CHASSIS = (0.22, 0.24, 0.27, 1.0)
 _TYRE = (0.10, 0.10, 0.11, 1.0)
 _RIM = (0.75, 0.77, 0.80, 1.0)
 _POST = (0.80, 0.82, 0.84, 1.0)
-_NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "caster_gap")
-_POSITIVE = (
+_OF_THE_ROBOT = (  # what `Chassis` has
     "mass",
     "radius",
     "height",
-    "centre_height",
     "wheel_mass",
     "wheel_torque",
-    "wheel_time_constant",
     "caster_distance",
-    "ticks",
+    "centre_height",
+    "centre_ahead",
 )
+_NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "caster_gap")
+_POSITIVE = (*_OF_THE_ROBOT[:-1], "wheel_time_constant", "ticks")
 
 
 class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is not published about a differential drive and yet decides how it moves. All defaults are assumptions.
+    """How a differential drive moves in physics: its body, if the robot has another or none, and what it rolls on.
 
     The geometry of wheels and track is the robot's own. Each wheel touches the floor at one point, below its centre.
     Casters are spheres, one ahead of the axle and one behind it.
 
     Parameters
     ----------
-    mass
-        Of the chassis without wheels and arm, a solid cylinder, kg.
-    radius, height
-        Of that cylinder, m.
-    centre_ahead, centre_height
-        Its centre of mass ahead of the axle and above the floor, m.
-    wheel_mass
-        Of each wheel, a solid disc, kg.
+    mass, radius, height, centre_ahead, centre_height, wheel_mass, caster_distance, wheel_torque
+        As of `Chassis`; those of the robot's own chassis if omitted.
     friction, caster_friction
         Coulomb's coefficients of wheels and casters on the floor.
-    caster_distance
-        From the axle, m.
     caster_gap
         How far the caster behind the axle is above the floor, m, so that the wheels bear the load.
     rolling_resistance
         Torque against each wheel's turning, N·m.
-    wheel_torque
-        Largest torque of each wheel's motor, N·m.
     wheel_time_constant
         With which the speed controllers of the wheels let the unloaded robot follow, s.
     ticks
@@ -78,29 +69,78 @@ class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         If a number is outside of what is allowed.
     """
 
-    mass: Annotated[float, Meta(gt=0, le=1e4, description="kg")] = 3.0
-    radius: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.165
-    height: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.075
-    centre_ahead: Annotated[float, Meta(ge=-10, le=10, description="m")] = 0.03
-    centre_height: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.05
-    wheel_mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")] = 0.1
+    mass: Annotated[float, Meta(gt=0, le=1e4, description="kg")] | None = None
+    radius: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None
+    height: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None
+    centre_ahead: Annotated[float, Meta(ge=-10, le=10, description="m")] | None = None
+    centre_height: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None
+    wheel_mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")] | None = None
     friction: Annotated[float, Meta(ge=0, le=10)] = 0.8
     caster_friction: Annotated[float, Meta(ge=0, le=10)] = 0.02
-    caster_distance: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.13
+    caster_distance: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None
     caster_gap: Annotated[float, Meta(ge=0, le=0.1, description="m")] = 0.001
     rolling_resistance: Annotated[float, Meta(ge=0, le=100, description="N·m")] = 0.005
-    wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] = 0.3
+    wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] | None = None
     wheel_time_constant: Annotated[float, Meta(gt=0, le=10, description="s")] = 0.02
     ticks: Annotated[float, Meta(gt=0, le=1e7, description="counts a turn")] = 508.8
 
     def __post_init__(self) -> None:
         for field in _POSITIVE:
-            as_positive(f"plant.base.{field}", getattr(self, field))
+            if getattr(self, field) is not None:
+                as_positive(f"plant.base.{field}", getattr(self, field))
+        if self.centre_ahead is not None:
+            as_array("plant.base.centre_ahead", self.centre_ahead, ())
         for field in _NOT_NEGATIVE:
             as_positive(f"plant.base.{field}", getattr(self, field), zero_allowed=True)
 
+    def under(self, drive: DifferentialDrive, name: str) -> SolidBase:
+        """Return this base with all its numbers, those that are missing from the drive's own chassis.
 
-def add_base(spec: Any, base: WheeledBase, drive: DifferentialDrive, mount: float) -> Any:
+        Raises
+        ------
+        ValueRangeError
+            If neither has them; ``name`` is that of the robot.
+        """
+        own = {field: getattr(self, field) for field in _OF_THE_ROBOT}
+        found = {
+            field: getattr(drive.chassis, field, None) if value is None else value
+            for field, value in own.items()
+        }
+        if drive.chassis is None:
+            found["centre_ahead"] = found["centre_ahead"] or 0.0
+            if found["height"] is not None:
+                found["centre_height"] = found["centre_height"] or CLEARANCE + 0.5 * found["height"]
+        missing = [field for field, value in found.items() if value is None and field != "centre_height"]
+        if missing:
+            raise ValueRangeError(
+                f"plant.base: the body of {name} is unknown, and physics needs it; missing: {', '.join(missing)}. "
+                "Give them here, or as chassis of the differential drive in the robot's file"
+            )
+        numbers: dict[str, Any] = asdict(self) | found
+        return SolidBase(**numbers)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolidBase:
+    """A wheeled base of which every number is known; they are those of `WheeledBase`."""
+
+    mass: float
+    radius: float
+    height: float
+    centre_ahead: float
+    centre_height: float
+    wheel_mass: float
+    friction: float
+    caster_friction: float
+    caster_distance: float
+    caster_gap: float
+    rolling_resistance: float
+    wheel_torque: float
+    wheel_time_constant: float
+    ticks: float
+
+
+def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float) -> Any:
     """Add floor, chassis, wheels and casters to an ``mjSpec``; return the chassis.
 
     Parameters
@@ -130,15 +170,15 @@ def add_base(spec: Any, base: WheeledBase, drive: DifferentialDrive, mount: floa
         name="chassis",
         type=kinds.mjGEOM_CYLINDER,
         size=[base.radius, base.height / 2, 0],
-        pos=[0, 0, _CLEARANCE + base.height / 2],
+        pos=[0, 0, CLEARANCE + base.height / 2],
         rgba=_CHASSIS,
         mass=0,
     )
     chassis.contype, chassis.conaffinity = 0, THINGS
-    if mount > _CLEARANCE + base.height:
-        ends = [0, 0, _CLEARANCE + base.height, 0, 0, mount]
+    if mount > CLEARANCE + base.height:
+        ends = [0, 0, CLEARANCE + base.height, 0, 0, mount]
         _shown(body.add_geom(type=kinds.mjGEOM_CYLINDER, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
-    ball = 0.5 * _CLEARANCE
+    ball = 0.5 * CLEARANCE
     for name, x, gap in (
         ("front", base.caster_distance, 0.0),
         ("rear", -base.caster_distance, base.caster_gap),
@@ -159,7 +199,7 @@ def add_base(spec: Any, base: WheeledBase, drive: DifferentialDrive, mount: floa
     return body
 
 
-def add_wheel_motors(spec: Any, base: WheeledBase, drive: DifferentialDrive, mass: float) -> None:
+def add_wheel_motors(spec: Any, base: SolidBase, drive: DifferentialDrive, mass: float) -> None:
     """Add the wheels' speed controllers; ``mass`` is all that they move, kg."""
     mujoco = import_mujoco()
     inertia = 0.5 * (mass + base.wheel_mass) * drive.wheel_radius**2  # the robot's half and the wheel's own
@@ -211,7 +251,7 @@ def with_assumed_inertia(arm: SerialArm, masses: ArrayLike, radius: float) -> Se
     )
 
 
-def _add_wheel(body: Any, name: str, base: WheeledBase, radius: float, side: float) -> None:
+def _add_wheel(body: Any, name: str, base: SolidBase, radius: float, side: float) -> None:
     mujoco = import_mujoco()
     wheel = body.add_body(name=f"wheel_{name}", pos=[0, side, radius])
     wheel.mass, wheel.ipos, wheel.explicitinertial = base.wheel_mass, [0, 0, 0], True

@@ -32,6 +32,9 @@ class LiveMujoco:
         True and measured configuration, shape (n,), rad or m, updated in place.
     """
 
+    model: Any
+    data: Any
+
     def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
         n = model.nv
         self.model, self.data = model, data

@@ -12,7 +12,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
-from dqcontrol.plants.plant import start_within_limits
+from dqcontrol.plants.plant import plants_that_drive, start_within_limits
 from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """
         if base_coordinates(robot).any():
             raise ValueRangeError(
-                f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; use kind 'mobile'"
+                f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; {plants_that_drive(robot)}"
             )
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)

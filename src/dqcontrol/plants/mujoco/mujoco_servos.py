@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -32,6 +32,7 @@ _NOT_NEGATIVE = (
 class JointServos(Plant, frozen=True, kw_only=True):
     """What `MujocoPlant`, which describes it, and `MobilePlant` share."""
 
+    has_velocity_limits: ClassVar[bool] = True
     command_mode: Literal["integrated", "measured"] = "integrated"
     bandwidth: Annotated[float, Meta(gt=0, description="Hz")] = 10.0
     damping_ratio: Annotated[float, Meta(ge=0, description="ζ")] = 1.0

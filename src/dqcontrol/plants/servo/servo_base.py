@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
-from dqcontrol.limits.command_limits import scale_down
+from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, whole_periods
+from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, begun_periods, whole_periods
 from dqcontrol.plants.servo.servo_step import follow
 from dqcontrol.robots.driving import advance, to_inputs
 from dqcontrol.robots.limits import Limits
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
 
 # parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `scale_down` takes them; then those of the joints' servos
+# `scale_down` takes them; by how much each may change in a period; then those of the joints' servos
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
-_DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT = range(6, 11)
-_HEAD = 11
+_DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
+_HEAD = 12
 
 
 @inlined
@@ -59,7 +59,9 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     place = parameters[at : at + places]
     at += places
     limits = parameters[at : at + p + 4 * drive_count]
-    servos = parameters[at + p + 4 * drive_count :]
+    at += p + 4 * drive_count
+    change = parameters[at : at + p]
+    servos = parameters[at + p :]
     drives = as_matrix(limits[p:], drive_count, 4)
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
@@ -89,9 +91,13 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     push(commands, inputs)
     for i in range(p):
         inputs[i] = commands[commands.shape[0] - p + i]
+        if parameters[_OLDEST] < 1.0:  # the delay ends within the period
+            newer = commands[commands.shape[0] - 2 * p + i]
+            inputs[i] = parameters[_OLDEST] * inputs[i] + (1.0 - parameters[_OLDEST]) * newer
     scale_down(q, limits, inputs)
     for i in range(p):
         inputs[i] *= noise[joints]
+        inputs[i] = min(max(inputs[i], speed[i] - change[i]), speed[i] + change[i])
         behind = speed[i] - inputs[i]
         speed[i] = inputs[i] + behind * parameters[_DECAY]
         inputs[i] += behind * parameters[_MEAN]
@@ -127,16 +133,17 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     servos = alone.start(arm, q0[coordinate], dt, steps, seed)
     velocity = driven.limits.velocity if plant.rate_limit else np.full(p, np.inf)
     tau = as_positive("plant.base_time_constant", plant.base_time_constant, zero_allowed=True)
-    delay = whole_periods("plant.delay", plant.delay, dt)
+    delay, oldest = begun_periods("plant.delay", plant.delay, dt)
     noise, late, weight, foreseen = _sight(plant.camera, dt, steps, len(place), seed)
 
     head = np.zeros(_HEAD)
     head[: _DRIVES + 1] = dt, body.input_size, p, len(coordinate), len(place), len(body.drives)
     head[_DECAY] = math.exp(-dt / tau) if tau else 0.0
     head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
-    head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT] = delay, late, weight
+    head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
-    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), servos.parameters])
+    change = dt * (driven.largest_acceleration if isinstance(driven, WholeBody) else np.full(p, np.inf))
+    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), change, servos.parameters])
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
     state = np.concatenate([scratch, q0[place], queue, np.tile(q0[place], late + 1), servos.state])
     return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -11,7 +11,7 @@ from msgspec import Meta
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import Array, CompiledPlant, Plant, start_configuration, whole_periods
+from dqcontrol.plants.plant import Array, CompiledPlant, Plant, begun_periods, start_configuration
 from dqcontrol.plants.servo import servo_step as at
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
@@ -40,13 +40,14 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     command_mode
         ``"integrated"`` or ``"measured"``.
     time_constant
-        τ in s.
+        τ in s; 0 for none.
     sag
         α, a factor on the gravity sag; 0 for none. Needs a robot with inertia.
     stiffness
         K in N·m/rad (N/m for sliding joints): one number, or one a joint.
     delay
-        From command to joint, s, a multiple of the period.
+        From command to joint, s. Where it ends within a period, joints follow the older target up to there and then
+        the newer one, exactly; bases the mean of both commands.
     encoder_resolution
         Step of the measured position, rad or m; 0 for none.
     encoder_noise
@@ -63,8 +64,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         What measures where mobile bases are; without one that is known exactly.
     """
 
+    has_velocity_limits: ClassVar[bool] = True
     command_mode: Literal["integrated", "measured"] = "integrated"
-    time_constant: Annotated[float, Meta(gt=0, description="τ, s")] = 0.05
+    time_constant: Annotated[float, Meta(ge=0, description="τ, s")] = 0.05
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
     stiffness: Annotated[float | list[float], Meta(description="K, N·m/rad or N/m")] = 500.0
     delay: Annotated[float, Meta(ge=0, description="s")] = 0.0
@@ -93,7 +95,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        delay_steps = whole_periods("plant.delay", self.delay, dt)
+        delay_steps, oldest, decay = self._delay(dt)
         stiffness = as_each("plant.stiffness", self.stiffness, n)
         if (stiffness <= 0).any():
             raise ValueRangeError(f"plant.stiffness: must be > 0, got {stiffness.min():g}")
@@ -105,9 +107,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         ends = robot.limits if self.position_limit else Limits.none(n)
         head = np.zeros(at.HEAD)
         head[at.DT] = dt
-        head[at.DECAY] = math.exp(-dt / as_positive("plant.time_constant", self.time_constant))
+        head[at.DECAY] = decay
         head[at.MEASURED_MODE] = self.command_mode == "measured"
-        head[at.DELAY] = delay_steps
+        head[at.DELAY], head[at.OLDEST] = delay_steps, oldest
         head[at.RESOLUTION] = as_positive(
             "plant.encoder_resolution", self.encoder_resolution, zero_allowed=True
         )
@@ -131,17 +133,32 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
         None for mobile bases, which move otherwise than joints.
 
-        t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ).
+        t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ); where
+        the delay ends within a period, t⁺ is the mean of the two that are in force then, by their weights.
         """
         if base_coordinates(robot).any():
             return None
-        delay, decay = whole_periods("plant.delay", self.delay, dt), math.exp(-dt / self.time_constant)
+        delay, oldest, decay = self._delay(dt)
         transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
         transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
         inputs[1] = dt
         for late in range(2, delay + 2):
             transition[late, late - 1] = 1.0
-        transition[0] = (1 - decay) * transition[-1]
+        transition[0] = (1 - decay) * (oldest * transition[-1] + (1 - oldest) * transition[-2] * (delay > 0))
         transition[0, 0] += decay
-        inputs[0] = (1 - decay) * inputs[-1]
+        inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
         return LinearModel(transition, inputs)
+
+    def _delay(self, dt: float) -> tuple[int, float, float]:
+        """Return the delay in periods begun, the weight of the oldest target, and exp(−T/τ).
+
+        A target that is followed for the first share f of a period, before the next one is for the rest, counts with
+        (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
+        """
+        delay, share = begun_periods("plant.delay", self.delay, dt)
+        tau = as_positive("plant.time_constant", self.time_constant, zero_allowed=True)
+        if not tau:
+            return delay, 1.0 if share == 1 else 0.0, 0.0
+        decay = math.exp(-dt / tau)
+        oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
+        return delay, oldest, decay

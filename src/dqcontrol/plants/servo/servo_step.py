@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inlined, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.plants.plant import PLANT
+from dqcontrol.plants.plant import PLANT, Array
 from dqcontrol.robots.gravity import gravity_torque
 
 # parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
 # chain (8 (n + 1))
 DT, DECAY, MEASURED_MODE, DELAY, RESOLUTION, NOISE, SAG, GRAVITY = 0, 1, 2, 3, 4, 5, 6, 7
-HEAD = 10
+OLDEST = 10  # weight of the oldest target in the queue: below 1 where the delay ends within a period
+HEAD = 11
 
 
-def servo_step(command, parameters, noise, state, q, measured):
+def servo_step(
+    command: Array, parameters: Array, noise: Array, state: Array, q: Array, measured: Array
+) -> int:
     """Move the target, let the joints follow it, read the encoders."""
     n = q.shape[0]
     if command.shape[0] != n:
@@ -42,7 +46,10 @@ def servo_step(command, parameters, noise, state, q, measured):
         work = state[2 * n + n * (delay + 1) :]
         gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
     for i in range(n):
-        rest = queue[n * delay + i] - compliance[i] * sag[i]
+        goal = queue[n * delay + i]
+        if parameters[OLDEST] < 1.0:
+            goal = parameters[OLDEST] * goal + (1.0 - parameters[OLDEST]) * queue[n * (delay - 1) + i]
+        rest = goal - compliance[i] * sag[i]
         q[i] = rest + (q[i] - rest) * parameters[DECAY]
         value = q[i] + parameters[NOISE] * noise[i]
         if parameters[RESOLUTION] > 0.0:
@@ -52,5 +59,5 @@ def servo_step(command, parameters, noise, state, q, measured):
 
 
 # One source, compiled twice: a kernel that calls another one's function is slower by a sixth.
-servo = kernel(PLANT)(servo_step)
-follow = inlined(servo_step)
+servo: Kernel = kernel(PLANT)(servo_step)
+follow: Callable[..., int] = inlined(servo_step)

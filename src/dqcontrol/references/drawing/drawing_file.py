@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import pose
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.drawing.drawing import ORIENTATIONS, TURN_SPEED, Drawing
@@ -19,7 +20,6 @@ from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Arc, Line, Rest, Stroke, Trace, distance_home
 
 _DIRECTIONS = {"cw": True, "ccw": False}
-_UNIT_TOLERANCE = 1e-3  # of a quaternion written with few digits; it is then normalised
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +223,8 @@ class _Parser:
         values = np.array([as_number(self.where, word) for word in words])
         rotation, norm = values[3:] if len(words) == 7 else None, np.linalg.norm(values[3:])
         if rotation is not None:
-            if abs(norm - 1) > _UNIT_TOLERANCE:
-                raise self._fail(f"the quaternion must have norm 1, got {norm:.6g}")
+            if abs(norm - 1) > WRITTEN_TOLERANCE:
+                raise self._fail(f"the quaternion must have norm 1, got {norm:.9g}")
             rotation = rotation / norm
         self._set("start", (values[:3], rotation))
 

@@ -8,12 +8,12 @@ import io
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.files.input_file import read_whole
 from dqcontrol.references.strokes import Arc, Line, Stroke
 
 _LARGEST = 2_000_000  # bytes
@@ -82,11 +82,9 @@ def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
 
 def _read(path: str | os.PathLike[str]) -> bytes:
     try:
-        content = Path(path).read_bytes()
+        content = read_whole(path, _LARGEST)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > _LARGEST:
-        raise FileFormatError(f"{path}: {len(content) / 1e6:.1f} MB, at most {_LARGEST / 1e6:g} MB are read")
 
     def refuse(*_: object) -> None:
         raise FileFormatError(f"{path}: has a document type (<!DOCTYPE …>), which is refused; delete it")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,12 +14,14 @@ import yaml
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.loop.clock import allows_real_time
+from dqcontrol.loop.interrupts import counted_interrupts
 from dqcontrol.reproductions.pereira2016 import published_spec
 
 CONTROLLER = "robot_controlling_node"
 _PRIORITY = (
     20  # of both processes, where that is allowed: their periods are 8 ms, and their work is a tenth of it
 )
+_LOOK = 0.2  # s between two looks at whether a user wants it to end
 _TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 
 
@@ -36,19 +38,24 @@ class Side(NamedTuple):
         Topic of its commands.
     wrench
         Node and topic of its force sensor, if it has one.
+    acceleration
+        That the supervisor allows, rad/s²; its default if None.
     """
 
     node: str
     experiment: str
     command: str
     wrench: tuple[str, str] | None
+    acceleration: float | None = None
 
 
 SIDES = {
     "meka": Side(
         "hum_controller", "spiral", "/humanoid_command", ("loadx6_publisher", "/loadx6_right_state")
     ),
-    "kuka": Side("vrep", "iiwa-circle", "/vrep_robot", None),
+    # It starts 70 mm off with k = 50 1/s, on an arm whose acceleration nothing bounds: within 10 rad/s², the default,
+    # its servos' lag would let it swing about the circle for ever, by 0.15 m.
+    "kuka": Side("vrep", "iiwa-circle", "/vrep_robot", None, acceleration=50.0),
 }
 
 
@@ -66,6 +73,8 @@ def graph_spec(side: Side, law: str, plant: str) -> dict[str, Any]:
         raise unknown_name("law", law, laws)
     for key in ("sets", "repeats"):
         spec.pop(key, None)
+    if side.acceleration:
+        spec["supervisor"] = {"acceleration": side.acceleration}
     return {**spec, "law": laws[law]}
 
 
@@ -112,16 +121,30 @@ def launch(robot: str, law: str, plant: str, options: Sequence[str] = ()) -> int
             [*for_robot[:2], *scheduling, *for_robot[2:]],
             [*for_controller[:2], *scheduling, *options, *for_controller[2:]],
         )
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        return _run(both)
+
+
+def _run(lines: Sequence[Sequence[str]]) -> int:
+    """Run robot and controller until one ends, or the user wants it; return the exit code of what failed."""
+    with counted_interrupts() as interrupts:
+        interrupts.only_count()
         running = [  # in sessions of their own: Ctrl-C is for this process, which ends them in order
             subprocess.Popen([sys.executable, "-m", "dqcontrol", "ros2", *words], start_new_session=True)
-            for words in both
+            for words in lines
         ]
+        robot, controller = running
+        told = 0
         try:
-            return running[1].wait()
-        except KeyboardInterrupt:
-            running[1].send_signal(signal.SIGINT)
-            return running[1].wait()
+            while controller.poll() is None and robot.poll() is None:
+                if told < interrupts.count:
+                    told += 1
+                    controller.terminate()  # not SIGINT, which processes in the background ignore while they start
+                with suppress(subprocess.TimeoutExpired):
+                    controller.wait(_LOOK)
+            survived = robot.poll() is None
         finally:
-            running[0].send_signal(signal.SIGINT)
-            running[0].wait()
+            for process in (controller, robot):
+                process.terminate()
+                process.wait()
+        code = controller.returncode or (0 if survived else robot.returncode)
+        return code if code >= 0 else 128 - code

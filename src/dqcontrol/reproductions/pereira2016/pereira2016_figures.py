@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
+from dqcontrol.loop.record import Record
+from dqcontrol.references.sample import TWIST
 from dqcontrol.reproductions.pereira2016.second_fit import SUFFIX
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
@@ -48,7 +51,14 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
 def _painting(study: Study) -> Figure:
     from dqcontrol.films.light_painting import light_painting
 
-    return light_painting(record_of(study.setting(), "LQR-DQ"))
+    record = record_of(study.setting(), "LQR-DQ")
+    return light_painting(record, lamp_on(record))
+
+
+def lamp_on(record: Record) -> NDArray[np.bool_]:
+    """Return at which samples the lamp is on, shape (N,): once the desired motion begins, before it the arm settles."""
+    begun = np.linalg.norm(record.desired[:, TWIST], axis=1) > 0
+    return np.maximum.accumulate(begun)
 
 
 def _surfaces(study: Study) -> Figure:

@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.run_study import run_study
-from dqcontrol.laws import ClassicWholeBody
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
@@ -35,9 +35,12 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     def race(law: Any) -> Outcome:
         return outcome(scene.robot, scene.start, scene.samples, law, spec.period)
 
-    gain = matched_gain(lambda k: race(ClassicWholeBody(gain=k)).settling, race(laws[NONLINEAR]).settling)
+    gain = matched_gain(
+        lambda k: race(msgspec.structs.replace(laws["classic"], gain=k)).settling,
+        race(laws[NONLINEAR]).settling,
+    )
     if gain is not None:
-        data["laws"][MATCHED] = {"kind": "classic-whole-body", "gain": gain}
+        data["laws"][MATCHED] = data["laws"]["classic"] | {"gain": gain}
     study = run_study(data, jobs=conditions.jobs, progress=conditions.of("comparison"))
     runs = {tuple(label.split(" · ")): run for label, run in study.runs.items()}
     ideal = {law: run for (law, plant), run in _named(runs, data).items() if plant == "ideal"}

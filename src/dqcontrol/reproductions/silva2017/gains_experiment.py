@@ -99,7 +99,8 @@ def _judge(runs: dict[str, Run]) -> dict[str, Judgement]:
     return {
         "damping-attenuates-oscillation": Judgement(
             damped[0] > _NONE and not rises(damped),
-            f"ζ = {ratios}: overshoots {listed([100 * each for each in damped], '.2g')} %, nothing to attenuate",
+            f"ζ = {ratios}: overshoots {listed([100 * each for each in damped], '.2g')} %"
+            + ", nothing to attenuate" * (damped[0] <= _NONE),
         ),
         "damping-slows": Judgement(rises(slower), f"settling {listed(slower, '.3g')} s"),
         "stiffness-makes-abrupt": Judgement(rises(peaks), f"peak acceleration {listed(peaks, '.3g')} m/s²"),

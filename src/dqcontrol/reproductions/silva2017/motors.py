@@ -69,10 +69,12 @@ class LiveMotors:
     def __init__(self, plant: TiringMotors, robot: Robot, q0: Array, dt: float) -> None:
         self._plant, self._robot, self._dt = plant, robot, dt
         self.q = q0
-        self.measured = q0.copy()
+        self.measured: Array = q0.copy()
         count = len(MASSES)
-        self.channels = (Channel("motor_torque", robot.joint_names[FIRST : FIRST + count], "N·m"),)
-        self.readings = gravity_torques(robot, q0)
+        self.channels: tuple[Channel, ...] = (
+            Channel("motor_torque", robot.joint_names[FIRST : FIRST + count], "N·m"),
+        )
+        self.readings: Array = gravity_torques(robot, q0)
         self._strained = np.zeros(count)
         self._gone = np.zeros(count, dtype=bool)
 

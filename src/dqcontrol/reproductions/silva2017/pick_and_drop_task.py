@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol import algebra
 from dqcontrol.errors import as_array
 from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
 from dqcontrol.loop.simulate import simulate
 from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene
@@ -159,7 +160,8 @@ def pick_and_drop(
         scene=Scene(cubes=[cube], baskets=[basket]),
     )
     reference = Points(errand.times, errand.poses)
-    record = simulate(robot, reference, LAW, plant, START, PERIOD, seed=seed)
+    unscaled = CommandLimits(velocity=False)
+    record = simulate(robot, reference, LAW, plant, START, PERIOD, limits=unscaled, seed=seed)
     return PickAndDrop(plant, record, seen, errand)
 
 

@@ -6,9 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
-from dqcontrol.laws import ClassicWholeBody, Law
+from dqcontrol.laws import Law
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.reproductions.silva2017.race import Outcome, guided_outcome, matched_gain, outcome
@@ -60,9 +61,12 @@ def random_table(
         found[_GUIDED].append(guided_outcome(scene.robot, scene.start, samples, period))
         target = found[_NONLINEAR][-1]
         gain = matched_gain(
-            lambda k, run=run: run(ClassicWholeBody(gain=k)).settling, target.settling if target else math.nan
+            lambda k, run=run: run(msgspec.structs.replace(laws[_CLASSIC], gain=k)).settling,
+            target.settling if target else math.nan,
         )
-        found[_MATCHED].append(None if gain is None else run(ClassicWholeBody(gain=gain)))
+        found[_MATCHED].append(
+            None if gain is None else run(msgspec.structs.replace(laws[_CLASSIC], gain=gain))
+        )
         if progress:
             progress(done + 1, count)
     rows = [_row(label, found[label], found[_CLASSIC], found[_NONLINEAR]) for label in found]

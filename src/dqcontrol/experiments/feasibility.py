@@ -1,0 +1,139 @@
+"""Whether a robot can do what is asked at all: which errors remain, and which speeds its joints need."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import DivergedError
+from dqcontrol.experiments.prepared_experiment import Case, Scene, Setting
+from dqcontrol.laws import OpenLoop, PartialProportional, ProportionalFeedforward
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.simulate import follow
+from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
+from dqcontrol.plants import Integrator
+from dqcontrol.plants.plant import command_mode
+from dqcontrol.references import Sample
+from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
+from dqcontrol.robots.whole_body import base_coordinates
+
+Array = NDArray[np.float64]
+
+_MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
+_PULL = 0.2  # of an error that a period takes away
+_ARRIVED = 50  # periods after which only what cannot be done is left of the first error: 0.8^50 = 1e-5
+_SHARES = 1 + 1e-6
+
+
+@dataclass(frozen=True)
+class PathDemand:
+    """What a reference asks of a robot with ideal joints, without any limits, that follow it as well as can be.
+
+    Attributes
+    ----------
+    left
+        What the hand misses all the same.
+    peak_share
+        Largest joint speed over its limit; NaN without limits.
+    joint
+        Whose it is.
+    time
+        When, s.
+    """
+
+    left: TaskResult
+    peak_share: float
+    joint: str
+    time: float
+
+
+def path_demand(scene: Scene) -> PathDemand | None:
+    """Return what a reference asks of an arm; None of robots with a mobile base, which cannot move sideways.
+
+    The motion is followed with feed-forward from the configuration nearest to its first pose, so no transient of a
+    law counts.
+    """
+    robot = scene.robot
+    if base_coordinates(robot).any():
+        return None
+    stride = -(-len(scene.samples) // _MOST)
+    samples = scene.samples[::stride]
+    period = float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
+    start = robot.solve(samples[0, POSE], scene.start, restarts=20).q
+    law = ProportionalFeedforward(gain=_PULL / period).prepare(robot, None, period)
+    held = np.repeat(samples[:1], _ARRIVED, axis=0)  # the first pose, until what can be reached of it is
+    held[:, 8:20] = 0.0
+    held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
+    try:
+        arrived = follow(law, Integrator(), start, held).q[-1]
+        record = follow(law, Integrator(), arrived, samples)
+    except DivergedError:
+        return None
+    speeds = np.abs(np.diff(record.q, axis=0)) / period / robot.limits.velocity
+    if not np.isfinite(record.q).all():
+        return None
+    left = task_result(record)
+    if not np.isfinite(robot.limits.velocity).any() or not len(speeds):
+        return PathDemand(left, float("nan"), "", 0.0)
+    k, joint = np.unravel_index(int(speeds.argmax()), speeds.shape)
+    return PathDemand(left, float(speeds[k, joint]), robot.joint_names[joint], float(samples[k, -1]))
+
+
+def task_remarks(setting: Setting) -> Iterator[str]:
+    """Give what speaks against each robot's doing what is asked, and what helps, in a line each."""
+    whole = [case for case in setting.cases if not isinstance(case.variant.law, PartialProportional)]
+    for label, scene in setting.scenes.items():
+        if any(case.names.robot == label for case in whole):
+            yield from _of_path(scene)
+    for case in setting.cases:
+        yield from _of_first_command(setting, case)
+
+
+def _of_path(scene: Scene) -> Iterator[str]:
+    demand, robot = path_demand(scene), scene.robot
+    if demand is None:
+        return
+    if not demand.left.succeeded and demand.left.error:
+        why = (
+            f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
+            "position alone"
+            if robot.input_size < 6
+            else "a singularity or the reach of the arm is in the way; start elsewhere, or move the reference"
+        )
+        share = SETTLED if demand.left.rests else FOLLOWED
+        yield (
+            f"reference: cannot be followed by {robot.name}: even with ideal joints the hand {demand.left.error}, more "
+            f"than {100 * share:.0f} % of the motion: {why}"
+        )
+    if demand.peak_share > _SHARES:
+        yield (
+            f"reference: needs {demand.joint} at {100 * demand.peak_share:.3g} % of its velocity limit, at "
+            f"t = {demand.time:.3g} s: make it {demand.peak_share:.2g} times slower (duration), or start elsewhere"
+        )
+
+
+def _of_first_command(setting: Setting, case: Case) -> Iterator[str]:
+    """Say if the first command is beyond the velocity limits, where that is a velocity."""
+    robot, law = case.scene.robot, case.variant.law
+    if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop):
+        return
+    if not np.isfinite(robot.limits.velocity).any():
+        return
+    free = case.prepare_law(setting.spec).with_limits(CommandLimits(velocity=False))
+    state = free.initial_state(case.scene.start)
+    row = case.scene.samples[0]
+    try:
+        command = free.command(case.scene.start, Sample(row[POSE], row[TWIST], row[TWIST_RATE]), state)
+    except DivergedError:
+        return
+    shares = np.abs(command) / robot.limits.velocity
+    if shares.max() > _SHARES:
+        joint = robot.input_names[int(shares.argmax())]
+        limited = case.limits.velocity or setting.spec.supervisor_of(case.plant) is not None
+        then = "commands are scaled to it" if limited else "limits: {velocity: true} scales commands to it"
+        yield (
+            f"{case.names.label}: its first command is {100 * shares.max():.3g} % of {joint}'s velocity limit; {then}"
+        )

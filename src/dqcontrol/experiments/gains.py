@@ -1,0 +1,163 @@
+"""Which gains a robot's period, delay and lag allow each law, and what is to be expected of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.experiments.check import check
+from dqcontrol.experiments.jogging import most_dexterous
+from dqcontrol.measures.stability import GainLimits, gain_limits, with_lag
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.plants import Servo
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.robots import load_robot
+
+_SPEED = 0.1  # m/s of a target that moves
+_HORIZON = 20.0  # time constants that a linear quadratic law looks ahead
+
+
+@dataclass(frozen=True)
+class GainAdvice:
+    """Gains for each law, and why they are what they are.
+
+    Attributes
+    ----------
+    table
+        One row a law: its parameters as a spec has them, overshoot and time constant, and how far the hand lags behind
+        a target that moves at 0.1 m/s.
+    reasons
+        In a line each.
+    """
+
+    table: Table
+    reasons: tuple[str, ...]
+
+
+def advise_gains(
+    robot: str | Path, period: float, delay: float = 0.0, lag: float = 0.0, *, tip_link: str | None = None
+) -> GainAdvice:
+    """Return the largest gains that are good: damping ratio 0.7 or more, and twice as much is stable.
+
+    Parameters
+    ----------
+    robot
+        As for `load_robot`; an arm.
+    period
+        T, s.
+    delay
+        From command to joint and back, s; any.
+    lag
+        τ of the joints' first-order lag, s; 0 for none.
+    tip_link
+        Of a URDF file.
+
+    Raises
+    ------
+    Error
+        If the robot is unknown or has a mobile base, or a number is out of range.
+
+    Examples
+    --------
+    >>> from dqcontrol.experiments.gains import advise_gains
+    >>> advice = advise_gains("iiwa7", period=0.008, delay=0.030, lag=0.050)
+    >>> dict(zip([row[0] for row in advice.table.rows], [row[1] for row in advice.table.rows]))["proportional"]
+    'gain: 6.3'
+    """
+    period = as_positive("period", period)
+    plant = Servo(
+        delay=as_positive("delay", delay, zero_allowed=True),
+        time_constant=as_positive("lag", lag, zero_allowed=True),
+    )
+    arm = load_robot(robot, None, tip_link)
+    model = plant.linear_model(arm, most_dexterous(arm), period)
+    if model is None:
+        raise ValueRangeError(
+            f"robot: {arm.name} has a mobile base, of which no linear model is known; give an arm"
+        )
+    limits = gain_limits(model, period)
+    gain = _round_down(limits.recommended / period)
+    laws = _laws(gain, _round_down(_stiffest(model, period)))
+    checks = check(
+        {
+            "name": "gains",
+            "robot": {"source": str(robot), "tip_link": tip_link},
+            "start": most_dexterous(arm).tolist(),
+            "period": period,
+            "reference": {"kind": "set-point", "duration": _HORIZON / gain},  # long: its end is no part of it
+            "laws": laws,
+            "plant": {"kind": "servo", "delay": plant.delay, "time_constant": plant.time_constant},
+        }
+    )
+    rows: list[list[Cell]] = []
+    for row, (kind, parameters) in zip(checks, laws.items(), strict=True):
+        slowest = min(abs(loop.gain.value) for loop in row.loops)
+        written = ", ".join(f"{key}: {value:.4g}" for key, value in parameters.items() if key != "kind")
+        behind = 1e3 * _SPEED / slowest if kind in _LAGGING else 0.0
+        percent = 100 * row.overshoot
+        rows.append([kind, written, percent if percent > 0.05 else 0.0, row.time_constant, behind])
+    columns = [
+        Column("law"),
+        Column("parameters"),
+        Column("overshoot", "%", ".2g"),
+        Column("time constant", "s", ".3g"),
+        Column(f"behind a target at {_SPEED:g} m/s", "mm", ".3g"),
+    ]
+    title = f"{arm.name}: T = {1e3 * period:.4g} ms, delay {1e3 * delay:.4g} ms, lag {1e3 * lag:.4g} ms"
+    return GainAdvice(Table(columns, rows, title), tuple(_reasons(limits, period, delay, lag, gain)))
+
+
+_LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward
+
+
+def _laws(gain: float, slow: float) -> dict[str, dict[str, Any]]:
+    """Return laws whose loops have a gain; that of accelerations has one of its own, behind its lag 1/k_v = 1/(4 k)."""
+    proportional = {"gain": gain}
+    both = {"translation_gain": gain, "orientation_gain": 2 * gain}
+    squared = {"error_weight": gain**2, "control_weight": 1.0}
+    parameters = {
+        "proportional": proportional,
+        "proportional-feedforward": proportional,
+        "decoupled-proportional": proportional,
+        "h-infinity": both,
+        "h-infinity-tracking": both,
+        "linear-quadratic-r8": squared,
+        "linear-quadratic-dq": squared,
+        "feedback-linearization": {"stiffness": 16 * slow**2, "damping": 4 * slow},
+    }
+    return {kind: {"kind": kind, **each} for kind, each in parameters.items()}
+
+
+def _stiffest(model: LinearModel, period: float) -> float:
+    """Return the largest k that is good behind a lag of 1/(4 k), critically damped by itself."""
+    low, high = 0.0, 0.4 / period  # k_v T < 2 leaves room
+    for _ in range(30):
+        middle = (low + high) / 2
+        good = gain_limits(with_lag(model, 4 * middle, period), period).recommended / period >= middle
+        low, high = (middle, high) if good else (low, middle)
+    return low
+
+
+def _reasons(limits: GainLimits, period: float, delay: float, lag: float, gain: float) -> list[str]:
+    stable = limits.stable / period
+    half = limits.recommended >= limits.stable / 2 * (1 - 1e-9)
+    why = "twice as much is the limit" if half else "beyond it the damping ratio falls below 0.7"
+    lines = [f"k = {gain:.3g} 1/s: {why}; unstable from k = {stable:.3g} 1/s on"]
+    if delay + lag > 4 * period:
+        lines.append(
+            f"delay and lag of {1e3 * (delay + lag):.3g} ms decide, not the period: shorten them first"
+        )
+    lines.append(
+        "a target that moves: take a law with feed-forward rather than more gain; a constant push of v leaves v/k, "
+        "which an integral_gain up to k²/4 removes"
+    )
+    return lines
+
+
+def _round_down(value: float) -> float:
+    """Return two digits, not more than the value."""
+    place = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 0 else 1.0
+    return float(f"{math.floor(value / place + 1e-9) * place:.6g}")

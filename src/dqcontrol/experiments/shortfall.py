@@ -1,0 +1,124 @@
+"""What fell short in runs, in a line each, and what helps: tasks that were not done, limits that were passed."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
+from dqcontrol.experiments.clearance import went_through
+from dqcontrol.experiments.prepared_experiment import Case
+from dqcontrol.laws import (
+    ClassicProportional,
+    DecoupledProportional,
+    GuidedProportional,
+    HInfinity,
+    OpenLoop,
+    PartialProportional,
+    Proportional,
+)
+from dqcontrol.laws.null_space import BestHeading
+
+Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
+
+_WITHOUT_FEEDFORWARD = (
+    ClassicProportional,
+    DecoupledProportional,
+    HInfinity,
+    PartialProportional,
+    Proportional,
+)
+_ROUNDING = 1e-9
+_OFTEN = 0.1  # of the samples at a velocity limit
+_AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
+
+
+def warn_of_shortfalls(cases: Sequence[tuple[Case, Trials]], *, stacklevel: int) -> None:
+    """Warn of what fell short in runs: of the first, and how many more there are, for each kind.
+
+    Parameters
+    ----------
+    cases
+        Each with the metrics of its repeats.
+    stacklevel
+        As for `warnings.warn`.
+    """
+    found = (
+        (LimitWarning, (beyond_limits(case.names.label, trials) for case, trials in cases)),
+        (LimitWarning, (beyond_velocities(case.names.label, trials) for case, trials in cases)),
+        (CollisionWarning, (went_through(case.names.label, trials) for case, trials in cases)),
+        (TaskWarning, (not_done(case, trials) for case, trials in cases)),
+    )
+    for kind, said in found:
+        if lines := [line for line in said if line]:
+            more = f" (and {len(lines) - 1} more; see the table)" if len(lines) > 1 else ""
+            warnings.warn(lines[0] + more, kind, stacklevel=stacklevel + 1)
+
+
+def beyond_limits(label: str, trials: Trials) -> str:
+    """Say how far repeats of one case went beyond the joint limits; nothing if none did."""
+    crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < 0]
+    if not crossed:
+        return ""
+    worst = min(crossed, key=lambda trial: trial["limit_margin"])
+    return (
+        f"{label}: {worst['limit_joint']} went {-worst['limit_margin']:.3g} rad or m beyond its limits"
+        f"{_count(crossed, trials, ', ')}"
+    )
+
+
+def beyond_velocities(label: str, trials: Trials) -> str:
+    """Say how far commands of one case were beyond the velocity limits; nothing if none were."""
+    fast = [trial for trial in trials if (trial["peak_velocity_share"] or 0.0) > 1 + _ROUNDING]
+    if not fast:
+        return ""
+    worst = max(fast, key=lambda trial: trial["peak_velocity_share"])
+    return (
+        f"{label}: commands up to {100 * worst['peak_velocity_share']:.3g} % of the velocity limits, in "
+        f"{100 * worst['saturation']:.2g} % of the samples{_count(fast, trials, ', ')}: take a slower reference or "
+        "less gain, or scale them with limits: {velocity: true}"
+    )
+
+
+def not_done(case: Case, trials: Trials) -> str:
+    """Say what is left of the task of one case, and what helps; nothing if all repeats did it."""
+    short = [trial for trial in trials if str(trial["task"]).startswith("not ")]
+    if not short:
+        return ""
+    worst = max(short, key=lambda trial: trial["final_error"] or 0.0)
+    help_ = "; ".join(_remedies(case, worst))
+    return f"{case.names.label}: {worst['task']}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
+
+
+def _remedies(case: Case, trial: Mapping[str, Any]) -> Iterator[str]:
+    robot, law, task = case.scene.robot, case.variant.law, str(trial["task"])
+    if robot.input_size < 6 and not isinstance(law, PartialProportional):
+        yield (
+            f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
+            "position alone"
+        )
+    guided = isinstance(law, GuidedProportional) or isinstance(law.null_space, BestHeading)
+    if len(robot.drives) and not guided:
+        yield (
+            "a base with wheels cannot go sideways; plan its way with reference drive-to, or turn it with null_space "
+            "best-heading"
+        )
+    margin = trial["limit_margin"]
+    if margin is not None and margin < _AT_LIMIT:
+        yield f"{trial['limit_joint']} came to its position limit; start elsewhere, or turn the goal"
+    if (trial["saturation"] or 0.0) > _OFTEN:
+        yield (
+            f"commands were at the velocity limits in {100 * trial['saturation']:.2g} % of the samples; take a slower "
+            "reference, or more time"
+        )
+    elif isinstance(law, OpenLoop):
+        yield "open-loop corrects no error; take a law that does"
+    elif task.startswith("not followed") and type(law) in _WITHOUT_FEEDFORWARD:
+        yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
+    elif "still moves" in task:
+        yield "it takes more time (duration), or a loop that settles (dqcontrol check)"
+
+
+def _count(some: Trials, trials: Trials, before: str) -> str:
+    return f"{before}in {len(some)} of {len(trials)} repeats" if len(trials) > 1 else ""

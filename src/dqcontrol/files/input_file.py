@@ -1,0 +1,50 @@
+"""Files that users name, opened so that none can hang or flood: a pipe, a device, gigabytes where text is expected."""
+
+from __future__ import annotations
+
+import os
+import stat
+from typing import BinaryIO
+
+from dqcontrol.errors import FileFormatError
+
+LARGEST_TEXT = 64_000_000  # bytes of a text that is read whole
+
+
+def open_regular(path: str | os.PathLike[str]) -> BinaryIO:
+    """Open a file to read it.
+
+    Raises
+    ------
+    FileFormatError
+        If it is a pipe, a device or a socket, which may never end.
+    OSError
+        If it cannot be opened.
+    """
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        mode = os.fstat(descriptor).st_mode
+        if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+            raise FileFormatError(f"{path}: is no file, but a pipe or a device, which may never end")
+        return os.fdopen(descriptor, "rb")  # a folder is refused here
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def read_whole(path: str | os.PathLike[str], most: int = LARGEST_TEXT) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no regular file, or larger than so many bytes.
+    OSError
+        If it cannot be read.
+    """
+    with open_regular(path) as stream:
+        size = os.fstat(stream.fileno()).st_size
+        content = stream.read(most + 1) if size <= most else b""
+    if max(size, len(content)) > most:
+        raise FileFormatError(f"{path}: has {size / 1e6:,.1f} MB; at most {most / 1e6:g} MB are read")
+    return content

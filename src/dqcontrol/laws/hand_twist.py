@@ -1,0 +1,73 @@
+"""The inputs that give the hand a twist [ω ; ṗ]: what every law of the whole pose ends in.
+
+Solved at the hand, in the measure |[ℓω ; ṗ]|, so that nothing depends on where the inertial frame is.
+"""
+
+from __future__ import annotations
+
+from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.laws.inverses import BY_MANIPULABILITY, DAMPED, LENGTH, finite, solve
+from dqcontrol.laws.least_norm import least_norm
+from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
+
+
+@inlined
+def weigh(row, y, i, length):
+    """Let a row of ω, and what is asked for it, count in metres."""
+    for c in range(row.shape[0]):
+        row[c] *= length
+    y[i] *= length
+
+
+@inlined
+def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse, work, out):
+    """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
+
+    Where J has full row rank the measure does not matter: one 6 × 6 system in straight lines, for all laws.
+    """
+    n = twist_jacobian.shape[1]
+    p = position(pose)
+    length = inverse[LENGTH]
+    if n >= 6 and inverse[0] != BY_MANIPULABILITY:
+        linear = inverse[1] * inverse[1]
+        angular = linear / (length * length)
+        px, py, pz = p
+        damped = 1.0 if inverse[0] == DAMPED else 0.0
+        a, b, c, d = (1.0 - damped) * angular, (1.0 - damped) * linear, damped * angular, damped * linear
+        if least_norm(twist_jacobian, px, py, pz, hand_twist, preferred, a, b, c, d, out):
+            return finite(out)
+    matrix, y = as_matrix(work[0 : 6 * n], 6, n), work[6 * n : 6 * n + 6]
+    hand_jacobian(p, twist_jacobian, matrix)
+    for i in range(6):
+        y[i] = hand_twist[i]
+    for i in range(3):
+        weigh(matrix[i], y, i, length)
+    return solve(matrix, y, preferred, inverse, work[6 * n + 6 :], out)
+
+
+@inlined
+def at_hand(twist, pose):
+    """Return the hand's [ω ; ṗ] of an inertial twist ξ = ω + εv: ṗ = v + ω × p."""
+    px, py, pz = position(pose)
+    a, b, c = twist[0], twist[1], twist[2]
+    return a, b, c, twist[3] + b * pz - c * py, twist[4] + c * px - a * pz, twist[5] + a * py - b * px
+
+
+@inlined
+def in_inertial_axes(body_twist, pose):
+    """Return the hand's [ω ; ṗ] of a body twist, which is that in the hand's axes."""
+    ax, ay, az = rotated(pose, (body_twist[0], body_twist[1], body_twist[2]))
+    bx, by, bz = rotated(pose, (body_twist[3], body_twist[4], body_twist[5]))
+    return ax, ay, az, bx, by, bz
+
+
+@inlined
+def solve_left_twist(body_twist, tracking, pose, twist_jacobian, sample, preferred, inverse, work, out):
+    """Write out = z + J⁺ (t − J z) for a body twist, and ξ_d = Ad(x) Ad(x_l*) ξ_d,b unless ``tracking`` is 0."""
+    a, b, c, d, e, f = in_inertial_axes(body_twist, pose)
+    if tracking != 0.0:
+        u, v, w, x, y, z = at_hand(sample[8:14], pose)
+        a, b, c, d, e, f = a + u, b + v, c + w, d + x, e + y, f + z
+    return solve_hand_twist(pose, twist_jacobian, (a, b, c, d, e, f), preferred, inverse, work, out)

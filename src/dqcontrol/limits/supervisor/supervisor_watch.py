@@ -1,0 +1,218 @@
+"""What a supervisor sees: time, measurements, efforts and requests; they change its mode."""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compiled.compile import inlined
+from dqcontrol.limits.supervisor.interventions import (
+    COMMAND,
+    CONTACT,
+    EFFORT,
+    EMERGENCY,
+    FROZEN,
+    GAP,
+    JUMP,
+    MEASURED_POSITION,
+    MEASURED_WORKSPACE,
+    MEASUREMENT,
+    OVERSPEED,
+    PERIOD,
+    SOFT_STOP,
+    TRACKING,
+)
+from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
+from dqcontrol.limits.supervisor.supervisor_layout import (
+    BAD,
+    BOXED,
+    CONTACT_EFFORT,
+    CONTACT_FORCE,
+    CONTACT_TORQUE,
+    DT,
+    END,
+    ENDING,
+    FAULT,
+    FINISH,
+    FROZEN_AFTER,
+    HAND_TOLERANCE,
+    HOLDING,
+    JOINT_TOLERANCE,
+    LATENESS,
+    LONGEST_STEP,
+    MODE,
+    RESET,
+    RETURNING,
+    RUNNING,
+    SCALE,
+    SILENT,
+    STALE,
+    STOP_NOW,
+    STOPPED,
+)
+from dqcontrol.limits.supervisor.supervisor_layout import JUMP as JUMP_LIMIT
+from dqcontrol.limits.supervisor.supervisor_layout import OVERSPEED as OVERSPEED_SHARE
+
+_FAR = 1e6  # rad or m: no measurement says so
+_LONG = 1e3  # s: no gap counts as more
+_SPEED_TIME = 0.02  # s that the measured speed is smoothed over, two periods at least
+_SPEED_SLACK = 0.1  # rad/s or m/s of noise, allowed beside the overspeed
+_FROZEN_WAY = 0.02  # rad or m that a joint was told to move meanwhile
+_EFFORT_TIME = 0.2  # s that the usual effort is smoothed over
+_LATENESS_PERIODS, _LATEST, _LATEST_SHARE = (
+    50.0,
+    2.0,
+    0.25,
+)  # mean of so many periods; bound in T, and in the longest
+
+
+@inlined
+def _watch_time(elapsed, bounds, memory):
+    """Return what is wrong with the time since the last step, and how much has passed, s."""
+    head, own = bounds.head, memory.own
+    is_sane = elapsed >= 0.0 and elapsed <= head[LONGEST_STEP]
+    passed = elapsed if elapsed >= 0.0 and elapsed <= _LONG else _LONG
+    if not is_sane:
+        return GAP, passed
+    own[LATENESS] += (passed / head[DT] - own[LATENESS]) / _LATENESS_PERIODS
+    latest = max(_LATEST, _LATEST_SHARE * head[LONGEST_STEP] / head[DT])
+    return PERIOD if own[LATENESS] > latest else 0, passed
+
+
+@inlined
+def _is_plausible(measured, passed, bounds, memory):
+    """Return whether all joints can have come where they are said to be since the last good measurement."""
+    head, own = bounds.head, memory.own
+    own[SILENT] += passed
+    plausible = True
+    for i in range(bounds.is_joint.shape[0]):
+        if bounds.is_joint[i] != 0.0:
+            j = int(bounds.coordinate[i])
+            way = abs(measured[j] - memory.good[j])
+            fastest = max(head[OVERSPEED_SHARE], 1.0) * max(bounds.velocity[i], abs(memory.sent_rate[i]))
+            farthest = fastest * own[SILENT] + head[JUMP_LIMIT]
+            plausible = plausible and way <= farthest
+    return plausible
+
+
+@inlined
+def _watch_joints(chain, measured, passed, bounds, memory, scratch):
+    """Keep a good measurement; return what is wrong with where the joints are and how they move."""
+    head, own, good = bounds.head, memory.own, memory.good
+    fault, running = 0, own[MODE] == RUNNING
+    share = min(own[SILENT] / max(_SPEED_TIME, 2.0 * head[DT]), 1.0)
+    for i in range(bounds.is_joint.shape[0]):
+        if bounds.is_joint[i] == 0.0:
+            continue
+        j = int(bounds.coordinate[i])
+        way = measured[j] - good[j]
+        if own[SILENT] > 0.0:
+            memory.speed[i] += share * (way / own[SILENT] - memory.speed[i])
+        allowed = max(
+            bounds.velocity[i], abs(memory.sent_rate[i])
+        )  # more where the limit was lowered meanwhile
+        if abs(memory.speed[i]) > head[OVERSPEED_SHARE] * allowed + _SPEED_SLACK:
+            fault |= OVERSPEED
+        if way != 0.0 or not running:
+            memory.unchanged[i], memory.sent_then[i] = 0.0, memory.sent[i]
+        else:
+            memory.unchanged[i] += passed
+            told = abs(memory.sent[i] - good[j]) - abs(
+                memory.sent_then[i] - good[j]
+            )  # away from where it stays
+            if memory.unchanged[i] > head[FROZEN_AFTER] and told > _FROZEN_WAY:
+                fault |= FROZEN
+        beyond = max(bounds.lower[i] - measured[j], measured[j] - bounds.upper[i])
+        if beyond > head[JOINT_TOLERANCE]:
+            fault |= MEASURED_POSITION
+    for j in range(good.shape[0]):
+        good[j] = measured[j]
+    own[SILENT] = 0.0
+    tolerance = head[HAND_TOLERANCE]
+    if head[BOXED] != 0.0 and not is_inside(chain, good, bounds, tolerance, scratch.frames, scratch.ahead):
+        fault |= MEASURED_WORKSPACE
+    return fault
+
+
+@inlined
+def _watch_efforts(effort, wrench, passed, bounds, memory):
+    """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
+    head, fault = bounds.head, 0
+    share = min(passed / _EFFORT_TIME, 1.0)
+    for i in range(effort.shape[0]):
+        if abs(effort[i]) > bounds.effort[i]:
+            fault |= EFFORT
+        if not math.isfinite(memory.usual_effort[i]):
+            memory.usual_effort[i] = effort[i]
+        away = effort[i] - memory.usual_effort[i]
+        memory.usual_effort[i] += share * away
+        if abs(away) > head[CONTACT_EFFORT]:
+            fault |= CONTACT
+    if wrench.shape[0] == 6:
+        force = math.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
+        torque = math.sqrt(wrench[3] ** 2 + wrench[4] ** 2 + wrench[5] ** 2)
+        if force > head[CONTACT_FORCE] or torque > head[CONTACT_TORQUE]:
+            fault |= CONTACT
+    return fault
+
+
+@inlined
+def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch):
+    """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
+
+    Two samples in a row with something wrong stop; what else is seen stops at once.
+    """
+    own, good = memory.own, memory.good
+    fault, passed = _watch_time(elapsed, bounds, memory)
+    seen = age <= bounds.head[STALE]
+    for i in range(measured.shape[0]):
+        seen = seen and abs(measured[i]) < _FAR
+    for i in range(effort.shape[0]):
+        seen = seen and math.isfinite(effort[i])
+    for i in range(wrench.shape[0]):
+        seen = seen and math.isfinite(wrench[i])
+    wrong = 0
+    plausible = _is_plausible(measured, passed, bounds, memory) if seen else True
+    if not seen:
+        own[SILENT] += passed
+        wrong = MEASUREMENT
+    elif not plausible:
+        wrong = JUMP
+    else:
+        fault |= _watch_joints(chain, measured, passed, bounds, memory, scratch)
+        fault |= _watch_efforts(effort, wrench, passed, bounds, memory)
+        for i in range(wanted.shape[0]):
+            if not math.isfinite(wanted[i]):
+                wrong = COMMAND
+    own[BAD] = own[BAD] + 1.0 if wrong else 0.0
+    if own[BAD] >= 2.0:
+        fault |= wrong
+    far, near = False, True
+    for i in range(wanted.shape[0]):
+        if bounds.is_joint[i] != 0.0:
+            distance = abs(good[int(bounds.coordinate[i])] - memory.sent[i])
+            far = far or not distance <= bounds.tracking[i]
+            near = near and distance <= 0.5 * bounds.tracking[i]
+    if seen and far and own[MODE] == RUNNING:
+        fault |= TRACKING
+    if request == STOP_NOW:
+        fault |= EMERGENCY
+    elif request == END:
+        own[ENDING] = 1.0
+    elif request == FINISH:
+        fault |= SOFT_STOP
+    if own[ENDING] != 0.0 and own[SCALE] == 0.0 and at_rest and own[MODE] == RUNNING:
+        fault |= SOFT_STOP
+    if fault:
+        if (
+            own[MODE] != STOPPED or not at_rest or request == STOP_NOW
+        ):  # what happens to one at rest is no reason
+            own[FAULT] = float(int(own[FAULT]) | fault)
+        own[MODE] = STOPPED
+    elif request == RESET and own[MODE] == STOPPED and at_rest and not wrong:
+        own[FAULT] = 0.0
+        own[SCALE], own[ENDING], own[HOLDING] = 0.0, 0.0, 0.0
+        own[LATENESS] = 1.0
+        own[MODE] = RETURNING
+    if own[MODE] == RETURNING and near:
+        own[MODE] = RUNNING
+    return wrong

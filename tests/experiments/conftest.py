@@ -1,0 +1,12 @@
+"""What the tests of studies share."""
+
+import pytest
+
+from dqcontrol.reports import study_report
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Save studies without their figures, which take a hundred times as long as a study of a few short runs."""
+    monkeypatch.setattr(study_report, "write_comparison_figures", lambda records, folder: {})
+    monkeypatch.setattr(study_report, "_write_repeats", lambda study, folder: {})

@@ -1,0 +1,189 @@
+"""Whether runs did what was asked: what counts as reached and followed, and what is said where they did not."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.errors import LimitWarning, TaskWarning
+from dqcontrol.experiments import check
+from dqcontrol.experiments.run_comparison import summary
+from dqcontrol.loop.record import Record
+from dqcontrol.measures.task_result import task_result
+from dqcontrol.reports.run_verdicts import run_verdicts
+
+IIWA = {"name": "task", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
+AX18 = {"name": "task", "robot": "ax18", "start": [0.2, -0.3, 1.3, -1.0, 0.3], "period": 0.01}
+SERVO = {"kind": "servo"}
+
+
+def record_of(desired_x, hand_x, period=0.01, stopped="duration"):
+    """Return a record whose hand and target move along x."""
+    n = len(desired_x)
+    one = np.tile([1.0, 0, 0, 0], (n, 1))
+    pose, desired = (
+        dqc.algebra.pose(one, np.column_stack([x, np.zeros((n, 2))])) for x in (hand_x, desired_x)
+    )
+    samples = np.zeros((n, 21))
+    samples[:, :8], samples[:, -1] = desired, period * np.arange(n)
+    q = np.zeros((n, 1))
+    return Record(samples[:, -1], q, q, q, pose, samples, ("a",), stopped=stopped)
+
+
+@pytest.mark.parametrize(("left", "outcome"), [(0.0099, "reached"), (0.0101, "not reached")])
+def test_within_two_percent_of_the_way_is_reached(left, outcome):
+    time = np.linspace(0, 1, 101)
+    hand = np.where(time < 0.5, time, 0.5 - left)
+    assert task_result(record_of(np.full(101, 0.5), hand)).outcome == outcome
+
+
+def test_a_millimetre_is_always_reached_and_two_are_said():
+    time = np.linspace(0, 1, 101)
+    goal = np.full(101, 0.01)
+    assert task_result(record_of(goal, goal - 0.0009 * (time > 0))).words == "reached"
+    assert task_result(record_of(goal, goal - 0.002 * (time > 0))).words == "not reached: rests 2 mm off"
+
+
+def test_an_error_that_comes_and_goes_is_not_reached():
+    time = np.linspace(0, 1, 101)
+    swinging = 0.5 + 0.1 * np.cos(40 * np.pi * time + np.pi / 2)
+    assert abs(swinging[-1] - 0.5) < 1e-6
+    assert task_result(record_of(np.full(101, 0.5), swinging)).words.startswith("not reached: still moves")
+
+
+def test_a_tenth_of_the_motion_is_followed():
+    motion = 0.1 * np.sin(np.linspace(0, 6 * np.pi, 3001))
+    rms = 0.1 / np.sqrt(2)
+    assert task_result(record_of(motion, motion + 0.099 * rms)).outcome == "followed"
+    found = task_result(record_of(motion, motion + 0.102 * rms))
+    assert found.words == f"not followed: errs by {102 * rms:.3g} mm RMS"
+    assert task_result(record_of(motion, motion, stopped="diverged at 1 s: x")).outcome == "failed"
+
+
+def test_only_the_part_that_a_law_controls_is_judged():
+    base = AX18 | {
+        "reference": {"kind": "circle", "radius": 0.03, "duration": 6, "plane": "xy"},
+        "plant": SERVO,
+    }
+    part = dqc.run(base | {"law": {"kind": "partial-proportional", "part": "position", "gain": 15}})
+    assert part.metrics.task == "followed"
+    assert part.metrics.orientation.rms > 5
+    assert dqc.run(base | {"law": part.law}).metrics.task == "followed"
+    spec = IIWA | {"reference": {"kind": "set-point", "duration": 4, "offset": {"rotation": [0.5, 0, 0]}}}
+    spec["law"] = {"kind": "partial-proportional", "part": "axis", "gain": 4, "axis": [1, 0, 0]}
+    turned = dqc.run(spec | {"plant": SERVO})
+    assert turned.metrics.task == "reached", "about the axis itself nothing is asked for"
+
+
+def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
+    spec = IIWA | {"law": {"kind": "proportional", "gain": 1}, "plant": SERVO}
+    spec["reference"] = {"kind": "set-point", "duration": 1, "offset": {"translation": [0, 0.2, 0]}}
+    with pytest.warns(
+        TaskWarning, match=r"^proportional · servo: not reached: still moves .* mm off: .*duration"
+    ):
+        run = dqc.run(spec)
+    rows: dict[Any, Any] = {row[0]: row for row in run_verdicts(run, None).rows}
+    assert rows["End"][1:2] == ["fell short"]
+    assert rows["Task"][1].good is False
+    assert "counts as reached up to 4 mm, 0.57°" in rows["Task"][2]
+    table = summary({"K": run})
+    assert table.texts()[0][[column.title for column in table.columns].index("task")] == run.metrics.task
+
+
+def test_an_arm_with_five_joints_is_told_before_and_after():
+    """A pose takes six; the nearest that ideal joints come to the circle is told before anything moves."""
+    spec = AX18 | {
+        "reference": {"kind": "circle", "radius": 0.03, "duration": 6, "plane": "xy"},
+        "plant": SERVO,
+    }
+    spec["law"] = {"kind": "proportional", "gain": 8}
+    (remark,) = check(spec).remarks()
+    assert "cannot be followed by ax18" in remark
+    assert "5 joints" in remark
+    assert "partial-proportional" in remark
+    with pytest.warns(TaskWarning, match="not followed: .*partial-proportional"):
+        run = dqc.run(spec)
+    told = float(remark.partition("errs by ")[2].split()[0])
+    assert run.metrics.position.rms == pytest.approx(told, rel=0.1)
+    assert not list(
+        check(spec | {"law": {"kind": "partial-proportional", "part": "position", "gain": 8}}).remarks()
+    )
+
+
+def test_velocities_that_a_path_needs_are_told_before_and_after():
+    circle = {"kind": "circle", "radius": 0.05, "duration": 0.3, "plane": "xz"}
+    spec = IIWA | {"reference": circle, "law": {"kind": "proportional-feedforward", "gain": 10}}
+    spec["plant"] = {"kind": "integrator"}
+    (remark,) = [text for text in check(spec).remarks() if "velocity limit, at t" in text]
+    told = float(remark.partition(" at ")[2].split()[0]) / 100
+    with pytest.warns(
+        LimitWarning, match=r"commands up to .* % of the velocity limits, in .* limits: \{velocity: true\}"
+    ):
+        run = dqc.run(spec)
+    assert run.metrics.peak_velocity_share == pytest.approx(told, rel=0.05)
+    assert told > 1
+    slower = circle | {"duration": 0.3 * told * 1.05}
+    assert not list(check(spec | {"reference": slower}).remarks())
+
+
+PANDA = {
+    "name": "far",
+    "robot": "panda",
+    "start": [0, -0.4, 0, -2, 0, 1.6, 0.8],
+    "period": 0.008,
+    "duration": 6,
+    "reference": {"kind": "set-point", "start": {"position": [0.35, 0.45, 0.55]}},
+    "law": {"kind": "proportional", "gain": 14},
+    "plant": {"kind": "mujoco"},
+}
+
+
+def test_physics_reaches_at_the_recommended_gain_far_from_the_target():
+    """Without velocity limits the joints thrash at 480 rad/s and the run ends 0.4 m off, which is said."""
+    pytest.importorskip("mujoco")
+    checks = check(PANDA)
+    assert checks[0].verdict == "oscillatory" or checks[0].worst.limits.recommended / 0.008 >= 14
+    run = dqc.run(PANDA)
+    assert run.metrics.task == "reached"
+    assert run.metrics.peak_velocity_share == pytest.approx(1)
+    assert 0 < run.metrics.saturation < 0.2
+    assert "velocity: true" in run.spec
+    with pytest.warns(TaskWarning, match="not reached"):
+        dqc.run(PANDA | {"limits": {"velocity": False}, "duration": 2})
+
+
+def test_where_velocity_limits_are_on_unless_told_otherwise():
+    arm = dqc.load_robot("iiwa7")
+    plants = dqc.plants
+    found = {
+        str(plant): plants.limits_before(plant, None, arm).velocity
+        for plant in (
+            plants.Integrator(),
+            plants.Servo(),
+            plants.Servo(command_mode="measured"),
+            plants.MujocoPlant(),
+            plants.CompliantPlant(),
+        )
+    }
+    assert list(found.values()) == [False, True, False, True, True]
+    off = dqc.limits.CommandLimits(velocity=False)
+    assert plants.limits_before(plants.Servo(), off, arm).velocity is False
+
+
+def test_simulate_and_a_study_of_several_plants_decide_for_each_plant():
+    far = {"kind": "set-point", "duration": 1, "offset": {"translation": [0, 0.4, 0]}}
+    spec = IIWA | {"reference": far, "law": {"kind": "proportional", "gain": 15}}
+    spec["plants"] = {"ideal": {"kind": "integrator"}, "servo": SERVO}
+    study = dqc.run_study(spec, jobs=1)
+    peaks = [row["peak_velocity_share"] for row in study.rows]
+    assert peaks[0] > 1.5
+    assert peaks[1] == pytest.approx(1)
+    arm, q = dqc.load_robot("iiwa7"), IIWA["start"]
+    goal = dqc.references.SetPoint(
+        dqc.algebra.pose(arm.fkm(q)[:4], dqc.algebra.translation(arm.fkm(q)) + np.array([0, 0.4, 0]))
+    )
+    law = dqc.laws.Proportional(gain=15.0)
+    by_hand = dqc.simulate(arm, goal, law, dqc.plants.Servo(), q, period=0.01, duration=1.0)
+    (servo,) = [run for label, run in study.runs.items() if "servo" in label]
+    assert np.array_equal(by_hand.q, servo.q)

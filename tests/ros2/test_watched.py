@@ -1,0 +1,309 @@
+"""A robot that is watched: signals, controllers that stand still, clocks that jump, strangers, heartbeat, enabling."""
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
+
+from conftest import PATIENCE, PATIENT, read_until
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64MultiArray
+
+import dqcontrol as dqc
+from dqcontrol.errors import Error
+from dqcontrol.loop.clock import allows_real_time
+from dqcontrol.loop.control import Phase
+from dqcontrol.ros2.interfaces import COMMANDS
+from dqcontrol.ros2.loading import load
+
+FORKS = Path(__file__).with_name("forks.py")
+CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 60.0, "turns": 10}  # 0.052 m/s
+SPEED = 2 * np.pi * CIRCLE["radius"] * CIRCLE["turns"] / CIRCLE["duration"]
+IIWA = dqc.load_robot("iiwa7")
+
+
+@pytest.fixture
+def pair(spec, node):
+    """Return what makes a configured controller and a robot in this process, and what makes another controller."""
+    from dqcontrol.ros2.controller_node import ControllerNode
+    from dqcontrol.ros2.robot_node import RobotNode
+
+    def make(**changes):
+        path = spec(reference=CIRCLE, **changes)
+        robot = RobotNode(load(path))
+        node.host(robot)
+        return configured(path), robot
+
+    def configured(path, name="dqcontrol"):
+        controller = ControllerNode(path, name=name)
+        controller.configure()
+        # A machine full of other tests is no robot's computer, and who comes later finds the arm anywhere.
+        for parameter, value in (("supervisor.stale_after", 1.0), ("start_tolerance", 3.0)):
+            controller.set_parameters([Parameter(parameter, value=value)])
+        node.host(controller)
+        return controller
+
+    return make, lambda: configured(spec(reference=CIRCLE), "second")
+
+
+def activated(node, controller):
+    """Activate as soon as that is allowed."""
+
+    def tries():
+        try:
+            controller.following.activate()
+        except Error:
+            return False
+        return True
+
+    assert node.serve(tries)
+    assert node.serve(lambda: np.abs(controller.following.control.rate).max() > 0.05)
+
+
+def test_a_controller_that_stood_still_stops_and_says_so_and_its_reference_has_waited(pair, node):
+    controller, _ = pair[0]()
+    activated(node, controller)
+    control, reached = controller.following.control, controller.following.control.desired[-1]
+    time.sleep(1.5)  # as if SIGSTOP had come: nobody serves
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.outcome.startswith("emergency stop: the controller stood still for 1.")
+    assert control.desired[-1] - reached < 1.0
+    control.reset()
+    controller.following.let_go()
+    activated(node, controller)
+
+
+def test_stamps_that_jump_stop_it(pair, node):
+    controller, robot = pair[0]()
+    activated(node, controller)
+    before = controller.following.control.desired[-1]
+    robot._origin += 3_000_000_000
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.outcome.startswith("emergency stop: the stamps of the joint states jumped by 3")
+    assert controller.following.control.desired[-1] - before < 1.5
+
+
+def test_a_robot_obeys_one_controller_and_is_heard_from_one_place(pair, node):
+    make, another = pair
+    (controller, robot), second = make(), another()
+    activated(node, controller)
+    with pytest.raises(
+        Error, match=r"activate: /dqcontrol publishes on /forward_velocity_controller/commands too"
+    ):
+        second.following.activate()
+    stranger = node.create_publisher(Float64MultiArray, "/forward_velocity_controller/commands", 1)
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.outcome == (
+        "emergency stop: /probe publishes on /forward_velocity_controller/commands too; a robot obeys one at a time"
+    )
+    assert node.serve(lambda: "several publish on" in robot._condition()[1])
+    node.destroy_publisher(stranger)
+    controller.following.control.reset()
+    controller.following.let_go()
+    activated(node, second)
+    node.create_publisher(JointState, "/joint_states", 1)
+    assert node.serve(lambda: second.phase is Phase.STOPPED)
+    assert second.outcome == "emergency stop: several publish on /joint_states: /probe, /robot"
+    second.following.control.reset()
+    second.following.let_go()
+    with pytest.raises(Error, match=r"activate: several publish on /joint_states"):
+        second.following.activate()
+
+
+def test_it_moves_only_while_enabled_and_its_heart_beats_while_it_does(pair, node):
+    controller, _ = pair[0]()
+    controller.set_parameters([Parameter("enable_timeout", value=1.0)])
+    beats = []
+    node.create_subscription(Bool, "/dqcontrol/heartbeat", lambda m: beats.append(m.data), 100)
+    enable = node.create_publisher(Bool, "/dqcontrol/enable", 1)
+    assert node.serve(lambda: len(beats) > 3)
+    assert not any(beats)
+    with pytest.raises(Error, match="activate: not enabled"):
+        controller.following.activate()
+    giving = node.create_timer(0.1, lambda: enable.publish(Bool(data=True)))
+    activated(node, controller)
+    beats.clear()
+    assert node.serve(lambda: len(beats) > 3)
+    assert all(beats)
+    giving.cancel()
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.outcome == "emergency stop: not enabled"
+    beats.clear()
+    assert node.serve(lambda: len(beats) > 3)
+    assert not any(beats[1:])
+
+
+def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node):
+    controller, _ = pair[0]()
+    activated(node, controller)
+    (done,) = controller.set_parameters([Parameter("law.gain", value=1e6)])
+    assert not done.successful
+    assert done.reason == (
+        "law: position unstable: k = 1e+06 1/s, spectral radius 1.81e+03; the parameter allow_unstable lets it through"
+    )
+    (done,) = controller.set_parameters([Parameter("law.gain", value=6.0)])
+    assert done.successful
+    assert controller.phase is Phase.ACTIVE
+
+
+class Forks:
+    """Runs commands of ours one after the other in forks of one process."""
+
+    def __init__(self, spec, folder):
+        self._log = folder / "log"
+        self._process = subprocess.Popen(
+            [sys.executable, str(FORKS), str(spec)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert self._process.stdout
+        self._said = self._process.stdout
+        assert self._said.readline() == "ready\n"
+
+    def start(self, words, background):
+        self._log.unlink(missing_ok=True)
+        line = {"words": ["ros2", *map(str, words)], "log": str(self._log), "background": background}
+        print(json.dumps(line), file=self._process.stdin, flush=True)
+        return int(self._said.readline())
+
+    def end(self, child):
+        """Return exit code and log; a child that was not yet there to hear a signal gets another one."""
+        if not select.select([self._said], [], [], PATIENCE / 4)[0]:
+            assert not self.begun, self._log.read_text()
+            os.kill(child, signal.SIGTERM)
+        return int(self._said.readline()), self._log.read_text()
+
+    def kill(self, child, number):
+        self.begun = self._log.exists() and self._log.stat().st_size > 0
+        os.kill(child, number)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        os.killpg(self._process.pid, signal.SIGKILL)  # a child too, if a test has failed
+        self._process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["controller", "robot"])
+def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, start, node, tmp_path, kind):
+    """So many as SIGNALS in the environment says; each node was once sent 1000."""
+    count, seed = int(os.environ.get("SIGNALS", "25")), time.time_ns() % 100_000
+    print("seed", seed)
+    rng, path, commands, speeds = np.random.default_rng(seed), spec(reference=CIRCLE), [], []
+    topic, message_type = COMMANDS["velocity"]
+    node.create_subscription(message_type, topic, lambda m: commands.append(m.data), 1000)
+    node.create_subscription(
+        JointState, "/joint_states", lambda m: speeds.append(np.abs(m.velocity).max()), 10
+    )
+    words, moved = (kind, path), 0
+    if kind == "controller":
+        start("robot", path, until="serves")
+        words = (*words, "--autostart", *PATIENT)
+    with Forks(path, tmp_path) as forks:
+        for trial in range(count):
+            commands.clear()
+            child = forks.start(words, background := bool(rng.random() < 0.5))
+            node.serve(seconds=rng.uniform(0.05, 3.0 if kind == "controller" else 1.0))
+            number = signal.SIGINT if rng.random() < 0.5 else signal.SIGTERM
+            forks.kill(child, number)
+            code, log = forks.end(child)
+            about = f"trial {trial}, {number.name}, background {background}, code {code}:\n{log}"
+            # Before there is a node it is 130; before its first line the system may have ended it.
+            assert code in (0, 130) or (code == -number and not log), about
+            for word in ("Traceback", "ignored in", "terminate called"):
+                assert word not in log, about
+            if kind == "controller":
+                speeds.clear()
+                assert node.serve(
+                    lambda: speeds and speeds[-1] == 0.0 and not (commands and any(commands[-1]))
+                ), about
+                moved += any(any(command) for command in commands)
+    assert kind == "robot" or moved > count / 10
+    print("moved in", moved)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interface", list(COMMANDS))
+@pytest.mark.parametrize("pause", [1.0, 3.0])
+def test_a_frozen_controller_never_lunges(spec, start, node, interface, pause):
+    path, heard = spec(reference=CIRCLE, plant={"kind": "integrator"}), []
+
+    def hear(message):
+        heard.append((message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, *message.position))
+
+    node.create_subscription(JointState, "/joint_states", hear, 1000)
+    start("robot", path, "--interface", interface)
+    words = (
+        "controller",
+        path,
+        "--interface",
+        interface,
+        "--autostart",
+        "--",
+        "-p",
+        "supervisor.stale_after:=0.3",
+    )
+    controller = start(*words, until="active")
+    node.serve(seconds=1.5)  # past the start's ramp, which may be faster
+    frozen = len(heard)
+    controller.send_signal(signal.SIGSTOP)
+    node.serve(seconds=pause)
+    controller.send_signal(signal.SIGCONT)
+    assert "the controller stood still for" in read_until(controller, "stopped:")
+    node.serve(seconds=0.5)
+    times, joints = np.array(heard)[frozen:, 0], np.array(heard)[frozen:, 1:]
+    hand = dqc.algebra.translation(IIWA.fkm(joints))
+    speeds = np.linalg.norm(np.diff(hand, axis=0), axis=1) / np.diff(times)
+    print(f"{interface}, {pause} s: {speeds.max() / SPEED:.3f} of the reference's speed")
+    assert speeds.max() <= 1.1 * SPEED
+    assert speeds[-1] == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interface", list(COMMANDS))
+def test_when_the_robot_dies_on_a_busy_machine_commands_come_to_rest_within_a_tenth_of_a_second(
+    spec, start, node, interface
+):
+    path, moving = spec(reference=CIRCLE), []
+    before = [np.zeros(7)]
+
+    def hear(message, info):
+        if interface == "position":
+            rate, before[0] = np.abs(np.array(message.data) - before[0]), np.array(message.data)
+        else:
+            rate = np.abs(message.data if interface == "velocity" else message.points[0].velocities)
+        if rate.max() > 0:
+            moving.append(info["source_timestamp"] * 1e-9)
+
+    topic, kind = COMMANDS[interface]
+    node.create_subscription(kind, topic, hear, 1000)
+    priority = ["--priority", 20] if allows_real_time(20) else []
+    robot = start("robot", path, "--interface", interface, *priority)
+    controller = start("controller", path, "--interface", interface, "--autostart", *priority, until="active")
+    assert node.serve(lambda: len(moving) > 100)
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(10)]
+    try:
+        node.serve(seconds=0.5)
+        assert controller.poll() is None
+        killed = time.time()
+        robot.kill()
+        node.serve(seconds=2.0)
+    finally:
+        for one in busy:
+            one.kill()
+    print(f"{interface}: {1e3 * (moving[-1] - killed):.0f} ms")
+    assert moving[-1] - killed < 0.1
