@@ -89,9 +89,9 @@ def test_questions_are_asked_and_answers_checked(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("what", "some"),
     [
-        ("laws", ["proportional-feedforward", "gain"]),
+        ("laws", ["proportional-feedforward", "gain", "J_w⁺ [−k_O"]),
         ("references", ["circle", "via-points", "radius"]),
-        ("plants", ["servo", "delay"]),
+        ("plants", ["servo", "integrator"]),
     ],
 )
 def test_lists_of_kinds(capsys, what, some):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, get_args
 
 import msgspec
 
 from dqcontrol.cli.screen import print_table
 
+_SOURCE = re.compile(r"\.? \[(P16|S17|[^]]*\d{4})[^]]*\]")  # where a formula comes from
 _SHARED = {
     "null_space",
     "inverse",
@@ -50,14 +52,13 @@ def _print_kinds(title: str, union: Any, hidden: str = "") -> None:
         tag = str(kind.__struct_config__.tag)
         keys = [each for each in msgspec.structs.fields(kind) if each.encode_name not in _SHARED]
         needed = [each.encode_name for each in keys if each.required]
-        others = [each.encode_name for each in keys if not each.required]
         if tag != hidden:
-            rows.append([tag, _first_sentence(kind), ", ".join(needed), ", ".join(others)])
-    columns = [Column("kind"), Column("what it is"), Column("needs"), Column("takes too")]
+            rows.append([tag, _first_sentence(kind), ", ".join(needed)])
+    columns = [Column("kind"), Column("what it is"), Column("needs")]
     print_table(Table(columns, rows, f"{title}: {{kind: …}}"))
 
 
 def _first_sentence(kind: type) -> str:
     """Return the first line of a class' docstring, without what refers to sources."""
     line = (kind.__doc__ or "").strip().splitlines()[0]
-    return line.partition(" [")[0].partition("; see `")[0].replace("`", "").rstrip(".")
+    return _SOURCE.sub("", line).partition("; see `")[0].replace("`", "").rstrip(".")
