@@ -206,7 +206,7 @@ SPIRAL = {"kind": "spiral", "radius": 0.1, "length": 0.1, "duration": 6}
         ({**CIRCLE, "jerk_limits": {**LIMITS, "angular_jerk": 1}}, ShapeError,
          r"^reference\.jerk_limits: angular_velocity: missing"),
         ({**CIRCLE, "transform": {"quaternion": [1, 1, 0, 0]}}, RANGE,
-         r"^reference\.transform\.quaternion: must have norm 1 within 0.001, got 1\.41421; normalised it is "),
+         r"^reference\.transform\.quaternion: must have norm 1 within 0.001, got 1\.41421356; normalised it is "),
         ({**CIRCLE, "plane": [[1, 0, 0], [1, 1, 0]]}, RANGE, r"^reference\.plane: must have perpendicular"),
         (sequence(PAUSE, {**CIRCLE, "plane": [[1, 0, 0], [1, 1, 0]]}), RANGE,
          r"^reference\.references\[1\]\.plane: must have perpendicular axes, got 45 degrees"),

@@ -122,7 +122,7 @@ def test_texts_stay_texts():
 
 def test_four_digits_of_a_quaternion_are_normalised_with_a_note():
     start = {"quaternion": [0.7071, 0, 0.7071, 0]}
-    with pytest.warns(NoteWarning, match=r"reference.start.quaternion: normalised; its norm was 0.99999"):
+    with pytest.warns(NoteWarning, match=r"reference.start.quaternion: normalised; its norm was 0.9999"):
         prepare({**SPEC, "reference": {**SPEC["reference"], "start": start}})
     with pytest.raises(
         ValueRangeError,

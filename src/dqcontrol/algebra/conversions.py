@@ -235,7 +235,7 @@ def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
         raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {got}{hint}")
     if (off > UNIT_TOLERANCE).any():
         warnings.warn(
-            f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.6g}", NoteWarning, stacklevel=2
+            f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.8g}", NoteWarning, stacklevel=2
         )
     return r / norm
 

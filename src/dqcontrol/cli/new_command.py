@@ -45,8 +45,16 @@ def new(
     ----------
     file
         New YAML file.
-    robot, motion, period, law, plant
-        Answers; what is not given is asked.
+    robot
+        Name, .urdf or .yaml file; asked, as all that is not given.
+    motion
+        circle, square, spiral or set-point.
+    period
+        Of control, as 8 ms, or its rate, as 125 Hz.
+    law
+        proportional, proportional-feedforward or both.
+    plant
+        servo, integrator or mujoco.
     yes
         Ask nothing: take the defaults for what is not given.
     force

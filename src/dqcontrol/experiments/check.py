@@ -190,7 +190,7 @@ class LoopCheck:
 
     def _advice(self, loop: Loop) -> str:
         recommended = loop.limits.recommended / self.period
-        half = abs(loop.gain.value) ** 2 / 2
+        half = abs(loop.gain.value) * abs(loop.gain.value) / 2  # infinite where ** would raise
         if not recommended:
             if loop.gain.integral_share:
                 return f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
