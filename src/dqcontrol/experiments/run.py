@@ -143,7 +143,8 @@ class Run:
     def task(self) -> TaskResult:
         """Whether it did what was asked."""
         record = as_judged(self.record, self.robot, self.judged)
-        return task_result(record, law=self.law, settle=min(self.settle, record.duration))
+        settle = min(self.settle, record.duration)
+        return task_result(record, law=self.law, settle=settle, robot=self.robot)
 
     def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
@@ -224,7 +225,7 @@ def measure(
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_judged(record, robot, judged)
-    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law)
+    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law, robot=robot)
     return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 

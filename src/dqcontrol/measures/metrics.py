@@ -23,6 +23,7 @@ from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
+from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
@@ -211,6 +212,7 @@ def evaluate(
     settle: float = 0.0,
     tolerance: float | None = None,
     law: Law | None = None,
+    robot: Robot | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -226,6 +228,8 @@ def evaluate(
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
     law
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
+    robot
+        That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
 
     Raises
     ------
@@ -285,7 +289,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, settle=settle).words,
+            task=task_result(record, law=law, settle=settle, robot=robot).words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),
