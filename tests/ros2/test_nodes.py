@@ -46,7 +46,7 @@ def in_process(path, interface, folder):
         measured = plant.measured.copy()
         control.step(k * period, measured, 0.0)
         assert control.phase is Phase.ACTIVE
-        recorder.take(control, k * period, k * period)
+        recorder.take(control, k * period)
         plant.step(control.command)
     recorder.end(Phase.INACTIVE, "duration")
     record = load_record(folder / "record.mcap")

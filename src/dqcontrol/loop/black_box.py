@@ -65,7 +65,8 @@ class BlackBox:
         desired
             Sample of the reference, shape (21,).
         q, measured
-            True (or again measured) and measured configuration, shape (n,), rad or m.
+            True (or again measured) and measured configuration, shape (n,), rad or m; numbers that are not finite
+            are drawn as the last ones that were.
         command
             Inputs that left, shape (m,), rad/s or m/s.
         code
@@ -89,7 +90,7 @@ class BlackBox:
         if not self._count:
             raise Error("black box: holds no samples yet")
         order = np.arange(self._count - len(self), self._count) % len(self._desired)
-        q, desired = self._q[order], self._desired[order]
+        q, desired = _last_known(self._q[order]), self._desired[order]
         return Record(
             desired[:, TIME],
             q,
@@ -102,3 +103,10 @@ class BlackBox:
             stopped=stopped,
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), self._codes[order])},
         )
+
+
+def _last_known(rows: Array) -> Array:
+    """Return rows in which each number that is not finite is the last one before that was; 0 if there is none."""
+    known = np.isfinite(rows)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(rows))[:, None], 0), axis=0)
+    return np.nan_to_num(np.take_along_axis(rows, last, axis=0), nan=0.0, posinf=0.0, neginf=0.0)
