@@ -82,7 +82,7 @@ def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_b
                 control.deactivate()
             elif k == 30:
                 control.emergency_stop()
-            control.step(0.01 * k, start, 0.0)
+            control.step(0.01 * k, control.position.copy(), 0.0)  # as a robot that obeys at once
             recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
                 break

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +16,17 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
 from conftest import PATIENCE, PATIENT, read_until
+from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error
+from dqcontrol.experiments import load_run
 from dqcontrol.loop.clock import allows_real_time
 from dqcontrol.loop.control import Phase
-from dqcontrol.ros2.interfaces import COMMANDS
+from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, WRENCH
 from dqcontrol.ros2.loading import load
 
 FORKS = Path(__file__).with_name("forks.py")
@@ -145,6 +148,62 @@ def test_it_moves_only_while_enabled_and_its_heart_beats_while_it_does(pair, nod
     beats.clear()
     assert node.serve(lambda: len(beats) > 3)
     assert not any(beats[1:])
+
+
+def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_stop_leaves_its_last_seconds(
+    spec, node, diagnostics, tmp_path
+):
+    from dqcontrol.ros2.controller_node import ControllerNode
+
+    bounds = {"effort": 50.0, "contact_force": 20.0, "stale_after": 1.0}
+    path, out = spec(supervisor=bounds), tmp_path / "out"
+    controller = ControllerNode(path, source="twist", out=out)
+    controller.configure()
+    node.host(controller)
+    following, wrench = controller.following, WrenchStamped()
+    told = JointState(name=list(IIWA.joint_names), position=following.loaded.case.scene.start.tolist())
+    states, wrenches = (node.create_publisher(kind, topic, 1) for kind, topic in (
+        (JointState, JOINT_STATES), (WrenchStamped, WRENCH),
+    ))  # fmt: skip
+    node.create_subscription(COMMANDS["velocity"][1], COMMANDS["velocity"][0], lambda _: None, 1)
+
+    def tell():
+        told.header.stamp = node.get_clock().now().to_msg()
+        states.publish(told)
+        if wrench.header.frame_id:
+            wrenches.publish(wrench)
+
+    def is_active():
+        if controller.phase is Phase.INACTIVE:
+            with suppress(Error):
+                following.activate()
+        return controller.phase is Phase.ACTIVE
+
+    node.create_timer(0.01, tell)
+    assert node.serve(lambda: "7 names, but 0 efforts" in last_refused(diagnostics))
+    told.effort = [10.0] * 7
+    assert node.serve(lambda: following.age < 0.5)
+    with pytest.raises(Error, match=r"activate: no wrench on /force_torque_sensor_broadcaster/wrench"):
+        following.activate()
+    wrench.header.frame_id = "tool0"
+    assert node.serve(is_active)
+    wrench.wrench.force.z = 30.0
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.outcome == "stop category 1: contact"
+    assert node.serve(lambda: diagnostics["/dqcontrol"][1]["stop category"].startswith("1: "))
+    wrench.wrench.force.z = 0.0
+    assert node.serve(lambda: following._felt.wrench[2] == 0.0)
+    following.control.reset()
+    assert node.serve(is_active)
+    told.effort = [10.0] * 6 + [60.0]
+    assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    controller.recorder.save()
+    for name, reason in (("black-box", "contact"), ("black-box-2", "joint effort too large")):
+        assert load_run(out / name).record.stopped == f"halted: stop category 1: {reason}"
+
+
+def last_refused(diagnostics):
+    return diagnostics.get("/dqcontrol", ("", {}))[1].get("last refused", "")
 
 
 def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node):

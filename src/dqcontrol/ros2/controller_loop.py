@@ -92,7 +92,9 @@ class Following:
         self.control: Control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._origin = self._passed = self._stepped = self._steady_since = 0.0  # s, by stamps, and by our clock
+        self._origin = self._passed = self._stepped = self._steady_since = (
+            0.0  # s, by stamps, and by our clock
+        )
         self._slept, self._due = False, np.inf
         self.longest_period = 0.0
         self._enabled = -np.inf

@@ -18,7 +18,11 @@ from dqcontrol.ros2.middleware import spin
 from dqcontrol.ros2.recorder import Recorder
 
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
-_CATEGORIES = {None: "none", 1: "1: at rest the power is to be removed", 2: "2: holds under power"}  # IEC 60204-1
+_CATEGORIES = {
+    None: "none",
+    1: "1: at rest the power is to be removed",
+    2: "2: holds under power",
+}  # IEC 60204-1
 
 
 class ControllerNode(Node):
