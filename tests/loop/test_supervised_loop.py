@@ -12,7 +12,6 @@ from dqcontrol.experiments import read_spec
 from dqcontrol.laws import ProportionalFeedforward
 from dqcontrol.limits import Supervisor, list_interventions
 from dqcontrol.loop import Clock, Supervision, close_loop
-from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.recording import save_black_box
 
@@ -168,7 +167,7 @@ def slow(made):
 
 def failing_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     if sample[-1] > 0.6:
-        raise ZeroDivisionError
+        raise ZeroDivisionError(repr(globals()))  # which does not compile: it is interpreted, and raises
     out[:] = 0.3 * np.cos(sample[-1])
 
 
@@ -305,17 +304,6 @@ def test_the_black_box_holds_the_last_seconds_and_is_drawn(arm, tmp_path):
     assert save_black_box(watched.black_box, tmp_path / "box", spec, trace.stopped).name == "box-2"
     figures(folder, formats=("png",), out=tmp_path / "figures")
     assert list((tmp_path / "figures").glob("*.png"))
-
-
-def test_a_black_box_is_written_though_measurements_were_no_numbers(arm, tmp_path):
-    box, desired = BlackBox(arm, T), np.zeros(21)
-    desired[:8] = arm.fkm(Q0)
-    for q in (Q0 * np.nan, Q0, Q0 + 0.1, Q0 * np.nan):
-        box.take(T, desired, q, q, np.zeros(7), 0.0)
-    folder = save_black_box(box, tmp_path / "box", "name: box\n", "measurement stale or impossible")
-    kept = dqc.recording.load_record(folder / "record.mcap")
-    assert np.array_equal(kept.q, [0 * Q0, Q0, Q0 + 0.1, Q0 + 0.1])
-    assert np.isnan(kept.measured[[0, -1]]).all()
 
 
 def test_what_a_plant_does_not_measure_is_not_supervised_silently(arm, circle):

@@ -65,8 +65,7 @@ class BlackBox:
         desired
             Sample of the reference, shape (21,).
         q, measured
-            True (or again measured) and measured configuration, shape (n,), rad or m; numbers that are not finite
-            are drawn as the last ones that were.
+            True (or again measured) and measured configuration, shape (n,), rad or m.
         command
             Inputs that left, shape (m,), rad/s or m/s.
         code
@@ -90,23 +89,21 @@ class BlackBox:
         if not self._count:
             raise Error("black box: holds no samples yet")
         order = np.arange(self._count - len(self), self._count) % len(self._desired)
-        q, desired = _last_known(self._q[order]), self._desired[order]
+        q, desired = self._q[order], self._desired[order]
+        finite = np.isfinite(q).all(
+            axis=1
+        )  # what an encoder said before it stopped the robot may be anything
+        pose = np.full((len(q), 8), np.nan)
+        pose[finite] = self._robot.fkm(q[finite])
         return Record(
             desired[:, TIME],
             q,
             self._measured[order],
             self._command[order],
-            self._robot.fkm(q),
+            pose,
             desired,
             self._robot.joint_names,
             self._robot.input_names,
             stopped=stopped,
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), self._codes[order])},
         )
-
-
-def _last_known(rows: Array) -> Array:
-    """Return rows in which each number that is not finite is the last one before that was; 0 if there is none."""
-    known = np.isfinite(rows)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(rows))[:, None], 0), axis=0)
-    return np.nan_to_num(np.take_along_axis(rows, last, axis=0), nan=0.0, posinf=0.0, neginf=0.0)
