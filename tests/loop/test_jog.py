@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import Error, ExistsError, ShapeError
+from dqcontrol.errors import Error, ExistsError, FallenError, ShapeError
 from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
 from dqcontrol.limits import list_interventions
 from dqcontrol.loop.jog import HELP, MOVES, Jog
@@ -146,6 +146,18 @@ def test_a_recording_that_cannot_be_written_stops_the_robot(jog, tmp_path):
     )
     with pytest.raises(Error, match="No space left"):
         recording.close()
+
+
+def test_a_robot_that_falls_over_is_stopped_and_says_so(jog):
+    def fall(command):
+        raise FallenError("toppled at 1 s")
+
+    hold(jog, "w", 0.1)
+    jog._plant.step = fall
+    for _ in range(50):
+        jog.step()
+    assert jog.is_stopped
+    assert jog.condition == "stopped: emergency stop: toppled at 1 s"
 
 
 @pytest.mark.parametrize("first", ["c", " "])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, FallenError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
@@ -104,7 +104,7 @@ class Jog:
         self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
         self.recording: SampleSink | None = None
-        self.spec = ""
+        self.spec = self._fallen = ""
 
     @property
     def period(self) -> float:
@@ -210,11 +210,14 @@ class Jog:
         self._time, self._done = self._time + self._dt, self._done + 1
         if isinstance(plant, CompiledPlant) and self._done % self._steps == 0:
             plant.rewind()
-        plant.step(control.command)
+        try:
+            plant.step(control.command)
+        except FallenError as error:  # it lies there, and may be looked at
+            self._fallen = str(error)
 
     @property
     def _fault(self) -> str:
-        return self._plant.fault if isinstance(self._plant, GuardedPlant) else ""
+        return self._fallen or (self._plant.fault if isinstance(self._plant, GuardedPlant) else "")
 
     def _move(self, axis: int, sign: int) -> None:
         asked = np.zeros((2, 3))
