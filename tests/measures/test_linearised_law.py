@@ -72,9 +72,7 @@ def errors_at_both_ends(robot, law, plant, start, steps, factor=1.0):
     errors = []
     for _ in range(steps):
         live.step(factor * prepared.command(live.measured, goal, state))
-        error = dqc.algebra.short(
-            dqc.algebra.multiply(dqc.algebra.conjugate(robot.fkm(live.q)), goal.pose)
-        )
+        error = dqc.algebra.short(dqc.algebra.multiply(dqc.algebra.conjugate(robot.fkm(live.q)), goal.pose))
         errors.append(np.linalg.norm(error - [1, 0, 0, 0, 0, 0, 0, 0]))
         if errors[-1] > 0.1:
             return errors[0], np.inf
@@ -153,7 +151,9 @@ def test_a_check_judges_an_own_law_and_a_run_warns():
     assert "by numeric linearisation at the start only" in slow.remark
     assert checks.unstable
     assert checks.table().texts()[0][-1] == "stable"
-    with pytest.warns(dqc.errors.StabilityWarning, match="unstable by numeric linearisation at the start only"):
+    with pytest.warns(
+        dqc.errors.StabilityWarning, match="unstable by numeric linearisation at the start only"
+    ):
         run(spec(law=laws["fast"]))
 
 

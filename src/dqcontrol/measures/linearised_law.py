@@ -83,7 +83,10 @@ def linearise_law(prepared: PreparedLaw, start: Array) -> LinearisedLaw | None:
     scale = np.concatenate([np.ones(m), np.maximum(1.0, np.abs(rest))])
     changes = _STEP * np.diag(scale)
     near, far = (
-        [np.column_stack([(step(sign * count * change) - here) / count for change in changes]) for sign in (1, -1)]
+        [
+            np.column_stack([(step(sign * count * change) - here) / count for change in changes])
+            for sign in (1, -1)
+        ]
         for count in (1, 2)
     )
     slope, wide = (near[0] - near[1]) / 2, (far[0] - far[1]) / 2
@@ -124,11 +127,16 @@ class NumericLoop:
         """Return the poles of the loop with its command multiplied by a factor, without what it leaves free."""
         law, m = self.law, len(self.law.feedthrough)
         joints = np.eye(m // self.model.inputs.shape[1])  # one stands for all, or all are there
-        transition, inputs = np.kron(self.model.transition, joints), factor * np.kron(self.model.inputs, joints)
-        closed = np.block([
-            [transition, inputs @ law.outputs],
-            [np.zeros((len(law.transition), len(transition))), law.transition],
-        ])
+        transition, inputs = (
+            np.kron(self.model.transition, joints),
+            factor * np.kron(self.model.inputs, joints),
+        )
+        closed = np.block(
+            [
+                [transition, inputs @ law.outputs],
+                [np.zeros((len(law.transition), len(transition))), law.transition],
+            ]
+        )
         closed[:, :m] += np.vstack([inputs @ law.feedthrough, law.inputs])
         poles = np.linalg.eigvals(closed)
         return poles[np.abs(poles - 1) > _MARGINAL].astype(np.complex128)
