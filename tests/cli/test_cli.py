@@ -128,11 +128,13 @@ def test_an_interrupted_study_says_how_it_goes_on(here, capsys, monkeypatch):
         patch.setattr(trials, "execute", interrupted)
         code, _, err = call("run", "repeats.yaml", capsys=capsys)
     assert code == 130
-    assert err.endswith("dqcontrol: interrupted; finished trials are kept, the same command goes on\n")
+    assert err.endswith(
+        "dqcontrol: interrupted; finished trials are kept: rerun the same command to resume\n"
+    )
     assert not (here / "results/tiny").exists()
     code, _, err = call("run", "repeats.yaml", capsys=capsys)
     assert code == 0
-    assert "dqcontrol: goes on; 2 of 3 trials were finished before\n" in err
+    assert "dqcontrol: resuming: 2 of 3 trials already done\n" in err
     assert not (here / "results/.tiny.part").exists()
 
 
