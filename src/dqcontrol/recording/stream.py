@@ -23,7 +23,7 @@ from dqcontrol.robots.robot import Robot
 Array = NDArray[np.float64]
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
-_CHUNK_DRAINS = 10  # in one chunk, of which the library keeps 1 kB of index in memory: 4 MB an hour
+_CHUNK_DRAINS = 10  # in one chunk, of which the library keeps 1 kB of index in memory
 _URGENCY = (
     1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
 )
