@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.black_box import BlackBox
@@ -168,7 +169,7 @@ def follow(
         q=trace.q,
         measured=trace.measured,
         command=trace.command,
-        pose=robot.fkm(trace.q),
+        pose=row_by_row(robot.fkm, trace.q),
         desired=done,
         joint_names=robot.joint_names,
         input_names=robot.input_names,
