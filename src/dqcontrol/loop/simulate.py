@@ -209,9 +209,11 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
     seconds = duration if duration is not None else reference.duration
     if not np.isfinite(seconds):
         raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
+    if not seconds / period < _MOST_STEPS:
+        raise ValueRangeError(
+            f"duration: {seconds:g} s are {seconds / period:.9g} periods; at most 10 million"
+        )
     steps = round(seconds / period) + 1
     if steps < 2:
         raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s")
-    if steps > _MOST_STEPS:
-        raise ValueRangeError(f"duration: {seconds:g} s are {steps} periods; at most 10 million")
     return steps
