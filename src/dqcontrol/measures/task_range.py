@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.files import long_array
+from dqcontrol.loop.record import Record, part_of, row_norms
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
@@ -162,8 +163,14 @@ def with_range(robot: Robot, record: Record) -> Record:
     """
     if not len(robot.drives):
         return record
-    found = task_range(robot, record)
-    values = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+    values, block = long_array.long_array(len(record), 3), long_array.BLOCK
+    for first in range(0, len(record), block):
+        begin = max(
+            first - 1, 0
+        )  # whether a joint rests is seen from the next sample, of the last from that before
+        found = task_range(robot, part_of(record, begin, first + block + 1))
+        columns = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+        values[first : first + block] = columns[first - begin :][:block]
     signal = Signal(RANGE, ("asked", "outside", "smallest_singular_value"), ("", "", ""), values)
     return replace(record, readings={**record.readings, RANGE: signal})
 
