@@ -11,6 +11,7 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 import dqcontrol
+from dqcontrol.extensions import POLICY, REFUSED
 
 USER_ERROR = 2
 INTERRUPTED = 130
@@ -57,8 +58,6 @@ def main() -> None:
     warnings.showwarning = _show_warning
     arguments = [word for word in sys.argv[1:] if word != "--no-code"]
     if len(arguments) < len(sys.argv) - 1:
-        from dqcontrol.extensions.user_code import POLICY, REFUSED  # only now: it loads NumPy
-
         os.environ[POLICY] = REFUSED
     if not sys.argv[1:]:
         from dqcontrol.cli.start_page import print_start_page

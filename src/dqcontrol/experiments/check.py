@@ -160,7 +160,7 @@ class LoopCheck:
     def largest_error(self) -> float:
         """About the error of a joint from which on limits of acceleration act, a/k², rad or m."""
         fastest = max((abs(loop.gain.value) for loop in self.loops), default=0.0)
-        return self.acceleration / fastest**2 if fastest else math.inf
+        return self.acceleration / fastest / fastest if fastest else math.inf  # a square could overflow
 
     @property
     def remark(self) -> str:
@@ -208,10 +208,10 @@ class LoopCheck:
 
     def _advice(self, loop: Loop) -> str:
         recommended = loop.limits.recommended / self.period
-        half = abs(loop.gain.value) * abs(loop.gain.value) / 2  # infinite where ** would raise
+        gain = abs(loop.gain.value)  # its square as a product, infinite where ** would raise
         if not recommended:
             if loop.gain.integral_share:
-                return f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
+                return f"choose k_I ≤ k²/2 = {gain * gain / 2:.3g} 1/s²"
             return "no gain makes it good: its errors turn as they shrink; take weights that are nearer to a diagonal"
         if loop.gain.lag and loop.gain.loop != "null space":
             return f"choose k̄ ≤ {4 * loop.gain.lag * recommended:.3g} 1/s²"
