@@ -23,9 +23,7 @@ from dqcontrol.robots.robot import Robot
 Array = NDArray[np.float64]
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
-_CHUNK = (
-    0.9  # s, recorded or on the clock, of one chunk; the library keeps 1 kB of index of each: 4 MB an hour
-)
+_CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of which the library keeps 1 kB of index in memory
 _URGENCY = (
     1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
 )
