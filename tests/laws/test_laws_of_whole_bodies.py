@@ -90,7 +90,7 @@ def test_those_that_move_bases_sideways_reach_it_without_drives_only(task, name)
 
 
 def test_open_loop_follows_a_plan(task):
-    """Its error is what the period leaves, where the inverse is exact: near singularities nothing makes up for damping."""
+    """With an exact inverse its error is what the period leaves; what damping takes near singularities is lost."""
     body, q, goal = task
     law, errors = laws.OpenLoop(inverse=laws.FilteredInverse(threshold=1e-3)), []
     for period in (0.02, 0.01):
