@@ -266,7 +266,7 @@ def execute(
         watch=watch,
         black_box=black_box,
     )
-    record = with_range(scene.robot, record)
+    record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:
         return record
     return with_certificate(scene.robot, record, case.variant.law, case.plant)
