@@ -47,7 +47,7 @@ def compare(
     from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
-    from dqcontrol.reports.compared_runs import write_comparison_figures
+    from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
     from dqcontrol.reports.provenance import AGAIN, command, origins
 
     if not folders:
@@ -65,7 +65,8 @@ def compare(
             (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
             write_table(table, new, "table")
             records = {label: run.record for label, run in runs.items()}
-            figures = write_comparison_figures(records, new)
+            unit = unit_of_way(run.robot for run in runs.values())
+            figures = write_comparison_figures(records, new, unit)
             places = [str(folder.resolve()) for folder in folders]
             write_report(
                 new,

@@ -39,10 +39,10 @@ from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
-from dqcontrol.plants import CompiledPlant
+from dqcontrol.plants import CompiledPlant, CompliantPlant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
-from dqcontrol.robots import Robot
+from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -166,10 +166,20 @@ class Setting:
             limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
             masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
             for array in (robot.chain, *limits, *masses, scene.samples):
-                digest.update(np.ascontiguousarray(array).tobytes())
+                digest.update(np.ascontiguousarray(array).data)
+            digest.update(repr((robot.joint_names, _bases(robot))).encode())
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
+        for plant in self.spec.plant_by_label.values():
+            if isinstance(plant, CompliantPlant) and plant.controllers:
+                digest.update(Path(plant.controllers).read_bytes())
         return digest.hexdigest()
+
+
+def _bases(robot: Robot) -> list[object]:
+    """Return the mobile bases of a robot, with wheels, limits and chassis; their ``repr`` says all of it."""
+    parts = robot.parts if isinstance(robot, WholeBody) else ()
+    return [part for part in parts if isinstance(part, HolonomicBase | DifferentialDrive)]
 
 
 def sources() -> str:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 
 Array = NDArray[np.float64]
@@ -110,7 +111,7 @@ class Reference(ABC):
             raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
         if (asked < 0).any():
             raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
-        out = np.empty((len(asked), SAMPLE_SIZE))
+        out = long_array(len(asked), SAMPLE_SIZE)
         for first in range(0, len(asked), _BLOCK):
             rows = slice(first, first + _BLOCK)
             inside, at_corner = self.snapped(asked[rows])

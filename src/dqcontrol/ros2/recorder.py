@@ -77,7 +77,7 @@ class Recorder:
             with suppress(Error):  # `save` says it, and the robot was stopped for it
                 self._stream.close(halted + outcome)
 
-    def keep(self, black_box: BlackBox, stopped: str, tell: Callable[[str], None]) -> None:
+    def keep(self, black_box: BlackBox, stopped: str, tell: Callable[[str], object]) -> None:
         """Write the last seconds before a stop beside the recording, in a thread: it takes up to some seconds.
 
         Parameters
@@ -95,7 +95,7 @@ class Recorder:
             self._keeping = threading.Thread(target=self._write, args=words, name="black box")
             self._keeping.start()
 
-    def _write(self, last_seconds: Record, tell: Callable[[str], None]) -> None:
+    def _write(self, last_seconds: Record, tell: Callable[[str], object]) -> None:
         switch = sys.getswitchinterval()
         sys.setswitchinterval(_SWITCH)
         try:

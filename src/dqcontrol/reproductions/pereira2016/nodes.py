@@ -78,7 +78,7 @@ def graph_spec(side: Side, law: str, plant: str) -> dict[str, Any]:
         raise unknown_name("law", law, laws)
     for key in ("sets", "repeats"):
         spec.pop(key, None)
-    return {**spec, "law": laws[law], "supervisor": side.supervisor}
+    return {**spec, "law": laws[law], "supervisor": dict(side.supervisor)}
 
 
 def commands(side: Side, spec: Path, plant: str) -> tuple[list[str], list[str]]:
