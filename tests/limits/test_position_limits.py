@@ -150,7 +150,9 @@ def test_a_thousand_random_runs_never_leave_the_limits():
                 assert (u[outwards] == 0).all()
                 continue
             least, most = ((lower - q) / T)[moved], ((upper - q) / T)[moved]
-            if (crossing := (wanted < least) | (wanted > most)).any():  # the others make up for the worst of them
+            if (
+                crossing := (wanted < least) | (wanted > most)
+            ).any():  # the others make up for the worst of them
                 worst = int((np.maximum(least - wanted, wanted - most) * crossing).argmax())
                 assert u[worst] == pytest.approx(np.clip(wanted, least, most)[worst], rel=1e-9, abs=1e-12)
             else:

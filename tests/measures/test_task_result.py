@@ -205,7 +205,9 @@ def test_a_law_that_rests_in_a_singularity_says_so(kind):
     spec = UPRIGHT | {"law": law}
     (told,) = (remark for remark in check(spec).remarks() if "singularity" in remark)
     assert "every command is zero; start elsewhere, or leave it with null_space" in told
-    with pytest.warns(TaskWarning, match="rests 100 mm off in a singularity: no joint can move .* start elsewhere"):
+    with pytest.warns(
+        TaskWarning, match="rests 100 mm off in a singularity: no joint can move .* start elsewhere"
+    ):
         run = dqc.experiments.run(spec)
     assert run.task.is_singular
     assert run.metrics.task == "not reached: rests 100 mm off in a singularity"
