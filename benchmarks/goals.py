@@ -61,7 +61,10 @@ def row(robot: dqc.WholeBody, law: laws.Law, goals: np.ndarray) -> list[float | 
         runs = [follow(robot, law, goal, limits) for goal in goals]
         reached = [bool((run.error[-SAMPLES:] < REACHED).all()) for run in runs]
         times = [run.duration - PERIOD * SAMPLES for run, done in zip(runs, reached, strict=True) if done]
-        lost = [task_range(robot, run).share[-1] for run, done in zip(runs, reached, strict=True) if not done]
+        ranges = [
+            task_range(robot, run, inverse=getattr(law, "inverse", laws.FilteredInverse())) for run in runs
+        ]
+        lost = [found.share[-1] for found, done in zip(ranges, reached, strict=True) if not done]
         cells += [sum(reached), *(float(np.median(each)) if each else None for each in (times, lost))]
     return cells
 

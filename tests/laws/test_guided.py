@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hand_twist import hand_jacobian, inverse_by_svd
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error
@@ -47,9 +48,10 @@ def test_command_is_the_definition(robot, share):
         ahead, left = c * away[0] + s * away[1], c * away[1] - s * away[0]
         z = 0.7 * np.r_[ahead, np.sin(away[2]), away[3:]]
         z[1] += 4.0 * inputs[0] * left
-        jacobian, sample = robot.twist_jacobian(q), way.at(time)
+        weight = np.array([LAW.inverse.characteristic_length] * 3 + [1.0] * 3)
+        jacobian, sample = weight[:, None] * hand_jacobian(robot, q), way.at(time)
         task = dqc.laws.Proportional(gain=1.5).command(robot, q, sample, 0.05)
-        expected = inputs + z + w * (task - np.linalg.pinv(jacobian) @ (jacobian @ z))
+        expected = inputs + z + w * (task - inverse_by_svd(jacobian, LAW.inverse) @ (jacobian @ z))
         np.testing.assert_allclose(law.command(q, sample, law.initial_state(q)), expected, atol=1e-6)
 
 

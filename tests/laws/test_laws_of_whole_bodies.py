@@ -90,11 +90,11 @@ def test_those_that_move_bases_sideways_reach_it_without_drives_only(task, name)
 
 
 def test_open_loop_follows_a_plan(task):
-    """Its error is what the period leaves: four times less with half of it."""
+    """With an exact inverse its error is what the period leaves; what damping takes near singularities is lost."""
     body, q, goal = task
-    errors = []
+    law, errors = laws.OpenLoop(inverse=laws.FilteredInverse(threshold=1e-3)), []
     for period in (0.02, 0.01):
-        record = dqc.simulate(body, DriveTo(body, q, goal), laws.OpenLoop(), Integrator(), q, period, 5.0)
+        record = dqc.simulate(body, DriveTo(body, q, goal), law, Integrator(), q, period, 5.0)
         errors.append(record.error[-1])
     print(errors)
     assert errors[0] < 5e-3

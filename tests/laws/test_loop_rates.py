@@ -24,6 +24,7 @@ from dqcontrol.laws import (
     Steps,
 )
 from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.laws.pose_law import GAIN
 
 SEED = 20260732
 T = 0.01
@@ -123,7 +124,7 @@ def test_rates_that_turn():
     law = LinearQuadraticR8(error_weight=1.0, control_weight=1.0)
     turning = np.eye(8)
     turning[1:3, 1:3] = [[2.0, -3.0], [3.0, 2.0]]
-    row = np.concatenate([np.zeros(4), turning.ravel(), np.zeros(8)])
+    row = np.concatenate([np.zeros(GAIN), turning.ravel(), np.zeros(8)])
     rates = claims(law, row[None])
     assert rates.orientation[0].real == pytest.approx(2)
     assert abs(rates.orientation[0].imag) == pytest.approx(3)

@@ -4,11 +4,12 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.figures import lyapunov
-from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.laws import FeedbackLinearization, FilteredInverse
 from dqcontrol.measures import Certificate, certificate
 from dqcontrol.measures.lyapunov import LYAPUNOV
 from dqcontrol.plants import Integrator
@@ -113,6 +114,27 @@ def test_range_of_an_arm_of_five_joints():
     left = wanted - arm.hand_jacobian(q) @ record.command[0]
     assert found.outside_range[0] == pytest.approx(np.linalg.norm(left), rel=1e-9)
     assert found.smallest_singular_value.max() == 0
+
+
+def test_v_falls_as_proven_where_rank_is_lost_in_its_own_measure_only():
+    """Five joints: V̇ ≤ −2 k_v |ξ̃|² up to O(T) with the law's default ℓ = 1 m; with another ℓ no period makes it so."""
+    arm = dqc.load_robot("ax18")
+    q = np.array([0.2, -0.6, 0.9, 0.5, 0.3])
+    goal = algebra.multiply(
+        arm.fkm(q + np.array([0.2, 0.1, -0.2, 0.3, 0.1])), algebra.exp_screw([0.1, 0.2, 0.05, 0, 0, 0])
+    )
+    default = FeedbackLinearization(stiffness=1.0, damping=0.3, null_space=None)
+    other = replace(default, inverse=FilteredInverse(threshold=1e-3))
+    excess = {}
+    for name, law in (("default", default), ("other", other)):
+        for period in (0.02, 0.01):
+            record = dqc.simulate(arm, dqc.references.SetPoint(goal), law, Integrator(), q, period, 15.0)
+            found = certificate(arm, record, law)
+            excess[name, period] = (found.rate - found.predicted_rate[:-1]).max()
+            assert (found.largest_rise == 0) == (name == "default")
+    assert excess["default", 0.01] < 0.6 * excess["default", 0.02]
+    assert excess["other", 0.01] > 5 * excess["default", 0.01]
+    assert excess["other", 0.01] > 0.9 * excess["other", 0.02]
 
 
 def test_motion_of_the_unconstrained_form_is_what_its_drives_do(body):

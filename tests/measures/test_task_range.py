@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from dqcontrol import algebra
 from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.figures import range_condition
-from dqcontrol.laws import FeedbackLinearization, GuidedProportional
+from dqcontrol.laws import FeedbackLinearization, FilteredInverse, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.measures import task_range
 from dqcontrol.measures.task_range import RANGE, outside_range, with_range
@@ -37,11 +38,13 @@ def test_outside_is_what_least_squares_leaves():
     q = np.array([0.2, -0.6, 0.9, 0.5, 0.3])
     record = drive(arm, dqc.laws.Proportional(gain=1.0), arm.fkm(q + 0.2), 2.0, start=q)
     asked = rng.standard_normal((len(record), 6))
-    found = task_range(arm, record, asked)
-    np.testing.assert_allclose(found.asked, np.linalg.norm(asked, axis=1))
+    found = task_range(arm, record, asked, FilteredInverse(characteristic_length=0.5))
+    weight = np.array([0.5, 0.5, 0.5, 1, 1, 1])
+    np.testing.assert_allclose(found.asked, np.linalg.norm(weight * asked, axis=1))
     for k in (0, 10, 40):
         rotation = np.r_[record.pose[k, :4], np.zeros(4)]
         wanted, jacobian = algebra.adjoint_twist(rotation, asked[k]), arm.hand_jacobian(record.q[k])
+        wanted, jacobian = weight * wanted, weight[:, None] * jacobian
         left = wanted - jacobian @ np.linalg.lstsq(jacobian, wanted, rcond=None)[0]
         assert found.outside[k] == pytest.approx(np.linalg.norm(left), rel=1e-9)
     assert found.smallest_singular_value.max() == 0
@@ -52,17 +55,20 @@ def test_asked_is_the_straight_way_to_the_goal(robot):
     record = drive(robot, dqc.laws.Proportional(gain=0.5), robot.fkm(HOME + BESIDE), 1.0)
     asked = task_range(robot, record).asked
     turn, way = record.orientation_error, record.position_error
-    np.testing.assert_allclose(asked, np.hypot(turn, way), rtol=1e-9)
+    np.testing.assert_allclose(
+        asked, np.hypot(FilteredInverse().characteristic_length * turn, way), rtol=1e-9
+    )
 
 
 def test_a_stuck_run_ends_outside_and_one_that_arrives_does_not(robot):
     goal = robot.fkm(HOME + BESIDE)
-    stuck = drive(robot, FeedbackLinearization(stiffness=1.0, damping=1.0, null_space=None), goal)
-    arrived = drive(robot, FeedbackLinearization(stiffness=1.0, damping=1.0), goal)
+    law = FeedbackLinearization(stiffness=1.0, damping=1.0)
+    stuck = drive(robot, msgspec.structs.replace(law, null_space=None), goal)
+    arrived = drive(robot, law, goal)
     assert stuck.error[-1] > 0.01
-    assert task_range(robot, stuck).share[-1] > 0.99
+    assert task_range(robot, stuck, inverse=law.inverse).share[-1] > 0.99
     assert arrived.error[-1] < 1e-3
-    assert task_range(robot, arrived).share[-1] < 0.01
+    assert task_range(robot, arrived, inverse=law.inverse).share[-1] < 0.01
 
 
 def test_joints_that_rest_at_their_limits_are_no_range(robot):
@@ -79,7 +85,7 @@ def test_joints_that_rest_at_their_limits_are_no_range(robot):
             record.q[-1] - np.clip(record.q[-1], robot.limits.lower + 1e-6, robot.limits.upper - 1e-6)
         )
         if at.max() > 0 and record.error[-1] > 1e-2 and np.abs(record.command[-1]).max() < 1e-6:
-            found.append(task_range(robot, record, threshold=0.05).share[-1])
+            found.append(task_range(robot, record, inverse=FilteredInverse(threshold=0.05)).share[-1])
     assert found, "some end at a limit, at rest"
     assert np.median(found) > 0.9
 
@@ -90,7 +96,7 @@ def test_a_plan_asks_for_nothing_outside(robot):
     for goal in robot.fkm(random_goals(robot, HOME, 5, reach=1.5, seed=SEED)):
         way = DriveTo.pose(robot, HOME, goal)
         record = dqc.simulate(robot, way, law, Integrator(), HOME, 0.05)
-        found = task_range(robot, record, threshold=1e-6)
+        found = task_range(robot, record, inverse=FilteredInverse(threshold=1e-6))
         assert found.asked.max() > 0.05
         assert found.outside.max() < 1e-5
 

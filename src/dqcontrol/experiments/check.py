@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,6 +125,9 @@ class LoopCheck:
     acceleration: float = math.inf
     numeric: NumericLoop | None = None
 
+    def __repr__(self) -> str:
+        return f"LoopCheck({self.names.label!r}, {self.verdict})"
+
     @property
     def worst(self) -> Loop:
         """The loop nearest to its limit."""
@@ -156,7 +160,7 @@ class LoopCheck:
     def largest_error(self) -> float:
         """About the error of a joint from which on limits of acceleration act, a/k², rad or m."""
         fastest = max((abs(loop.gain.value) for loop in self.loops), default=0.0)
-        return self.acceleration / fastest**2 if fastest else math.inf
+        return self.acceleration / fastest / fastest if fastest else math.inf  # a square could overflow
 
     @property
     def remark(self) -> str:
@@ -204,10 +208,10 @@ class LoopCheck:
 
     def _advice(self, loop: Loop) -> str:
         recommended = loop.limits.recommended / self.period
-        half = abs(loop.gain.value) ** 2 / 2
+        gain = abs(loop.gain.value)  # its square as a product, infinite where ** would raise
         if not recommended:
             if loop.gain.integral_share:
-                return f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
+                return f"choose k_I ≤ k²/2 = {gain * gain / 2:.3g} 1/s²"
             return "no gain makes it good: its errors turn as they shrink; take weights that are nearer to a diagonal"
         if loop.gain.lag and loop.gain.loop != "null space":
             return f"choose k̄ ≤ {4 * loop.gain.lag * recommended:.3g} 1/s²"
@@ -237,6 +241,20 @@ class Checks(Sequence[LoopCheck]):
 
     def __getitem__(self, i: Any) -> Any:
         return self.rows[i]
+
+    def __repr__(self) -> str:
+        counts = Counter(row.verdict for row in self.rows)
+        return (
+            f"Checks({self.name!r}, {', '.join(f'{count} {verdict}' for verdict, count in counts.items())})"
+        )
+
+    def __str__(self) -> str:
+        """Return the table, and what to do."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the same."""
+        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
     @property
     def unstable(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -138,9 +139,10 @@ def _of_path(scene: Scene) -> Iterator[str]:
             f"than {100 * share:.0f} % of the motion: {why}"
         )
     if demand.peak_share > _SHARES:
+        slower = math.ceil(100 * demand.peak_share) / 100  # as much as it takes: 1.003 is not "1"
         yield (
-            f"reference: needs {demand.joint} at {100 * demand.peak_share:.3g} % of its velocity limit, at "
-            f"t = {demand.time:.3g} s: make it {demand.peak_share:.2g} times slower (duration), or start elsewhere"
+            f"reference: needs {demand.joint} at {100 * demand.peak_share:.4g} % of its velocity limit, at "
+            f"t = {demand.time:.3g} s: make it {slower:g} times slower (duration), or start elsewhere"
         )
 
 

@@ -79,7 +79,9 @@ def recorded_jog(
         jog.recording = recording
         yield jog
         recording.close(jog.reason)
-    streamed.complete(as_run(setting, case, 0, with_range(robot, load_record(streamed.path))))
+    streamed.complete(
+        as_run(setting, case, 0, with_range(robot, load_record(streamed.path), case.variant.law))
+    )
 
 
 def _setting(source: str) -> Setting:

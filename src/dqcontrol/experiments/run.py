@@ -22,6 +22,7 @@ from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
@@ -73,6 +74,21 @@ class Run:
     judged: Judged = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
+
+    def __post_init__(self) -> None:
+        lines = self.spec.splitlines()
+        if not any(line.startswith(("name:", "evaluation:", "{")) for line in lines):
+            raise ShapeError(
+                "spec: must be the YAML text that repeats the run; without one use its record: record.metrics, "
+                'record.save(path), summary({"mine": record})'
+            )
+
+    def __repr__(self) -> str:
+        return f"Run({self.label!r}, {len(self.record)} samples over {self.record.duration:g} s)"
+
+    def __str__(self) -> str:
+        """Return the metrics in a line of a table."""
+        return str(summary({self.label: self}))
 
     @property
     def time(self) -> Array:
@@ -194,7 +210,7 @@ def as_judged(record: Record, robot: Robot, judged: Judged) -> Record:
     """Return a run as it is judged: with the true joint angles, or with those that the encoders gave."""
     if judged == "true":
         return record
-    return replace(record, q=record.measured, pose=robot.fkm(record.measured))
+    return replace(record, q=record.measured, pose=row_by_row(robot.fkm, record.measured))
 
 
 def measure(
@@ -250,7 +266,7 @@ def execute(
         watch=watch,
         black_box=black_box,
     )
-    record = with_range(scene.robot, record)
+    record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:
         return record
     return with_certificate(scene.robot, record, case.variant.law, case.plant)

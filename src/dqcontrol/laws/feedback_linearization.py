@@ -52,6 +52,11 @@ def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, param
     return status
 
 
+# V measures a body twist by |[ω ; ṗ]|, so what cannot be done must be missed by the least of just that: then V falls
+# at the rate proven in regulation also where J has lost rank, with another ℓ it may rise.
+IN_BODY_TWISTS = FilteredInverse(threshold=0.02, damping=0.05, characteristic_length=1.0)
+
+
 class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linearization"):
     """Make the hand move like a damped spring towards its desired pose. [S17 4.8–4.27, Wang and Yu 2013]
 
@@ -85,8 +90,10 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     damping
         k_v, 1/s.
     inverse
-        How J is inverted; the default is exact away from singularities. Without a null space motion its damping acts
-        once a sample on the velocity itself: a `DampedInverse` is then friction σ²/(σ² + λ²) everywhere.
+        How J is inverted; the default is exact where singular values exceed 0.02. Its ℓ is 1 m, unlike that of other
+        laws: where J has lost rank, P the projection onto its range, V̇ = −2 k_v |ξ̃|² of a goal at rest needs ⟨ξ_b, P
+        U⟩ = ⟨ξ_b, U⟩, which least squares in |[ω ; ṗ]| alone, V's own measure, gives. Without a null space motion the
+        damping acts once a sample on the velocity itself: a `DampedInverse` is then friction σ²/(σ² + λ²) everywhere.
     hysteresis
         How far Re(x̃) must pass 0 before its sign flips.
     velocity_state
@@ -120,7 +127,7 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     kernel = feedback_linearization
     stiffness: Annotated[float, Meta(gt=0, description="k̄, 1/s²")]
     damping: Annotated[float, Meta(gt=0, description="k_v, 1/s")]
-    inverse: Inverse = FilteredInverse()
+    inverse: Inverse = IN_BODY_TWISTS
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
     velocity_state: VelocityState = "realised"
     logarithm: Logarithm = "body"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
+from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
@@ -195,7 +196,7 @@ class _Steps:
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self.desired, self.senses = samples, None
         if supervision is not None:
-            self.desired = np.empty((len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE))
+            self.desired = long_array(len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
             self.senses = Senses(plant, supervision.supervisor)
             supervision.begin(len(self.desired))
@@ -227,7 +228,9 @@ class _Steps:
                 halted = self._why(supervision, halted)
         realised = self.realised if self.disturbance else None
         found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
-        stopped = self._fault if self._fault and not has_failed(found.stopped) else found.stopped
+        # a stop after the fault is its consequence, a failure is not
+        is_first = (supervision and not failure) or not has_failed(found.stopped)
+        stopped = self._fault if self._fault and is_first else found.stopped
         signals = self._readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))

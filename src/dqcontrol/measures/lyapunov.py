@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.laws import FeedbackLinearization, Law
+from dqcontrol.laws import FeedbackLinearization, FilteredInverse, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.task_range import task_range
@@ -47,7 +47,8 @@ class Certificate:
     matrosov
         W₂ = ⟨ξ̃, log x̃⟩, whose rate is −k_p |log x̃|² where ξ̃ = 0, shape (N,), 1/s. [S17 4.41–4.43]
     outside_range
-        How much of the twist ξ_b + T U lies outside the range of J, shape (N,), m/s and rad/s; see `task_range`.
+        How much of the twist ξ_b + T U lies outside the range of J in V's measure |[ω ; ṗ]|, shape (N,), m/s and rad/s;
+        see `task_range`.
     smallest_singular_value
         Of the Jacobian of the hand's [ω ; ṗ], shape (N,).
     """
@@ -98,7 +99,7 @@ def certificate(
     law
         Whose k̄ and k_v are meant. Any law's run may be judged by them; only this law's is certain to let V fall.
     threshold
-        Singular values of the hand's Jacobian below it count as none, as in `FilteredInverse`.
+        Singular values of the hand's Jacobian below it count as none, as in the law's own inverse.
 
     Examples
     --------
@@ -129,7 +130,8 @@ def certificate(
         + algebra.cross_twist(desired, error_twist)
     )
     period = np.diff(record.time, append=2 * record.time[-1] - record.time[-2])[:, None]
-    asked = task_range(moved, record, twist + period * acceleration, threshold)
+    own = FilteredInverse(threshold=threshold, characteristic_length=1.0)
+    asked = task_range(moved, record, twist + period * acceleration, own)
     kinetic = (error_twist**2).sum(axis=1)
     return Certificate(
         time=record.time,

@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.files import long_array
+from dqcontrol.laws import FilteredInverse, Law
+from dqcontrol.laws.inverses import Inverse
+from dqcontrol.loop.record import Record, part_of, row_norms
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
@@ -20,6 +23,7 @@ Part = Literal["pose", "position", "rotation", "axis"]
 
 RANGE = "range_condition"  # among the readings of a record
 
+_DEFAULT = FilteredInverse()
 _AT_LIMIT = 1e-6  # rad or m
 _SINGULAR = 0.02  # singular values below it count as none, as in `FilteredInverse`
 _FARTHEST = 1e6  # m; farther away a run has diverged
@@ -35,11 +39,12 @@ class TaskRange:
     time
         Shape (N,), s.
     asked
-        Norm of the hand's twist [ω ; ṗ] that is asked for, shape (N,), rad/s and m/s.
+        |[ℓω ; ṗ]| of the hand's twist that is asked for, shape (N,), m/s.
     outside
         Norm of its part outside the range: along directions with singular values below the threshold, shape (N,).
     smallest_singular_value
-        Of the Jacobian without the joints that rest at their limits, shape (N,); 0 where it has fewer than six columns.
+        Of the Jacobian of [ℓω ; ṗ] without the joints that rest at their limits, shape (N,); 0 where it has fewer than
+        six columns.
     """
 
     time: Array
@@ -59,7 +64,7 @@ class TaskRange:
 
 
 def task_range(
-    robot: Robot, record: Record, body_twist: Array | None = None, threshold: float = _SINGULAR
+    robot: Robot, record: Record, body_twist: Array | None = None, inverse: Inverse = _DEFAULT
 ) -> TaskRange:
     """Return how far the twists asked for are from what the robot can do.
 
@@ -73,8 +78,9 @@ def task_range(
         What was asked for, body twists (N, 6), rad/s and m/s. If omitted, what any law has to ask for sooner or later:
         the twist that leads straight to the desired pose in a second, 2 log(x*x_d) of the body logarithm, and that of
         the desired pose, Ad(x*) ξ_d. A run that ends where all of it lies outside is stuck.
-    threshold
-        Singular values of the hand's Jacobian below it count as none, as in `FilteredInverse`.
+    inverse
+        That of the law. Its ℓ is the measure in which the law misses what it cannot do; directions count as lost where
+        singular values are below ε, of inverses without ε below λ, where less than half of what is asked is done.
 
     Examples
     --------
@@ -86,7 +92,7 @@ def task_range(
     >>> record = dqc.simulate(robot, beside, law, plant, q, period=0.05, duration=60.0)
     >>> found = task_range(robot, record)
     >>> round(float(found.share[0]), 1), round(float(found.share[-1]), 1), bool(record.error[-1] > 0.01)
-    (0.0, 1.0, True)
+    (0.3, 1.0, True)
     """
     moved = robot.in_form("constrained") if isinstance(robot, WholeBody) else robot
     usable = np.isfinite(record.q).all(axis=1) & (np.abs(record.pose).max(axis=1) < _FARTHEST)
@@ -96,10 +102,12 @@ def task_range(
         error = algebra.short(algebra.multiply(opposite, record.desired_pose))
         body_twist = 2 * algebra.log_body(error) + algebra.adjoint_twist(opposite, record.desired[:, TWIST])
     jacobian = np.where(_resting_at_limits(moved, q)[:, None, :], 0.0, moved.hand_jacobian(q))
-    left, values, _ = np.linalg.svd(jacobian)
+    weight = np.array([inverse.characteristic_length] * 3 + [1.0] * 3)
+    left, values, _ = np.linalg.svd(weight[:, None] * jacobian)
     rotation = np.hstack([pose[:, :4], np.zeros((len(record), 4))])
-    components = np.einsum("kij,ki->kj", left, algebra.adjoint_twist(rotation, body_twist))
+    components = np.einsum("kij,ki->kj", left, weight * algebra.adjoint_twist(rotation, body_twist))
     count = values.shape[1]  # fewer than six inputs leave directions without any singular value
+    threshold = inverse.threshold if isinstance(inverse, FilteredInverse) else inverse.damping
     lost = np.hstack([values < threshold, np.ones((len(values), 6 - count), dtype=bool)])
     return TaskRange(
         time=record.time,
@@ -150,7 +158,7 @@ def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> f
     return float(np.linalg.norm(components[values < _SINGULAR])) / asked if asked > 0 else 0.0
 
 
-def with_range(robot: Robot, record: Record) -> Record:
+def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
     """Return a record that also holds its range condition, as the reading `RANGE`, if the robot has drives.
 
     Parameters
@@ -159,11 +167,19 @@ def with_range(robot: Robot, record: Record) -> Record:
         That of the run.
     record
         The run.
+    law
+        What drove the hand; its inverse says in which measure.
     """
     if not len(robot.drives):
         return record
-    found = task_range(robot, record)
-    values = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+    values, block = long_array.long_array(len(record), 3), long_array.BLOCK
+    inverse = getattr(law, "inverse", _DEFAULT)
+    for first in range(0, len(record), block):
+        # Whether a joint rests is seen from the next sample, of the last from that before.
+        begin = max(first - 1, 0)
+        found = task_range(robot, part_of(record, begin, first + block + 1), inverse=inverse)
+        columns = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+        values[first : first + block] = columns[first - begin :][:block]
     signal = Signal(RANGE, ("asked", "outside", "smallest_singular_value"), ("", "", ""), values)
     return replace(record, readings={**record.readings, RANGE: signal})
 

@@ -189,7 +189,7 @@ class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     the hand drifts with the sum of command and disturbance. A servo pulls its joints back to their targets: with
     integrated commands it gives way by about its time constant times the disturbance, with measured ones, whose target
     follows, it drifts with e^(−T/τ) of it. Near singularities, and for arms of fewer than six joints, the hand gets the
-    part that the joints can make; the record holds what it got.
+    part that the joints can make, the nearest in |[ω ; ṗ]|; the record holds what it got.
 
     Each value is held from its sample to the next.
 

@@ -17,6 +17,8 @@ from dqcontrol.robots.kinematics_kernels import call_chain
 
 Array = NDArray[np.float64]
 
+# A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds.
+_INVERSE = FilteredInverse(threshold=0.02, damping=0.05, characteristic_length=1.0)
 ROW = 12  # of a disturbance: inertial twist, then twist of the hand in its own axes
 
 # kinematics, chain, row, parameters, work, q, realised inertial twist
@@ -78,7 +80,7 @@ class LiveDisturbance:
     def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
         self.rows: Array = np.ascontiguousarray(rows)
-        self.parameters: Array = np.array([dt, *FilteredInverse().parameters(), *drives.ravel()])
+        self.parameters: Array = np.array([dt, *_INVERSE.parameters(), *drives.ravel()])
         self.work: Array = np.zeros(20 + 22 * input_size + work_size())
 
     def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
