@@ -1,4 +1,4 @@
-"""Laws whose loop gains are unknown: the turning point found by finite differences against closed loops at both sides."""
+"""Laws of unknown loop gains: the turning point of finite differences against closed loops at both sides."""
 
 import numpy as np
 import pytest
@@ -169,3 +169,31 @@ def test_what_has_no_linearisation(function, verdict, remark):
     (row,) = check(spec(law=law))
     assert row.verdict == verdict
     assert row.remark.endswith(remark)
+
+
+def lagging(command, parameters, noise, state, q, measured):
+    """Joints that follow targets with a lag, measured a period late, with noise."""
+    for i in range(q.shape[0]):
+        measured[i] = q[i] + 1e-3 * noise[i]
+        state[i] += parameters[0] * command[i]
+        q[i] += parameters[1] * (state[i] - q[i])
+
+
+def sticky(command, parameters, noise, state, q, measured):
+    """Joints that do not move below a speed."""
+    for i in range(q.shape[0]):
+        if abs(command[i]) > 0.01:
+            q[i] += parameters[0] * command[i]
+        measured[i] = q[i]
+
+
+def test_an_own_plant_is_judged_as_the_same_of_the_library(arm):
+    """A lag of share 1 − exp(−T/τ) of the way to the target, and of one period of delay."""
+    own = OwnPlant(function=lagging, parameters=[1 - np.exp(-T / 0.05)], state=Q0.tolist(), noise=7)
+    found = gain_limits(own.linear_model(arm, Q0, T), T)
+    known = gain_limits(Servo(time_constant=0.05, delay=T).linear_model(arm, None, T), T)
+    assert [found.stable, found.recommended] == pytest.approx([known.stable, known.recommended], rel=1e-4)
+
+
+def test_a_dead_zone_has_no_linear_model(arm):
+    assert OwnPlant(function=sticky).linear_model(arm, Q0, T) is None

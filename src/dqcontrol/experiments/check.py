@@ -314,11 +314,11 @@ def judged(row: LoopCheck) -> Words:
 def check(source: str | Path | dict[str, Any]) -> Checks:
     """Check a spec as `run` does before anything moves, and say what is to be expected of its loops.
 
-    Each loop of a law (position, orientation, posture in the null space) is judged as a scalar one: its gain k is
-    known from the law's parameters, the largest over time; plant and supervisor from commands to measured positions
-    are linear, with delay and smoothing, in steps of a period. Where the gains are unknown, as those of own laws, the
-    law is linearised by finite differences at the start, and all joints are judged together. The verdict holds for small errors about a target at
-    rest; what is known of large ones under a supervisor's limit of acceleration is said.
+    Each loop of a law (position, orientation, posture in the null space) is judged as a scalar one: its gain k is known
+    from the law's parameters, the largest over time; plant and supervisor from commands to measured positions are
+    linear, with delay and smoothing, in steps of a period. Where the gains are unknown, as those of own laws, the law
+    is linearised by finite differences at the start, and all joints are judged together. The verdict holds for small
+    errors about a target at rest; what is known of large ones under a supervisor's limit of acceleration is said.
 
     Parameters
     ----------

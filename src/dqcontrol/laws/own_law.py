@@ -47,7 +47,8 @@ def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
 class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     """A law written in plain Python; compiled if it can be, else interpreted, which a warning says.
 
-    Sampling limits: yours to know; ``dqcontrol check`` cannot decide them.
+    Sampling limits: ``dqcontrol check`` finds by finite differences at the start how many times the command may be
+    multiplied.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Any law near rest, linear by finite differences, and the loop that it closes: for laws whose loop gains are unknown."""
+"""Laws of unknown loop gains: linear near rest by finite differences, and the loop that they close."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.measures.stability import first_failure
-from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # rad, m, or of a state: slopes of this step and its double leave errors of the fourth order
-_SMOOTH = 0.01  # of the largest slope: as much may slopes to both sides, or of different steps, differ
 _CALLS = 200  # in which a law at rest comes to rest itself
 _AT_REST = 1e-12
 _MARGINAL = 1e-5  # so near to 1 a pole neither decays nor grows: what a law leaves free
@@ -79,21 +77,9 @@ def linearise_law(prepared: PreparedLaw, start: Array) -> LinearisedLaw | None:
         before, rest = rest, step(np.zeros(m + size))[m:]
         if np.abs(rest - before).max(initial=0.0) < _AT_REST:
             break
-    here = step(np.zeros(m + size))
-    scale = np.concatenate([np.ones(m), np.maximum(1.0, np.abs(rest))])
-    changes = _STEP * np.diag(scale)
-    near, far = (
-        [
-            np.column_stack([(step(sign * count * change) - here) / count for change in changes])
-            for sign in (1, -1)
-        ]
-        for count in (1, 2)
-    )
-    slope, wide = (near[0] - near[1]) / 2, (far[0] - far[1]) / 2
-    bend = _SMOOTH * np.abs(slope).max(axis=1, keepdims=True) + _AT_REST
-    if (np.abs(near[0] + near[1]) > bend).any() or (np.abs(wide - slope) > bend).any():
+    slopes = smooth_slopes(step, np.concatenate([np.ones(m), np.maximum(1.0, np.abs(rest))]))
+    if slopes is None:
         return None
-    slopes = (4 * slope - wide) / 3 / (_STEP * scale)
     return LinearisedLaw(slopes[m:, m:], slopes[m:, :m], slopes[:m, m:], slopes[:m, :m])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,10 @@ Array = NDArray[np.float64]
 
 _EACH = 24  # periods of a horizon that are looked at one by one, and again as many spread over the rest
 _LEAST = 1e-10  # of the largest Hankel singular value
+
+_STEP = 1e-4  # of an argument: slopes of this step and its double leave errors of the fourth order
+_SMOOTH = 0.01  # of the largest slope: as much may slopes to both sides, or of different steps, differ
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -79,3 +84,35 @@ class LinearModel:
         basis = np.vstack([measured, unseen])  # so that the measurements are the first entries
         into, out_of = basis @ into, np.linalg.solve(basis.T, out_of.T).T
         return LinearModel(into @ self.transition @ out_of, into @ self.inputs)
+
+
+def smooth_slopes(function: Callable[[Array], Array], scale: Array) -> Array | None:
+    """Return the derivatives of a function at zero by finite differences; None where it jumps or bends there.
+
+    Parameters
+    ----------
+    function
+        Of an array as ``scale``, to any array.
+    scale
+        Size of each argument, about 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.plants.linear_model import smooth_slopes
+    >>> smooth_slopes(lambda x: np.sin(3 * x), np.ones(1)).round(9).tolist(), smooth_slopes(np.abs, np.ones(1))
+    ([[3.0]], None)
+    """
+    here, changes = function(np.zeros_like(scale)), _STEP * np.diag(scale)
+    (ahead, behind), (far_ahead, far_behind) = (
+        [
+            np.column_stack([(function(sign * count * change) - here) / count for change in changes])
+            for sign in (1, -1)
+        ]
+        for count in (1, 2)
+    )
+    slope, wide = (ahead - behind) / 2, (far_ahead - far_behind) / 2
+    allowed = _SMOOTH * np.abs(slope).max(axis=1, keepdims=True) + _ROUNDING
+    if (np.abs(ahead + behind) > allowed).any() or (np.abs(wide - slope) > allowed).any():
+        return None
+    return (4 * slope - wide) / 3 / (_STEP * scale)

@@ -12,8 +12,12 @@ import numpy as np
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import as_array, as_count, as_positive
 from dqcontrol.extensions.user_code import function_at
+from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.robot import Robot
+
+_PERIODS = 200  # in which a plant without a command comes to rest
+_HORIZON = 10.0  # s in which what matters of its state is seen
 
 
 def _checked(function: Callable[..., Any]) -> Callable[..., int]:
@@ -94,3 +98,29 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
         kernel = _kernel(function_at("function", self.function))
         return CompiledPlant(kernel, parameters, state, q0, noise)
+
+    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+        """Return all joints together, by finite differences without noise, as the plant rests at no command.
+
+        None of robots with drives, of plants that jump or bend there, and of those whose joints do not move.
+        """
+        if len(robot.drives):
+            return None
+        live, n = self.start(robot, q0, dt, 1, 0), robot.configuration_size
+        quiet, sizes = np.zeros_like(live.noise[0]), [n, 2 * n]
+        rest = np.concatenate([live.measured, live.q, live.state])
+
+        def step(change: Array) -> Array:
+            measured, q, state = (part.copy() for part in np.split(rest + change[: rest.size], sizes))
+            if live.kernel(change[rest.size :], live.parameters, quiet, state, q, measured):
+                return np.full_like(rest, np.nan)
+            return np.concatenate([measured, q, state])
+
+        for _ in range(_PERIODS):
+            rest = step(np.zeros(rest.size + robot.input_size))
+        slopes = smooth_slopes(
+            step, np.concatenate([np.maximum(1.0, np.abs(rest)), np.ones(robot.input_size)])
+        )
+        if slopes is None or not np.isfinite(slopes).all():
+            return None
+        return LinearModel(slopes[:, : rest.size], slopes[:, rest.size :]).reduced(round(_HORIZON / dt))
