@@ -239,3 +239,23 @@ def _refused(spec, message, tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr()
     assert len(printed.err.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_every_number_of_a_base_counts_for_an_unfinished_study(tmp_path):
+    """Wheels, limits and chassis: what was done with others is not taken over."""
+    model = Path(dqc.robots.__file__).parent / "models/little-john.yaml"
+    text, found = model.read_text(), []
+    changes = {
+        "mass: 3,": "mass: 4,",
+        "wheel_torque: 0.3": "wheel_torque: 0.2",
+        "centre_ahead: 0.03": "centre_ahead: 0.02",
+    }
+    for old, new in {
+        "": "",
+        **changes,
+        "radius: 0.065": "radius: 0.07",
+        "rim_speed: 0.5": "rim_speed: 0.4",
+    }.items():
+        (tmp_path / "robot.yaml").write_text(text.replace(old, new) if old else text)
+        found.append(prepare(SPEC | {"robot": str(tmp_path / "robot.yaml")}).fingerprint())
+    assert len(set(found)) == len(found) == 6

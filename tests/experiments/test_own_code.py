@@ -12,7 +12,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.sweep import read_sweep
-from dqcontrol.extensions import user_code
+from dqcontrol.extensions import POLICY, REFUSED
 
 CODE = """
 import dqcontrol as dqc
@@ -49,7 +49,7 @@ plants:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.delenv(user_code.POLICY, raising=False)
+    monkeypatch.delenv(POLICY, raising=False)
     (tmp_path / "mine.py").write_text(CODE)
     (tmp_path / "spec.yaml").write_text(SPEC)
     return tmp_path
@@ -153,7 +153,7 @@ def command(folder, *arguments, **environment):
     return subprocess.run(
         [sys.executable, "-m", "dqcontrol", *arguments],
         cwd=folder,
-        env={**{k: v for k, v in os.environ.items() if k != user_code.POLICY}, **environment},
+        env={**{k: v for k, v in os.environ.items() if k != POLICY}, **environment},
         capture_output=True,
         text=True,
         check=False,
@@ -164,7 +164,7 @@ def test_the_command_line_says_first_that_it_runs_code_and_refuses_it_on_request
     done = command(folder, "check", "spec.yaml")
     assert done.returncode == 0, done.stderr
     assert done.stderr.splitlines()[0].startswith(f"dqcontrol: runs code of {folder / 'mine.py'}:wave")
-    for arguments, environment in ((["--no-code"], {}), ([], {user_code.POLICY: user_code.REFUSED})):
+    for arguments, environment in ((["--no-code"], {}), ([], {POLICY: REFUSED})):
         refused = command(folder, "check", "spec.yaml", *arguments, **environment)
         assert refused.returncode == 2
         assert refused.stderr.count("\n") == 1

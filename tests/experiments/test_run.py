@@ -159,7 +159,7 @@ def test_a_failure_while_saving_leaves_nothing_behind(tmp_path, monkeypatch):
     monkeypatch.setattr("dqcontrol.reports.write_report", full)
     monkeypatch.setattr("dqcontrol.figures.save_plots", lambda *arguments, **options: None)
     result = run(BASE)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(dqc.Error, match=r"run: cannot be written: No space left on device$"):
         result.save(tmp_path / "run")
     assert not list(tmp_path.iterdir())
 

@@ -79,7 +79,15 @@ def test_tables_in_degrees_at_an_epoch(run, folder):
     header = "time," + ",".join(f"q{i + 1} [deg]" for i in range(7))
     np.savetxt(folder / "degrees.csv", table, delimiter=",", header=header, fmt="%.17g", comments="")
     found = evaluate_log(folder / "degrees.csv", "iiwa7", folder / "circle.yaml", settle=0.5)
-    control = ("control.integral", "control.mean", "control.rms", "control.peak", "effort")
+    control = (
+        "control.integral",
+        "control.mean",
+        "control.rms",
+        "control.peak",
+        "effort",
+        "peak_velocity_share",
+        "saturation",
+    )
     same(found, run, 1e-4, without=control)  # 1.7e9 s leave 0.2 µs to a float
     assert np.isnan(found.metrics.control.peak)
     assert np.isnan(found.metrics.effort)

@@ -90,6 +90,14 @@ def test_delay_is_exact_in_samples(arm, delay, mode):
     assert np.flatnonzero(np.abs(moved[:, 0]) > 1e-9)[0] == delay
 
 
+@pytest.mark.parametrize("delay", [2001 * T, 1e9, 1.7e308])
+def test_a_delay_of_endless_periods_is_refused(arm, delay):
+    with pytest.raises(ValueRangeError, match=r"plant\.delay: must be ≤ 2,000 periods of .* s, got"):
+        Servo(delay=delay).start(arm, np.zeros(N), T, 10, 0)
+    with pytest.raises(ValueRangeError, match=r"plant\.delay: must be ≤ 2,000 periods of"):
+        Servo(delay=delay).linear_model(arm, np.zeros(N), T)
+
+
 def test_encoder_steps(arm):
     step = 2e-3
     commands = random_commands(300)

@@ -47,9 +47,9 @@ def arm():
 
 
 def driven(arm, path, **options):
-    circle = dqc.references.Circle(arm.fkm(Q0), radius=0.05, duration=2.0)
+    circle = dqc.references.Circle(arm.fkm(Q0), radius=0.05, duration=4.0, turns=2)
     law = dqc.laws.Proportional(gain=10.0).prepare(arm, circle, T)
-    samples = circle.samples(T * np.arange(201))
+    samples = circle.samples(T * np.arange(401))
     with RecordStream(path, arm, "name: test") as recording:
         return follow(law, dqc.plants.Servo(encoder_noise=1e-4), Q0, samples, recording=recording, **options)
 

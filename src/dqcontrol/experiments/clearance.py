@@ -45,6 +45,8 @@ def hand_clearance(robot: Robot, q: Array, position: Array) -> Array:
 
 def least_clearance(robot: Robot, record: Record) -> float:
     """Return the least of `hand_clearance` over a run, m; NaN without a mobile base on a floor."""
+    if not _stands_on_a_floor(robot):
+        return math.nan
     finite = np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1)
     found = hand_clearance(robot, record.q[finite], record.position[finite])
     least = float(found.min(initial=math.inf))

@@ -13,7 +13,6 @@ from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.loop import Record
-from dqcontrol.robots import load_robot
 
 
 class EvaluationSpec(Part, frozen=True, kw_only=True):
@@ -46,5 +45,5 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
     """
     text = read_text(spec)
     what = convert(spec, parse_yaml(spec, text), _SavedEvaluation).evaluation
-    robot = load_robot(what.robot.source, what.robot.base_link, what.robot.tip_link)
+    robot = what.robot.load()
     return Run(text, robot, record, what.settle, Path(what.log).stem)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Case, Scene, Setting
-from dqcontrol.laws import OpenLoop, PartialProportional, ProportionalFeedforward
+from dqcontrol.laws import Law, ManipulabilityAscent, OpenLoop, PartialProportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import follow
+from dqcontrol.measures.task_range import lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
@@ -26,6 +29,9 @@ _MOST = 50_000  # samples of the reference that are followed; longer ones in coa
 _PULL = 0.2  # of an error that a period takes away
 _ARRIVED = 50  # periods after which only what cannot be done is left of the first error: 0.8^50 = 1e-5
 _SHARES = 1 + 1e-6
+_ERROR = 1e-3  # of a dual quaternion: smaller ones have no direction that counts
+_NONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+_ALL = 1 - 1e-6  # of an error: what is left of it leads out by itself
 
 
 @dataclass(frozen=True)
@@ -89,7 +95,31 @@ def task_remarks(setting: Setting) -> Iterator[str]:
         if any(case.names.robot == label for case in whole):
             yield from _of_path(scene)
     for case in setting.cases:
+        yield from _of_singular_start(case)
         yield from _of_first_command(setting, case)
+
+
+def way_out(law: Law) -> str:
+    """Say what leads a law out of a singularity in which it stands still."""
+    if isinstance(law.null_space, ManipulabilityAscent):
+        return "start elsewhere"
+    return "start elsewhere, or leave it with null_space: {kind: manipulability, gain: 1}"
+
+
+def _of_singular_start(case: Case) -> Iterator[str]:
+    """Say if a law would stand still at its start, as no joint can move the hand towards the first pose beyond it."""
+    scene, law = case.scene, case.variant.law
+    if isinstance(law, OpenLoop) or isinstance(law.null_space, ManipulabilityAscent):
+        return
+    robot, desired = scene.robot, scene.samples[:, POSE]
+    error = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(scene.start)), desired))
+    far = np.abs(error - _NONE).max(axis=1) > _ERROR
+    part = law.part if isinstance(law, PartialProportional) else "pose"
+    if far.any() and lost_share(robot, scene.start, desired[far.argmax()], part) > _ALL:
+        yield (
+            f"{case.names.label}: starts in a singularity where no joint can move the hand towards the reference, so "
+            f"that every command is zero; {way_out(law)}"
+        )
 
 
 def _of_path(scene: Scene) -> Iterator[str]:
@@ -109,9 +139,10 @@ def _of_path(scene: Scene) -> Iterator[str]:
             f"than {100 * share:.0f} % of the motion: {why}"
         )
     if demand.peak_share > _SHARES:
+        slower = math.ceil(100 * demand.peak_share) / 100  # as much as it takes: 1.003 is not "1"
         yield (
-            f"reference: needs {demand.joint} at {100 * demand.peak_share:.3g} % of its velocity limit, at "
-            f"t = {demand.time:.3g} s: make it {demand.peak_share:.2g} times slower (duration), or start elsewhere"
+            f"reference: needs {demand.joint} at {100 * demand.peak_share:.4g} % of its velocity limit, at "
+            f"t = {demand.time:.3g} s: make it {slower:g} times slower (duration), or start elsewhere"
         )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody, describe
 from dqcontrol.robots.whole_body import base_coordinates, placed
@@ -69,7 +70,10 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
 
 def _check_length(robot: Robot, samples: Array) -> None:
     """Raise if a position is farther from the first axis than the stretched arm is long."""
-    distance = np.linalg.norm(algebra.translation(samples[:, POSE]) - _shoulder(robot), axis=1)
+    shoulder = _shoulder(robot)
+    distance = row_by_row(
+        lambda rows: np.linalg.norm(algebra.translation(rows[:, POSE]) - shoulder, axis=1), samples
+    )
     far = distance - describe(robot).reach
     if far.max() > _POSITION:
         raise ReachError(

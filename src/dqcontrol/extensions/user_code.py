@@ -17,9 +17,9 @@ from types import ModuleType
 from typing import Any
 
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.extensions import POLICY, REFUSED
 
-POLICY = "DQCONTROL_CODE"  # in the environment, so that worker processes have it too
-REFUSED, ANNOUNCED = "refused", "announced"
+ANNOUNCED = "announced"
 
 
 def function_at(field: str, place: object) -> Callable[..., Any]:

@@ -19,7 +19,7 @@ from dqcontrol.figures.readings import has_margins, has_readings, limit_margins,
 from dqcontrol.figures.task_range_plot import range_condition
 from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, outlined
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
@@ -63,6 +63,7 @@ def run_figures(
     certificate
         Of its Lyapunov function.
     """
+    record = outlined(record)  # Matplotlib needs kilobytes a sample
     draw: dict[str, Draw] = {"path": lambda: path_3d(record)}
     if robot is not None and has_base(robot):
         moved = cast(Robot, robot)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
+from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw, status_text
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
@@ -195,7 +196,7 @@ class _Steps:
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self.desired, self.senses = samples, None
         if supervision is not None:
-            self.desired = np.empty((len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE))
+            self.desired = long_array(len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
             self.senses = Senses(plant, supervision.supervisor)
             supervision.begin(len(self.desired))

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +17,12 @@ from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.files.long_array import long_array, row_by_row
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
+
+if TYPE_CHECKING:
+    from dqcontrol.measures.metrics import Metrics
 
 Array = NDArray[np.float64]
 
@@ -152,6 +159,33 @@ class Record:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        end = f"ended by {self.stopped}" if " " not in self.stopped else self.stopped
+        return f"Record({len(self)} samples over {self.duration:g} s, {self.q.shape[1]} coordinates, {end})"
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the metrics."""
+        return f"**{self!r}**\n\n{self.metrics._repr_markdown_()}"
+
+    @cached_property
+    def metrics(self) -> Metrics:
+        """The numbers that judge it, of all samples; `dqcontrol.measures.evaluate` takes limits and a settling time."""
+        return import_module("dqcontrol.measures.metrics").evaluate(self)  # a room above: by name
+
+    def save(self, path: str | Path) -> Path:
+        """Write it as a new file: ``.mcap``, or for other programs ``.csv``, ``.parquet`` or ``.mat``.
+
+        Raises
+        ------
+        ExistsError
+            If the file exists.
+        UnknownNameError
+            If the suffix is another.
+        """
+        recording = import_module("dqcontrol.recording")  # a room above: by name
+        write = recording.save_record if Path(path).suffix == ".mcap" else recording.export_record
+        return write(self, path)
+
     @property
     def duration(self) -> float:
         """Time between the first and the last sample, s."""
@@ -160,28 +194,28 @@ class Record:
     @cached_property
     def desired_pose(self) -> Array:
         """Desired end pose, shape (N, 8), inertial frame, m."""
-        return _locked(np.ascontiguousarray(self.desired[:, POSE]))
+        return _locked(row_by_row(lambda rows: np.ascontiguousarray(rows[:, POSE]), self.desired))
 
     @cached_property
     def position(self) -> Array:
         """Hand position p, shape (N, 3), m, inertial frame."""
-        return _position(self.pose)
+        return _locked(row_by_row(_position, self.pose))
 
     @cached_property
     def desired_position(self) -> Array:
         """Desired hand position, shape (N, 3), m, inertial frame."""
-        return _position(self.desired_pose)
+        return _locked(row_by_row(_position, self.desired_pose))
 
     @cached_property
     def error(self) -> Array:
         """|vec8(1 − x* x_d)| with the shorter sign of x_d, shape (N,), no unit [P16 5.1]."""
         one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
-        return _locked(row_norms(one - self._pose_error))
+        return _locked(row_by_row(lambda error: row_norms(one - error), self._pose_error))
 
     @property
     def position_error(self) -> Array:
         """Distance |p_d − p|, shape (N,), m."""
-        return row_norms(self.desired_position - self.position)
+        return row_by_row(lambda desired, is_: row_norms(desired - is_), self.desired_position, self.position)
 
     @property
     def orientation_error(self) -> Array:
@@ -191,15 +225,12 @@ class Record:
     @cached_property
     def rotation_error(self) -> Array:
         """Rotation vector from the hand to its desired orientation, hand frame, shape (N, 3), rad."""
-        w, v = self._pose_error[:, :1], self._pose_error[:, 1:4]
-        sine = row_norms(v)[:, None]  # atan2, because acos loses half the digits near 0
-        scale = np.divide(2 * np.arctan2(sine, w), sine, out=np.full_like(sine, 2.0), where=sine != 0)
-        return _locked(scale * v)
+        return _locked(row_by_row(_rotation_vector, self._pose_error))
 
     @cached_property
     def _pose_error(self) -> Array:
         """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite."""
-        error = np.empty((len(self), 8))
+        error = long_array(len(self), 8)
         pose_errors(self.pose, self.desired_pose, error)
         return _locked(error)
 
@@ -216,6 +247,28 @@ def thinned(record: Record, most: int) -> Record:
         return record
     largest = int(np.argmax(record.error))
     return _rows_of(record, np.unique([*range(0, len(record), step), largest, len(record) - 1]))
+
+
+def outlined(record: Record, pieces: int = 1000) -> Record:
+    """Return those samples of a long record that its curves over time consist of, as wide as so many points.
+
+    Of each piece these are the first one and those with the least and the largest value of each number: what is left
+    shows every peak, and is no base for differences from one sample to the next.
+    """
+    curves = [record.error[:, None], record.q, record.command, record.pose, record.desired_pose]
+    curves += [each.values for each in record.readings.values()]
+    if record.disturbance is not None:
+        curves.append(record.disturbance)
+    step = -(-len(record) // pieces)
+    if step <= 2 * sum(curve.shape[1] for curve in curves):
+        return record
+    kept = {0, len(record) - 1}
+    for first in range(0, len(record), step):
+        kept.add(first)
+        for curve in curves:
+            rows = curve[first : first + step]
+            kept.update((first + rows.argmin(axis=0)).tolist(), (first + rows.argmax(axis=0)).tolist())
+    return _rows_of(record, np.array(sorted(kept)))
 
 
 def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
@@ -238,11 +291,18 @@ def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
 def _position(poses: Array) -> Array:
     """Return the positions of poses, NaN where one is not finite."""
     if np.isfinite(poses).all():
-        return _locked(algebra.translation(poses))
+        return algebra.translation(poses)
     finite = np.isfinite(poses).all(axis=1)
     position = np.full((len(poses), 3), np.nan)
     position[finite] = algebra.translation(poses[finite])
-    return _locked(position)
+    return position
+
+
+def _rotation_vector(pose_errors: Array) -> Array:
+    w, v = pose_errors[:, :1], pose_errors[:, 1:4]
+    sine = row_norms(v)[:, None]  # atan2, because acos loses half the digits near 0
+    scale = np.divide(2 * np.arctan2(sine, w), sine, out=np.full_like(sine, 2.0), where=sine != 0)
+    return scale * v
 
 
 def _frozen(name: str, value: object, shape: tuple[int | None, ...]) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.black_box import BlackBox
@@ -168,7 +169,7 @@ def follow(
         q=trace.q,
         measured=trace.measured,
         command=trace.command,
-        pose=robot.fkm(trace.q),
+        pose=row_by_row(robot.fkm, trace.q),
         desired=done,
         joint_names=robot.joint_names,
         input_names=robot.input_names,
@@ -208,9 +209,11 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
     seconds = duration if duration is not None else reference.duration
     if not np.isfinite(seconds):
         raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
+    if not seconds / period < _MOST_STEPS:
+        raise ValueRangeError(
+            f"duration: {seconds:g} s are {seconds / period:.9g} periods; at most 10 million"
+        )
     steps = round(seconds / period) + 1
     if steps < 2:
         raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s")
-    if steps > _MOST_STEPS:
-        raise ValueRangeError(f"duration: {seconds:g} s are {steps} periods; at most 10 million")
     return steps

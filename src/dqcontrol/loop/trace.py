@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
@@ -42,7 +43,7 @@ class Trace:
 def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
     """Return room for configurations, measured configurations and commands."""
     n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
-    return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
+    return long_array(size, n), long_array(size, n), long_array(size, m)
 
 
 def ended(

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.loop.record import Record
+from dqcontrol.files import long_array
+from dqcontrol.loop.record import Record, part_of
 from dqcontrol.robots.limits import Limits
 
 
@@ -34,7 +35,9 @@ def least_margin(record: Record, limits: Limits | None) -> tuple[float, str]:
     """Return the least distance from a joint limit and that joint's name; NaN without limits or for a diverged run."""
     if limits is None:
         return math.nan, ""
-    margins = joint_margins(record, limits).min(axis=1)
+    block = long_array.BLOCK
+    parts = (part_of(record, first, first + block) for first in range(0, len(record), block))
+    margins = np.min([joint_margins(part, limits).min(axis=1) for part in parts], axis=0)
     if np.isnan(margins).any() or np.isinf(margins).all():
         return math.nan, ""
     nearest = int(margins.argmin())

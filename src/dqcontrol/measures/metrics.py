@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS
@@ -23,7 +24,11 @@ from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
+from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
+
+if TYPE_CHECKING:
+    from dqcontrol.measures.tables import Table
 
 Array = NDArray[np.float64]
 
@@ -171,6 +176,27 @@ class Metrics:
     outside_range: float
     hand_clearance: float = math.nan
 
+    def __repr__(self) -> str:
+        """Return the errors that matter most, in a line."""
+        place, turn = self.position, self.orientation
+        return (
+            f"Metrics({self.duration:g} s: position RMS {place.rms:.3g} mm, peak {place.peak:.3g} mm; "
+            f"orientation RMS {turn.rms:.3g}°; effort {self.effort:.3g})"
+        )
+
+    def __str__(self) -> str:
+        """Return all numbers as a table."""
+        return str(self._table())
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: all numbers as a table."""
+        return self._table().markdown()
+
+    def _table(self) -> Table:
+        from dqcontrol.measures.metric_tables import summary_table
+
+        return summary_table(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
         return _jsonable(asdict(self))
@@ -187,6 +213,7 @@ def evaluate(
     settle: float = 0.0,
     tolerance: float | None = None,
     law: Law | None = None,
+    robot: Robot | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -202,6 +229,8 @@ def evaluate(
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
     law
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
+    robot
+        That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
 
     Raises
     ------
@@ -230,12 +259,12 @@ def evaluate(
     time, intervals = record.time, np.diff(record.time)
     between = (intervals[1:] + intervals[:-1]) / 2
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effect = row_norms(np.diff(record.q, axis=0))
-        velocity = np.diff(record.position, axis=0) / intervals[:, None]
-        acceleration = np.diff(velocity, axis=0) / between[:, None]
-        control = row_norms(record.command[:-1])
+        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), record.q, ahead=1)
+        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), record.position, time, ahead=1)
+        acceleration = row_by_row(_acceleration, record.position, time, ahead=2)
+        control = row_by_row(row_norms, record.command[:-1])
         actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
-        effort = math.sqrt(np.sum(row_norms(actuators[:-1]) ** 2 * intervals))
+        effort = math.sqrt(np.sum(row_by_row(row_norms, actuators[:-1]) ** 2 * intervals))
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = least_margin(record, limits)
         peak_share, saturation = _saturation(record.command[:-1], limits)
@@ -247,25 +276,36 @@ def evaluate(
             final_error=float(record.error[-1]),
             control=_held(control, intervals),
             joint_step=_held(effect, intervals),
-            hand_speed=_held(row_norms(velocity), intervals),
-            hand_acceleration=_held(row_norms(acceleration), between),
+            hand_speed=_held(speed, intervals),
+            hand_acceleration=_held(acceleration, between),
             position=_deviation(time, 1e3 * record.position_error, start),
             orientation=_deviation(time, np.degrees(record.orientation_error), start),
             joint_path_length=float(effect.sum()),
             effort=effort,
             settling_time=settling_time,
             settling_band=band,
-            position_overshoot=_overshoot(record.desired_position - record.position),
+            position_overshoot=_overshoot(row_by_row(np.subtract, record.desired_position, record.position)),
             orientation_overshoot=_overshoot(record.rotation_error),
             limit_margin=margin,
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, settle=settle).words,
+            task=task_result(record, law=law, settle=settle, robot=robot).words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),
         )
+
+
+def _velocity(position: Array, time: Array) -> Array:
+    return np.diff(position, axis=0) / np.diff(time)[:, None]
+
+
+def _acceleration(position: Array, time: Array) -> Array:
+    """Return the size of the acceleration from one interval to the next."""
+    intervals = np.diff(time)
+    between = (intervals[1:] + intervals[:-1]) / 2
+    return row_norms(np.diff(_velocity(position, time), axis=0) / between[:, None])
 
 
 def _continuous(time: Array, value: Array) -> Signal:
@@ -312,7 +352,8 @@ def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
     """Return the largest command over its limit, and the share of samples with one there or beyond."""
     if limits is None or not len(command) or not np.isfinite(limits.velocity).any():
         return math.nan, math.nan
-    shares = np.max(np.abs(command) / limits.velocity, axis=1)
+    velocity = limits.velocity
+    shares = row_by_row(lambda rows: np.max(np.abs(rows) / velocity, axis=1), command)
     if not np.isfinite(shares).all():
         return math.nan, math.nan
     return float(shares.max()), float(np.mean(shares >= 1 - _ROUNDING))

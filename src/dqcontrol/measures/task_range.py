@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.files import long_array
 from dqcontrol.laws import FilteredInverse, Law
 from dqcontrol.laws.inverses import Inverse
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.record import Record, part_of, row_norms
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
 
 Array = NDArray[np.float64]
+Part = Literal["pose", "position", "rotation", "axis"]
 
 RANGE = "range_condition"  # among the readings of a record
 
 _DEFAULT = FilteredInverse()
 _AT_LIMIT = 1e-6  # rad or m
+_SINGULAR = 0.02  # singular values below it count as none, as in `FilteredInverse`
 _FARTHEST = 1e6  # m; farther away a run has diverged
 _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
@@ -113,6 +117,47 @@ def task_range(
     )
 
 
+def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> float:
+    """Return how much of the error lies where a singularity lets no joint move the hand, 0 … 1.
+
+    At 1 every law that only follows its error stands still. A base with wheels, which never moves sideways, and an arm
+    of fewer than six joints are not meant: 0.
+
+    Parameters
+    ----------
+    robot
+        Any robot.
+    q
+        Where it is, shape (n,), rad or m.
+    desired
+        Pose, shape (8,), inertial frame.
+    part
+        Of the pose that counts.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol.measures.task_range import lost_share
+    >>> arm, upright = dqc.load_robot("iiwa7"), np.zeros(7)
+    >>> down = dqc.algebra.multiply(dqc.algebra.pose([1, 0, 0, 0], [0, 0, -0.1]), arm.fkm(upright))
+    >>> lost_share(arm, upright, down), lost_share(arm, np.array([0, 0.6, 0, 0.7, 0, 0.7, 0]), down)
+    (1.0, 0.0)
+    """
+    if len(robot.drives) or robot.input_size < 6 or not np.isfinite(q).all():
+        return 0.0
+    pose = robot.fkm(q)
+    body_twist = 2 * algebra.log_body(algebra.short(algebra.multiply(algebra.conjugate(pose), desired)))
+    if part == "position":
+        body_twist[:3] = 0.0
+    elif part == "rotation":
+        body_twist[3:] = 0.0
+    left, values, _ = np.linalg.svd(robot.hand_jacobian(q))
+    rotation = np.concatenate([pose[:4], np.zeros(4)])
+    components = left.T @ algebra.adjoint_twist(rotation, body_twist)
+    asked = float(np.linalg.norm(components))
+    return float(np.linalg.norm(components[values < _SINGULAR])) / asked if asked > 0 else 0.0
+
+
 def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
     """Return a record that also holds its range condition, as the reading `RANGE`, if the robot has drives.
 
@@ -127,8 +172,14 @@ def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
     """
     if not len(robot.drives):
         return record
-    found = task_range(robot, record, inverse=getattr(law, "inverse", _DEFAULT))
-    values = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+    values, block = long_array.long_array(len(record), 3), long_array.BLOCK
+    inverse = getattr(law, "inverse", _DEFAULT)
+    for first in range(0, len(record), block):
+        # Whether a joint rests is seen from the next sample, of the last from that before.
+        begin = max(first - 1, 0)
+        found = task_range(robot, part_of(record, begin, first + block + 1), inverse=inverse)
+        columns = np.column_stack([found.asked, found.outside, found.smallest_singular_value])
+        values[first : first + block] = columns[first - begin :][:block]
     signal = Signal(RANGE, ("asked", "outside", "smallest_singular_value"), ("", "", ""), values)
     return replace(record, readings={**record.readings, RANGE: signal})
 

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
+_MOST_LATE = 2000  # periods: the linear model has a state for each, and a table of their squares
 
 
 @runtime_checkable
@@ -87,7 +88,9 @@ class TargetPlant(Protocol):
         ...
 
 
-class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class Plant(
+    Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
+):
     """Parameters of a plant.
 
     Attributes
@@ -198,7 +201,7 @@ def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
     >>> [begun_periods("delay", delay, 0.01) for delay in (0.0, 0.02, 0.025)]
     [(0, 1.0), (2, 1.0), (3, 0.5)]
     """
-    periods = as_positive(field, seconds, zero_allowed=True) / dt
+    periods = _periods(field, seconds, dt)
     if abs(round(periods) * dt - seconds) <= 1e-9:
         return round(periods), 1.0
     return math.ceil(periods), round(periods - math.floor(periods), 12)
@@ -206,10 +209,20 @@ def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
 
 def whole_periods(field: str, seconds: float, dt: float) -> int:
     """Return a time of at least 0 in periods dt, or say that it is not a multiple of them."""
-    count = round(as_positive(field, seconds, zero_allowed=True) / dt)
+    count = round(_periods(field, seconds, dt))
     if abs(count * dt - seconds) > 1e-9:
         raise ValueRangeError(f"{field}: must be a multiple of the period {dt:g} s, got {seconds:g} s")
     return count
+
+
+def _periods(field: str, seconds: float, dt: float) -> float:
+    """Return a time of at least 0 over the period; refuse more periods than there is sense in remembering."""
+    periods = as_positive(field, seconds, zero_allowed=True) / dt
+    if not periods <= _MOST_LATE:
+        raise ValueRangeError(
+            f"{field}: must be ≤ {_MOST_LATE:,} periods of {dt:g} s, {_MOST_LATE * dt:.4g} s, got {seconds:g} s"
+        )
+    return periods
 
 
 class CompiledPlant:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, ExistsError
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
-from dqcontrol.loop.record import Record, pose_errors
+from dqcontrol.loop.record import Record, part_of, pose_errors
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
@@ -23,7 +23,7 @@ from dqcontrol.robots.robot import Robot
 Array = NDArray[np.float64]
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
-_CHUNK_DRAINS = 10  # in one chunk, of which the library keeps 1 kB of index in memory: 4 MB an hour
+_CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of which the library keeps 1 kB of index in memory
 _URGENCY = (
     1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
 )
@@ -38,10 +38,10 @@ def prepare_to_record(robot: Robot) -> None:
 
 
 class RecordStream:
-    """Writes samples to an MCAP file from a thread, once a second.
+    """Writes samples to an MCAP file from a thread, once a second, and faster if they come faster than in real time.
 
-    Killed at any moment, the file holds all but the last second; `load_record` reads it. If the disk is full,
-    ``failure`` says so, and the loop stops the robot.
+    Killed at any moment, the file holds all but the last second; cut anywhere, all but a second before the cut.
+    `load_record` reads it. If the disk is full, ``failure`` says so, and the loop stops the robot.
 
     Parameters
     ----------
@@ -71,7 +71,9 @@ class RecordStream:
         self.failure: str = ""
         self._waiting: deque[tuple[Array, Array, Array, Array, float]] = deque()
         self._held: list[tuple[Array, Array, Array, Array, float]] = []
-        self._written, self._first, self._drains = 0, 0.0, 0
+        self._written, self._first = 0, 0.0
+        self._chunk_begin: float | None = None  # recorded s, of the chunk in progress if there is one
+        self._chunk_drains = 0
         self._is_urgent = hasattr(os, "SCHED_FIFO") and bool(os.sched_getscheduler(0) & os.SCHED_FIFO)
         self._end = threading.Event()
         try:
@@ -155,17 +157,23 @@ class RecordStream:
 
     def _drain(self, *, everything: bool = False) -> None:
         """Write what waits; the last sample is held back until the next one gives its velocity."""
-        new = [self._waiting.popleft() for _ in range(len(self._waiting))]
-        rows = self._held + new
-        ready = len(rows) - (not everything)
-        if ready < 1:
-            self._held = rows
-            return
-        samples, q, measured, command, codes = (np.array(column) for column in zip(*rows, strict=True))
+        self._held += [self._waiting.popleft() for _ in range(len(self._waiting))]
+        ready = len(self._held) - (not everything)
+        if ready > 0:
+            self._write(ready)
+        if self._chunk_begin is not None:
+            self._chunk_drains += 1
+            if self._chunk_drains * _EVERY >= _CHUNK:
+                self._end_chunk()
+
+    def _write(self, ready: int) -> None:
+        """Write the first samples of those held, in chunks of so much recorded time."""
+        samples, q, measured, command, codes = (np.array(column) for column in zip(*self._held, strict=True))
+        time = samples[:, -1]
         if not self._written:
-            self._first = min(0.0, float(samples[0, -1]))
+            self._first = min(0.0, float(time[0]))
         record = Record(
-            samples[:, -1],
+            time,
             q,
             measured,
             command,
@@ -175,12 +183,22 @@ class RecordStream:
             self._robot.input_names,
             readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), codes[:, None])},
         )
-        self._writer.write(record, ready, self._first)
-        self._drains += 1
-        if self._drains % _CHUNK_DRAINS == 0:
-            self._writer.file.flush()
+        begin = 0
+        while begin < ready:
+            if self._chunk_begin is None:
+                self._chunk_begin = float(time[begin])
+            end = begin + int(np.searchsorted(time[begin:ready], self._chunk_begin + _CHUNK))
+            self._writer.write(part_of(record, begin, end + 1), end - begin, self._first)
+            if end < ready:
+                self._end_chunk()
+            begin = end
         self._written += ready
-        self._held = rows[ready:]
+        del self._held[:ready]
+
+    def _end_chunk(self) -> None:
+        """Bring what was written to the file, where readers see it."""
+        self._writer.file.flush()
+        self._chunk_begin, self._chunk_drains = None, 0
 
 
 def _worded(error: Exception) -> str:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.algebra import translation
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 
 Array = NDArray[np.float64]
@@ -60,6 +64,14 @@ class Reference(ABC):
     duration: float
     corners: Array
 
+    def __repr__(self) -> str:
+        """Return the class and its parameters in a line: of arrays their shape."""
+        fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
+        given = (
+            f"{each.name}={_in_short(getattr(self, each.name))}" for each in fields if each.init and each.repr
+        )
+        return f"{type(self).__name__}({', '.join(given)})"
+
     @abstractmethod
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21) for times (N,) in [0, duration], s: what a subclass writes.
@@ -99,7 +111,7 @@ class Reference(ABC):
             raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
         if (asked < 0).any():
             raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
-        out = np.empty((len(asked), SAMPLE_SIZE))
+        out = long_array(len(asked), SAMPLE_SIZE)
         for first in range(0, len(asked), _BLOCK):
             rows = slice(first, first + _BLOCK)
             inside, at_corner = self.snapped(asked[rows])
@@ -123,6 +135,26 @@ class Reference(ABC):
         inside, at_corner = np.empty(len(times)), np.empty(len(times), dtype=np.bool_)
         _snap(np.ascontiguousarray(times), self.corners, self.duration, inside, at_corner)
         return inside, at_corner
+
+
+def _in_short(value: object) -> str:
+    """Return a parameter in a few letters."""
+    if callable(value):
+        return getattr(value, "__name__", type(value).__name__)
+    if isinstance(value, str | bool | int | Reference):
+        return repr(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple) and any(isinstance(each, Reference) for each in value):
+        return f"{len(value)} references"
+    try:
+        shape = np.shape(getattr(value, "vec8", value))  # type: ignore[arg-type]
+    except ValueError:
+        return f"{len(value)} parts"  # type: ignore[arg-type]
+    if shape == (8,):
+        x, y, z = translation(np.asarray(getattr(value, "vec8", value), dtype=np.float64))
+        return f"pose at ({x:.4g}, {y:.4g}, {z:.4g})"
+    return f"array {shape}" if math.prod(shape) > 6 else str(np.asarray(value).tolist())
 
 
 def corners_between(left: Array, right: Array, times: Array) -> Array:

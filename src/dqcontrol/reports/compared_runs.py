@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.loop import Record
+from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def write_comparison_figures(
-    records: Mapping[str, Record], folder: Path, unit: str = "rad or m"
-) -> dict[str, Figure]:
+def unit_of_way(robots: Iterable[Robot]) -> str:
+    """Return the unit of what the inputs of all robots move: ``"rad"``, ``"m"``, or ``"rad or m"`` if they differ."""
+    kinds = {kind for robot in robots for kind in robot.input_types}
+    return {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
+
+
+def write_comparison_figures(records: Mapping[str, Record], folder: Path, unit: str) -> dict[str, Figure]:
     """Write figures of a dozen records at most, by label, into an existing folder, and return them.
 
-    ``unit`` is that of what the inputs move, as of `compare_criteria`.
+    ``unit`` is that of what the inputs move, see `unit_of_way`.
     """
     from dqcontrol.figures import comparison_figures, save_figures
 

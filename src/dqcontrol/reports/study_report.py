@@ -14,7 +14,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, Verdict
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reports.compared_runs import write_comparison_figures
+from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
 from dqcontrol.reports.provenance import AGAIN, command, origins
 
 if TYPE_CHECKING:
@@ -70,9 +70,10 @@ def write_study_report(
 
 def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
     """Write the figures of all runs together, and return them."""
-    kinds = {kind for run in study.runs.values() for kind in run.robot.input_types}
-    unit = {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
-    return write_comparison_figures(records, folder, unit) | _write_repeats(study, folder)
+    parts = study.runs.values() or study.setting().scenes.values()  # where only metrics were kept
+    return write_comparison_figures(
+        records, folder, unit_of_way(part.robot for part in parts)
+    ) | _write_repeats(study, folder)
 
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:

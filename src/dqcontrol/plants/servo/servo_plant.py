@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.files.long_array import long_array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Array, CompiledPlant, Plant, begun_periods, start_configuration
@@ -122,7 +123,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         )
         state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1), np.zeros(WORK * n)])
         noise = (
-            np.random.default_rng(seed).standard_normal((steps, n))
+            np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
             if self.encoder_noise
             else np.zeros((steps, n))
         )

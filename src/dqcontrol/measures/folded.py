@@ -10,7 +10,7 @@ from dqcontrol.measures.tables import Table
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-_WORD = 24  # letters; longer words are broken
+_WORD = 32  # letters; longer words are broken
 _FRAME = 3  # letters beside each column
 
 
@@ -19,7 +19,7 @@ def folded(table: Table, width: int) -> Iterator[RichTable]:
 
     Labels are the columns of texts before the first of numbers. Numbers are never cut.
     """
-    least, most = _least(table), _most(table)
+    least, cells, most = _least(table), _longest_cells(table), _most(table)
     if _total(most) <= width:
         yield table.rich()
         return
@@ -31,7 +31,9 @@ def folded(table: Table, width: int) -> Iterator[RichTable]:
             parts.append(list(labels))
         parts[-1].append(i)
     for n, part in enumerate(parts):
-        widths = _shared([least[i] for i in part], [most[i] for i in part], width)
+        widths = [least[i] for i in part]
+        for wishes in (cells, most):  # a heading never takes the room that a cell needs
+            widths = _shared(widths, [wishes[i] for i in part], width)
         yield _columns(table, part, table.title if n == 0 else "").rich(widths)
 
 
@@ -41,8 +43,13 @@ def _columns(table: Table, part: Sequence[int], title: str) -> Table:
 
 def _most(table: Table) -> list[int]:
     """Return how wide each column is with everything in one line."""
-    lines = [[column.heading for column in table.columns], *table.texts()]
-    return [max(map(len, column)) for column in zip(*lines, strict=True)]
+    cells = _longest_cells(table)
+    return [max(len(column.heading), cell) for column, cell in zip(table.columns, cells, strict=True)]
+
+
+def _longest_cells(table: Table) -> list[int]:
+    texts = table.texts()
+    return [max((len(row[i]) for row in texts), default=0) for i in range(len(table.columns))]
 
 
 def _least(table: Table) -> list[int]:

@@ -1,11 +1,12 @@
 """Tables of the command line in narrow windows: folded, never cut."""
 
 import io
+import math
 
 import pytest
 from rich.console import Console
 
-from dqcontrol.cli.folded import folded
+from dqcontrol.measures.folded import folded
 from dqcontrol.measures.table_cells import PlusMinus
 from dqcontrol.measures.tables import Column, Table
 
@@ -59,9 +60,21 @@ def test_no_window_is_too_narrow():
 
 
 def test_short_columns_are_not_starved_by_long_ones():
-    """Each letter goes where cells have most lines: thirty letters beside sentences do not become a column of six."""
+    """Each letter goes where cells have most lines: thirty letters beside sentences do not become a column of seven."""
     cells = ["Section 5.4", "a long sentence that was claimed " * 4, "what we measured instead of it " * 4]
     columns = [Column("P16"), Column("Claim"), Column("Our number"), Column("P16's own numbers")]
-    (shown,) = folded(Table(columns, [[*cells, "0.52, 0.71 and 0.93 of 1.00 all"]]), 100)
-    widths = [column.width for column in shown.columns]
-    assert (widths[3] or 0) > 10
+    cells.append("0.52, 0.71 and 0.93 of 1.00 all")
+    (shown,) = folded(Table(columns, [cells]), 100)
+    lines = [
+        math.ceil(len(cell) / (column.width or 1)) for cell, column in zip(cells, shown.columns, strict=True)
+    ]
+    assert lines[1] == lines[2] == lines[3]
+
+
+def test_headings_break_before_names_do():
+    name = "proportional · integrator"
+    table = Table(
+        [Column("run"), *[Column("error of something", "mm", ".3g")] * 4], [[name, 1.0, 2.0, 3.0, 4.0]]
+    )
+    for width in range(80, 120):
+        assert name in printed(table, width)
