@@ -125,10 +125,8 @@ def test_velocities_that_a_path_needs_are_told_before_and_after():
     assert told > 1
     slower = circle | {"duration": 0.3 * told * 1.05}
     assert not list(check(spec | {"reference": slower}).remarks())
-    almost = circle | {"duration": 0.3 * told / 1.003}
-    (remark,) = check(spec | {"reference": almost}).remarks()
     times = float(remark.partition("make it ")[2].split()[0])
-    assert 1 < times < 1.03, "what to do about a little is no nothing"
+    assert told <= times < told + 0.011, "rounded up: a little more than 1 is never 1"
 
 
 PANDA = {
