@@ -147,6 +147,8 @@ def test_a_check_judges_an_own_law_and_a_run_warns():
     checks = check(spec(laws=laws))
     slow, fast = checks
     assert (slow.verdict, fast.verdict) == ("stable", "unstable")
+    assert slow.numeric
+    assert fast.numeric
     assert slow.numeric.margin * 2 == pytest.approx(fast.numeric.margin * 500, rel=1e-4)
     assert "by numeric linearisation at the start only" in slow.remark
     assert checks.unstable
