@@ -97,7 +97,7 @@ def writing(target: object) -> Iterator[None]:
 
 
 @contextmanager
-def naming(place: str) -> Iterator[None]:
+def error_prefix(place: str) -> Iterator[None]:
     """Put a place before the message of any of our errors raised inside, unless the message names a file already."""
     try:
         yield

@@ -84,16 +84,16 @@ def apply(operation: Any, size: int, **operands: Array) -> Array:
         out = np.empty(size)
         compiled(*map(np.ascontiguousarray, operands.values()), out)
         return out
-    lead = broadcast_lead(**operands)
+    batch_shape = broadcast_lead(**operands)
     rows = []
     for operand in operands.values():
         width = operand.shape[-1]
-        if operand.size != width and operand.shape[:-1] != lead:
-            operand = np.broadcast_to(operand, (*lead, width))
+        if operand.size != width and operand.shape[:-1] != batch_shape:
+            operand = np.broadcast_to(operand, (*batch_shape, width))
         rows.append(np.ascontiguousarray(operand).reshape(-1, width))
-    out = np.empty((math.prod(lead), size))
+    out = np.empty((math.prod(batch_shape), size))
     _BATCHES[len(rows)](compiled.pointer, *rows, out)
-    return out.reshape(*lead, size)
+    return out.reshape(*batch_shape, size)
 
 
 def broadcast_lead(**operands: Array) -> tuple[int, ...]:

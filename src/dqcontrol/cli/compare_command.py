@@ -28,12 +28,12 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
     from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
-    from dqcontrol.experiments.results_folder import MARK, new_folder
+    from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
     from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
     from dqcontrol.reports.compared_runs import write_comparison_figures
-    from dqcontrol.reports.provenance import AGAIN, command, origins
+    from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
@@ -46,7 +46,7 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
         table = summary(runs, "comparison")
     if out is not None:
         with new_folder(out, force=force) as new:
-            (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
+            (new / SPEC_FILE).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
             write_table(table, new, "table")
             records = {label: run.record for label, run in runs.items()}
             figures = write_comparison_figures(records, new)
@@ -55,7 +55,7 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
                 new,
                 "Comparison",
                 facts=", ".join(map(str, folders)),
-                command=command("compare", *places, by=by, out=AGAIN),
+                command=command("compare", *places, by=by, out=RERUN_FOLDER),
                 tables=[table],
                 figures=figures,
                 origins=origins({}),

@@ -11,7 +11,7 @@ from typing import Any
 
 from dqcontrol.errors import StabilityWarning
 from dqcontrol.experiments.feasibility import task_remarks
-from dqcontrol.experiments.prepared_experiment import Case, Names, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
@@ -25,7 +25,7 @@ from dqcontrol.measures.stability import (
     with_lag,
     with_mean,
 )
-from dqcontrol.measures.table_cells import Verdict as Words
+from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
@@ -267,10 +267,10 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
     ]
 
 
-def judged(row: LoopCheck) -> Words:
+def judged(row: LoopCheck) -> VerdictCell:
     """Return the verdict as a cell of a table."""
     good = {"good": True, "unstable": False, "unstable for large errors": False}
-    return Words(row.verdict, good.get(row.verdict))
+    return VerdictCell(row.verdict, good.get(row.verdict))
 
 
 def check(source: str | Path | dict[str, Any]) -> Checks:
@@ -308,7 +308,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))
 
 
-def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
+def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:
     """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
     checks = list(loop_checks(setting))
     unstable = [row for row in checks if row.verdict.startswith("unstable")]
@@ -318,7 +318,7 @@ def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
     return checks
 
 
-def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
+def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
     """Give what is to be expected of each combination of a prepared spec."""
     period = setting.spec.period
     plants: dict[tuple[str, str], tuple[LinearModel | None, float, Known]] = {}
@@ -341,7 +341,7 @@ def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
             yield LoopCheck(case.names, period, loops, "", acceleration)
 
 
-def _driven(setting: Setting, case: Case) -> tuple[LinearModel | None, float]:
+def _driven(setting: PreparedExperiment, case: Combination) -> tuple[LinearModel | None, float]:
     """Return what a law drives, plant and supervisor, and the least acceleration that the latter allows."""
     robot, period = case.scene.robot, setting.spec.period
     model = case.plant.linear_model(robot, case.scene.start, period)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.prepared_experiment import Case, Scene, Setting
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
 from dqcontrol.laws import OpenLoop, PartialProportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
@@ -50,7 +50,7 @@ class PathDemand:
     time: float
 
 
-def path_demand(scene: Scene) -> PathDemand | None:
+def path_demand(scene: PreparedRobot) -> PathDemand | None:
     """Return what a reference asks of an arm; None of robots with a mobile base, which cannot move sideways.
 
     The motion is followed with feed-forward from the configuration nearest to its first pose, so no transient of a
@@ -68,8 +68,8 @@ def path_demand(scene: Scene) -> PathDemand | None:
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
     try:
-        arrived = follow(law, Integrator(), start, held).q[-1]
-        record = follow(law, Integrator(), arrived, samples)
+        arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
+        record = simulate_prepared(law, Integrator(), arrived, samples)
     except DivergedError:
         return None
     speeds = np.abs(np.diff(record.q, axis=0)) / period / robot.limits.velocity
@@ -82,7 +82,7 @@ def path_demand(scene: Scene) -> PathDemand | None:
     return PathDemand(left, float(speeds[k, joint]), robot.joint_names[joint], float(samples[k, -1]))
 
 
-def task_remarks(setting: Setting) -> Iterator[str]:
+def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
     """Give what speaks against each robot's doing what is asked, and what helps, in a line each."""
     whole = [case for case in setting.cases if not isinstance(case.variant.law, PartialProportional)]
     for label, scene in setting.scenes.items():
@@ -92,7 +92,7 @@ def task_remarks(setting: Setting) -> Iterator[str]:
         yield from _of_first_command(setting, case)
 
 
-def _of_path(scene: Scene) -> Iterator[str]:
+def _of_path(scene: PreparedRobot) -> Iterator[str]:
     demand, robot = path_demand(scene), scene.robot
     if demand is None:
         return
@@ -115,7 +115,7 @@ def _of_path(scene: Scene) -> Iterator[str]:
         )
 
 
-def _of_first_command(setting: Setting, case: Case) -> Iterator[str]:
+def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
     """Say if the first command is beyond the velocity limits, where that is a velocity."""
     robot, law = case.scene.robot, case.variant.law
     if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop):

@@ -11,7 +11,7 @@ from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody, describe
-from dqcontrol.robots.whole_body import base_coordinates, placed
+from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ def _check_length(robot: Robot, samples: Array) -> None:
 def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
     """Return q0 for each pose, a base that stands on the floor driven as far as the hand has to go."""
     starts = np.tile(q0, (len(poses), 1))
-    first = next(placed(robot.parts))[0] if isinstance(robot, WholeBody) else 0
+    first = next(parts_with_offsets(robot.parts))[0] if isinstance(robot, WholeBody) else 0
     if base_coordinates(robot)[first]:
         way = algebra.translation(poses) - algebra.translation(robot.fkm(q0))
         starts[:, first : first + 2] += way[:, :2]

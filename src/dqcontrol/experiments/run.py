@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.clearance import least_clearance
-from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
+from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
@@ -26,7 +26,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, evaluate
@@ -169,7 +169,7 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
+    def write(self, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
         result_pages().write_run(self, folder, outside, figures=figures)
@@ -214,8 +214,8 @@ def measure(
 
 
 def execute(
-    setting: Setting,
-    case: Case,
+    setting: PreparedExperiment,
+    case: Combination,
     repeat: int = 0,
     *,
     interpreted: bool = False,
@@ -233,7 +233,7 @@ def execute(
         If the very first command fails.
     """
     spec, scene = setting.spec, case.scene
-    record = follow(
+    record = simulate_prepared(
         case.prepare_law(spec),
         case.plant,
         scene.start,
@@ -255,7 +255,7 @@ def execute(
     return with_certificate(scene.robot, record, case.variant.law, case.plant)
 
 
-def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:
+def as_run(setting: PreparedExperiment, case: Combination, repeat: int, record: Record) -> Run:
     """Return the record of a trial with the spec that repeats it."""
     text = setting.single_text(case, repeat)
     return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label, setting.spec.judged)

@@ -10,7 +10,7 @@ from typing import Any
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.experiments.run import Run
@@ -129,7 +129,7 @@ def run_study_to(
 
 
 def _run(
-    setting: Setting, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
+    setting: PreparedExperiment, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
 ) -> Study:
     expected = {check.names: check for check in warn_unstable(setting, stacklevel=3)}
     spec = setting.spec

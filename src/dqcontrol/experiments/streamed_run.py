@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.errors import writing
-from dqcontrol.experiments.results_folder import MARK, added_files, check_new, new_folder, note_contents
+from dqcontrol.experiments.results_folder import SPEC_FILE, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
@@ -57,7 +57,7 @@ class StreamedRun:
         with writing(self.folder):
             if not self._count:
                 with new_folder(self.folder, force=self._force) as new:
-                    (new / MARK).write_text(self._spec, encoding="utf-8")
+                    (new / SPEC_FILE).write_text(self._spec, encoding="utf-8")
             else:
                 self.path.rename(self.folder / f"record-{self._count}.mcap")
             self._count += 1

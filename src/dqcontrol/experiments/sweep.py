@@ -19,7 +19,7 @@ import msgspec
 import yaml
 
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.experiments.prepared_experiment import Setting, prepare_spec
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
 from dqcontrol.experiments.spec import as_spec, read_data
@@ -74,7 +74,7 @@ class Sweep:
         return yaml.safe_dump({**data, "sweep": sampling}, sort_keys=False, allow_unicode=True)
 
     @cached_property
-    def first(self) -> Setting:
+    def first(self) -> PreparedExperiment:
         """The first point."""
         return self.setting(next(self.sampling.points_between(0, 1)))
 
@@ -111,7 +111,7 @@ class Sweep:
         """Return how many trials a part has."""
         return len(self.runs_of(part)) * len(self.first.cases)
 
-    def setting(self, point: Point) -> Setting:
+    def setting(self, point: Point) -> PreparedExperiment:
         """Return the study at a point, made ready.
 
         Raises
@@ -124,7 +124,7 @@ class Sweep:
             _put(data, key, value)
         return prepare_spec(as_spec(self.where, data, self.folder), self.folder, self._known)
 
-    def ends(self) -> Iterator[Setting]:
+    def ends(self) -> Iterator[PreparedExperiment]:
         """Return the studies at the ends of all ranges and at all values of lists, one key at a time.
 
         Raises

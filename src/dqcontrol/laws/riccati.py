@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inlined, kernel, types
+from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 Array = NDArray[np.float64]
@@ -163,7 +163,7 @@ SIZE = 8  # of the tracking problem; fixed, so that the compiler unrolls its swe
 WORK_SIZE = 7 * SIZE * SIZE + 6 * SIZE
 
 
-@inlined
+@inline
 def _slope(p, xi, a, c, q, r_inverse, scratch, dp, dxi):
     """Write −Ṗ and −ξ̇ of the tracking problem ė = A e + u + c: backwards in time both decay.
 

@@ -132,7 +132,7 @@ def _stop_array(stop: Stop | None) -> Array:
 def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop | None) -> Trace:
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
-    none, count = np.zeros(0), len(steps.samples)
+    empty, count = np.zeros(0), len(steps.samples)
     realised = steps.realised[:count] if disturbance else np.zeros((1, 6))
     done = np.zeros(10)
     status = compiled.rollout(
@@ -145,13 +145,13 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         law.plan,
         law.memory,
         steps.law_state,
-        supervision.supervisor.parameters if supervision else none,
-        supervision.state if supervision else none,
-        supervision.supervisor.work if supervision else none,
-        supervision.codes[:count] if supervision else none,
+        supervision.supervisor.parameters if supervision else empty,
+        supervision.state if supervision else empty,
+        supervision.supervisor.work if supervision else empty,
+        supervision.codes[:count] if supervision else empty,
         disturbance.rows if disturbance else np.zeros((0, ROW)),
-        disturbance.parameters if disturbance else none,
-        disturbance.work if disturbance else none,
+        disturbance.parameters if disturbance else empty,
+        disturbance.work if disturbance else empty,
         plant.parameters,
         plant.state,
         plant.noise,

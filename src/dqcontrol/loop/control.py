@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
@@ -237,7 +237,7 @@ class Control:
             cause = [f"emergency stop: {self._cause}"] if self._cause else []
             self.reason, self.phase = ", ".join(cause or words), Phase.STOPPING
             if rests:
-                self.is_commanding = self._state[at.FAULT] != SOFT_STOP
+                self.is_commanding = self._state[layout.FAULT] != SOFT_STOP
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
 
 

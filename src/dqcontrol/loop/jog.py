@@ -17,7 +17,7 @@ from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
-from dqcontrol.loop.targets import ByTwist, Speeds
+from dqcontrol.loop.targets import Speeds, TwistTarget
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
 
@@ -97,7 +97,7 @@ class Jog:
         steps: int = 100_000,
     ) -> None:
         self.speeds, self._poses, self._plant, self._steps = speeds or Speeds(), poses, plant, steps
-        self._target = ByTwist(self.speeds, timeout=_HOLD)
+        self._target = TwistTarget(self.speeds, timeout=_HOLD)
         self._control = Control(law, self._target, supervisor)
         self._control.activate(plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt

@@ -108,7 +108,7 @@ def simulate(
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
-    return follow(
+    return simulate_prepared(
         law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),
         plant,
         q0,
@@ -122,7 +122,7 @@ def simulate(
     )
 
 
-def follow(
+def simulate_prepared(
     law: PreparedLaw,
     plant: Plant,
     start: Array,

@@ -46,7 +46,7 @@ class Speeds:
         return min(1.0, self.linear / max(linear, 1e-12), self.angular / max(angular, 1e-12))
 
 
-class Sampled:
+class SampledTarget:
     """A reference sampled once a period, shape (N, 21)."""
 
     def __init__(self, samples: Array, period: float) -> None:
@@ -64,7 +64,7 @@ class Sampled:
         return round(time / self._period) >= len(self._samples)
 
 
-class Moving:
+class MovingTarget:
     """A desired pose that moves while it is not too far ahead of the hand."""
 
     def __init__(self, speeds: Speeds) -> None:
@@ -93,7 +93,7 @@ class Moving:
         raise NotImplementedError
 
 
-class ToPose(Moving):
+class PoseTarget(MovingTarget):
     """The way to the last pose asked for, on a straight line with limited speeds."""
 
     def __init__(self, speeds: Speeds) -> None:
@@ -115,7 +115,7 @@ class ToPose(Moving):
             self._row[POSE] = algebra.pose(r / np.linalg.norm(r), start + share * (end - start))
 
 
-class ByTwist(Moving):
+class TwistTarget(MovingTarget):
     """The way that a twist leads; without a new one in time the desired pose rests.
 
     Attributes

@@ -29,7 +29,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
     buffer = work[0 : 8 + 14 * n]
     velocity = work[8 + 14 * n : 8 + 15 * n]
-    none = work[8 + 15 * n : 8 + 16 * n]
+    no_preference = work[8 + 15 * n : 8 + 16 * n]
     hand = work[8 + 16 * n : 14 + 16 * n]
     rest = work[14 + 16 * n :]
     status = call_chain(kinematics, chain, q, buffer)
@@ -48,7 +48,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
     hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
     inverse = parameters[1 : 1 + HEAD]
-    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, none, inverse, rest, velocity)
+    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, no_preference, inverse, rest, velocity)
     if status != OK:
         return status
     for i in range(6):

@@ -30,7 +30,7 @@ _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 _TABLE = types.Array(types.int64, 2, "C")
 
 
-class Messages(NamedTuple):
+class ChunkMessages(NamedTuple):
     """Messages of one channel out of one chunk, in the order of the file.
 
     Attributes
@@ -51,7 +51,7 @@ class Messages(NamedTuple):
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
-    def chosen(self, which: NDArray[np.bool_]) -> Messages:
+    def chosen(self, which: NDArray[np.bool_]) -> ChunkMessages:
         """Return some of the messages, (k,)."""
         return self._replace(times=self.times[which], starts=self.starts[which], sizes=self.sizes[which])
 
@@ -107,7 +107,7 @@ def _scan(data, found):
 
 
 def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
-    """Yield the schemas, channels and metadata of an MCAP file, as the library has them, and `Messages`.
+    """Yield the schemas, channels and metadata of an MCAP file, as the library has them, and `ChunkMessages`.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def _records(data: Bytes) -> Iterator[Any]:
     for rows in np.split(order, np.flatnonzero(np.diff(messages[order, 1])) + 1):
         if len(rows):
             _, channels, times, starts, sizes = messages[rows].T
-            yield Messages(int(channels[0]), times, data, starts, sizes)
+            yield ChunkMessages(int(channels[0]), times, data, starts, sizes)
 
 
 def _record(opcode: int, content: bytes) -> Any:

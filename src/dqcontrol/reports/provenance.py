@@ -12,7 +12,7 @@ from typing import Any
 from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.measures.tables import Column, Table
 
-AGAIN = "again"  # folder that the commands write to
+RERUN_FOLDER = "again"  # folder that the commands write to
 _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
 
 
@@ -38,7 +38,7 @@ def evaluation_command(evaluation: dict[str, Any]) -> str:
     ends = {key: robot.get(key) for key in ("base_link", "tip_link")}
     joints = options.pop("joints")
     options["joints"] = ",".join(joints) if joints else None
-    return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=AGAIN)
+    return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=RERUN_FOLDER)
 
 
 def origins(data: dict[str, Any]) -> Table:

@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import ByTwist, Target, ToPose
+from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
@@ -112,9 +112,9 @@ class Following:
         self._joint_states = node.create_subscription(
             JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST
         )
-        if isinstance(self.target, ToPose):
+        if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
@@ -216,12 +216,12 @@ class Following:
 
     def _hear_pose(self, message: PoseStamped) -> None:
         goal = pose_of(message, self._base)
-        if isinstance(self.target, ToPose):
+        if isinstance(self.target, PoseTarget):
             self.target.goal = goal
 
     def _hear_twist(self, message: TwistStamped) -> None:
         linear, angular, frame = twist_of(message, (self._base, self._tool))
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             self.target.ask(self._time, linear, angular, of_hand=frame == self._tool)
 
     def _watch(self) -> None:
@@ -294,5 +294,5 @@ class Following:
             self.control.law = self.loaded.prepared_law(self._source)
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)

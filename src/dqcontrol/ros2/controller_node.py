@@ -122,14 +122,14 @@ class ControllerNode(Node):
 
         def look() -> None:
             if interrupts.count and not self._is_retiring:
-                self.retire()
+                self.stop_and_exit()
 
         try:
             spin(self, is_over=lambda: self.ended or interrupts.count > 1, look=look, priority=priority)
         finally:
             self._hold()
 
-    def retire(self) -> None:
+    def stop_and_exit(self) -> None:
         """Stop softly, and end."""
         self._autostart, self.ended = False, self.phase not in (Phase.ACTIVE, Phase.STOPPING)
         self._is_retiring = True

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
@@ -112,7 +112,7 @@ def steps_per_touch(obstacles: list[Obstacle], model: Any, data: Any, joints: in
     return most
 
 
-@inlined
+@inline
 def hand_motion(chain, q, velocity):
     """Return position and velocity of the tool's point (3 + 3); joints may be more than the chain has."""
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -131,7 +131,7 @@ def hand_motion(chain, q, velocity):
     return px, py, pz, vx + oy * pz - oz * py, vy + oz * px - ox * pz, vz + ox * py - oy * px
 
 
-@inlined
+@inline
 def touch(obstacles, time, chain, q, velocity, forces, largest):
     """Set the force of the pads on the hand at a time; keep the largest yet, its norm last, in ``largest`` (4)."""
     px, py, pz, vx, vy, vz = hand_motion(chain, q, velocity)

@@ -119,7 +119,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
-        body, drive, arm = self._taken_apart(robot)
+        body, drive, arm = self._parts_of(robot)
         base = self.base.under(drive, robot.name)
         if arm is not None:
             check_standing(robot.name, base, drive, arm)
@@ -137,9 +137,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def picture_model(self, robot: Robot) -> Any:
         """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
-        return self._spec(*self._taken_apart(robot))
+        return self._spec(*self._parts_of(robot))
 
-    def _taken_apart(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
+    def _parts_of(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
         """Return the robot, its drive and what that carries, the arm with inertias."""
         parts = robot.parts if isinstance(robot, WholeBody) else ()
         drive = parts[0] if parts else None

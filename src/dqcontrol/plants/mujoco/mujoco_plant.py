@@ -146,7 +146,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """
         h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
         live = self.start(robot, q0, dt, 1, 0)
-        mass, unit, none = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
+        mass, unit, zero = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
         velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
@@ -158,5 +158,5 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             transition, inputs = step @ transition, step @ inputs
             inputs[2 * n :] += h * unit
         if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
-            transition += inputs @ np.hstack([unit, none, -unit]) / dt
+            transition += inputs @ np.hstack([unit, zero, -unit]) / dt
         return LinearModel(transition, inputs)
