@@ -46,7 +46,7 @@ class MissingExtraError(Error, ImportError):
 
 
 class DivergedError(Error, ArithmeticError):
-    """A run left the finite numbers."""
+    """A run produced NaN or infinity."""
 
 
 class FallenError(Error, RuntimeError):

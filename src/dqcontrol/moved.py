@@ -71,7 +71,11 @@ _NAMES = {  # that have left a module
 }
 
 _RENAMED = {  # names that changed in the module where they stand
-    "dqcontrol.compiled.compile": {"attached": "shared", "inlined": "inline", "strictly_inlined": "inline_ieee"},
+    "dqcontrol.compiled.compile": {
+        "attached": "shared",
+        "inlined": "inline",
+        "strictly_inlined": "inline_ieee",
+    },
     "dqcontrol.compile": {"inlined": "inline"},
 }
 

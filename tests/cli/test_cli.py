@@ -128,11 +128,13 @@ def test_an_interrupted_study_says_how_it_goes_on(here, capsys, monkeypatch):
         patch.setattr(trials, "execute", interrupted)
         code, _, err = call("run", "repeats.yaml", capsys=capsys)
     assert code == 130
-    assert err.endswith("dqcontrol: interrupted; finished trials are kept, the same command goes on\n")
+    assert err.endswith(
+        "dqcontrol: interrupted; finished trials are kept; rerun the same command to resume\n"
+    )
     assert not (here / "results/tiny").exists()
     code, _, err = call("run", "repeats.yaml", capsys=capsys)
     assert code == 0
-    assert "dqcontrol: goes on; 2 of 3 trials were finished before\n" in err
+    assert "dqcontrol: resuming: 2 of 3 trials already done\n" in err
     assert not (here / "results/.tiny.part").exists()
 
 
@@ -172,12 +174,12 @@ def test_robots(here, capsys):
         ({"repeats": 0}, r"spec.yaml: repeats: expected 'int' >= 1, got 0"),
         ({"seed": -1}, r"spec.yaml: seed: expected 'int' >= 0, got -1"),
         (
-            {"sets": {"a": {"proportionl": {}}}},
-            r"spec.yaml: sets.a: unknown name .* did you mean 'proportional'",
+            {"parameter_sets": {"a": {"proportionl": {}}}},
+            r"spec.yaml: parameter_sets.a: unknown name .* did you mean 'proportional'",
         ),
         (
-            {"sets": {"a": {"proportional": {"error_weight": 1}}}},
-            r"sets.a.proportional: unknown key 'error_weight'",
+            {"parameter_sets": {"a": {"proportional": {"error_weight": 1}}}},
+            r"parameter_sets.a.proportional: unknown key 'error_weight'",
         ),
         ({"robots": {"a": {"source": "iiwa7"}}}, r"spec.yaml: robots.a: missing key 'start'"),
         ({"perod": 1}, r"spec.yaml: unknown key 'perod'; did you mean 'period'"),

@@ -112,7 +112,7 @@ def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
     assert jog.condition == "stopped: emergency stop"
     assert np.concatenate(hold(jog, "w", 0.3)) == pytest.approx(0, abs=1e-6)
     assert not jog.ended
-    assert jog.press("g") == "goes on"
+    assert jog.press("g") == "resumed"
     assert "is active, not stopped" in jog.press("g")
     moved, _ = hold(jog, "a", 0.4)
     assert moved[1] > 0.01

@@ -23,7 +23,7 @@ import numpy as np, dqcontrol as dqc
 from dqcontrol.limits import Supervisor
 from dqcontrol.loop import Clock
 from dqcontrol.recording import RecordStream
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 
 path, seconds, limit = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
 arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -33,7 +33,7 @@ samples = circle.samples(0.005 * np.arange(round(seconds / 0.005)))
 recording = RecordStream(path, arm, "name: killed")
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-record = follow(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
+record = simulate_prepared(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
     recording=recording,
     progress=lambda done, count: print(samples[done - 1, -1], flush=True))
 print("ended", record.stopped, np.abs(record.command[-1]).max(), flush=True)

@@ -1,4 +1,4 @@
-"""Runs that go on: their recordings are read as they grow, whoever writes them."""
+"""Runs in progress: their recordings are read as they grow, whoever writes them."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class GrowingRecording:
         return record
 
     def record(self) -> Record | None:
-        """Return all samples so far; None if there are none. ``stopped`` is empty while it goes on."""
+        """Return all samples so far; None if there are none. ``stopped`` is empty while it runs."""
         count = min(map(len, self._new.values()))
         for topic, rows in self._new.items():
             new = np.array(rows[:count], dtype=np.float64)

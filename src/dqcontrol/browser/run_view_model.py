@@ -38,7 +38,7 @@ class Reading(NamedTuple):
 
 
 class Track:
-    """One run on a robot, to be looked at; a run that goes on gives it ever longer records.
+    """One run on a robot, to be looked at; a run in progress gives it ever longer records.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ def run(
     figures: bool = True,
     real_time: RealTime = False,
 ) -> None:
-    """Run an experiment and write its table, recordings and plots; interrupted, the same command goes on.
+    """Run an experiment and write its table, recordings and plots; rerun the same command to resume.
 
     Parameters
     ----------
@@ -64,7 +64,9 @@ def run(
                 drawing=lambda done, total: progress(done, total, "reports"),
             )
     except KeyboardInterrupt:
-        kept = "; finished trials are kept, the same command goes on" * working_folder(folder).exists()
+        kept = (
+            "; finished trials are kept; rerun the same command to resume" * working_folder(folder).exists()
+        )
         raise KeyboardInterrupt(kept) from None
     print(f"results: {folder}")
 

@@ -44,7 +44,7 @@ def progress_bar() -> Iterator[Callable[..., None]]:
             bar.start()  # only now: an error before the first trial prints nothing else
         if label not in tasks:
             if done >= 1 and not tasks:
-                print(f"dqcontrol: goes on; {done:g} of {total} trials were finished before", file=sys.stderr)
+                print(f"dqcontrol: resuming: {done:g} of {total} trials already done", file=sys.stderr)
             tasks[label] = bar.add_task(label, total=total)
         bar.update(tasks[label], completed=done)
 

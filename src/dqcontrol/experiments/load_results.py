@@ -39,9 +39,9 @@ def load_run(folder: str | Path) -> Run:
         text,
         load_robot(robot.source, robot.base_link, robot.tip_link),
         load_record(path / "record.mcap"),
-        spec.settle,
+        spec.skip_initial,
         f"{law} · {plant}",
-        spec.judged,
+        spec.metrics_from,
     )
 
 
@@ -49,10 +49,11 @@ def _why_no_run(path: Path) -> str:
     if not path.exists():
         return f"{path}: does not exist"
     if runs := [run.name for run in _run_folders(path) if run != path]:
-        return f"{path}: is no folder of a run, but holds runs: give {path / runs[0]}" + " or another" * (
-            len(runs) > 1
+        return (
+            f"{path}: is not the folder of a run, but holds runs: give {path / runs[0]}"
+            + " or another" * (len(runs) > 1)
         )
-    return f"{path}: is no folder of a run ({SPEC_FILE} and record.mcap are missing or incomplete)"
+    return f"{path}: is not the folder of a run ({SPEC_FILE} and record.mcap are missing or incomplete)"
 
 
 def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
@@ -135,6 +136,6 @@ def load_study(folder: str | Path) -> Study:
     path = Path(folder)
     for name in (SPEC_FILE, ROWS):
         if not (path / name).is_file():
-            raise FileFormatError(f"{path}: is no folder of a study with metrics ({name} is missing)")
+            raise FileFormatError(f"{path}: is not the folder of a study with metrics ({name} is missing)")
     _, data, _ = read_data(path / SPEC_FILE)
     return Study(str(data["name"]), read_text(path / SPEC_FILE), {}, read_rows(path / ROWS))

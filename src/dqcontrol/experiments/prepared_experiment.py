@@ -137,7 +137,7 @@ class PreparedExperiment:
             robots=UNSET,
             law=case.variant.law,
             laws=UNSET,
-            sets=None,
+            parameter_sets=None,
             grids=None,
             plant=case.plant,
             plants=UNSET,
@@ -206,7 +206,7 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
     scenes, cases = {}, []
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
-            parts = spec.reference, spec.period, spec.duration, spec.settle, robot
+            parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
@@ -255,8 +255,10 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     reference = spec.reference.build(robot.fkm(start), folder)
     reference = spec.reference.of_robot(reference, robot, start)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
-    if spec.settle > samples[-1, -1]:
-        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
+    if spec.skip_initial > samples[-1, -1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.skip_initial:g}"
+        )
     check_reach(robot, start, samples)
     check_clearance(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples)

@@ -36,7 +36,7 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     if not target.exists() and not target.is_symlink():
         near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
         if not near.is_dir() or not os.access(near, os.W_OK | os.X_OK):
-            raise Error(f"{target}: cannot be written: {near} is no folder that may be written")
+            raise Error(f"{target}: cannot be written: {near} is not writable")
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")

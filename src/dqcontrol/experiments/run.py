@@ -21,7 +21,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
-from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
+from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
@@ -70,7 +70,7 @@ class Run:
     record: Record
     settle: float
     label: str
-    judged: Judged = "true"
+    judged: MetricsFrom = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
 
@@ -189,7 +189,7 @@ def units_of(robot: Robot) -> dict[str, list[str]]:
     return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
 
 
-def as_judged(record: Record, robot: Robot, judged: Judged) -> Record:
+def as_judged(record: Record, robot: Robot, judged: MetricsFrom) -> Record:
     """Return a run as it is judged: with the true joint angles, or with those that the encoders gave."""
     if judged == "true":
         return record
@@ -200,7 +200,7 @@ def measure(
     record: Record,
     robot: Robot,
     settle: float,
-    judged: Judged = "true",
+    judged: MetricsFrom = "true",
     law: Law | None = None,
     plant: Plant | None = None,
 ) -> Metrics:
@@ -258,7 +258,9 @@ def execute(
 def as_run(setting: PreparedExperiment, case: Combination, repeat: int, record: Record) -> Run:
     """Return the record of a trial with the spec that repeats it."""
     text = setting.single_text(case, repeat)
-    return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label, setting.spec.judged)
+    return Run(
+        text, case.scene.robot, record, setting.spec.skip_initial, case.names.label, setting.spec.metrics_from
+    )
 
 
 def run(

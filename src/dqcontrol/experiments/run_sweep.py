@@ -85,7 +85,7 @@ def run_sweep_to(
     """Run a parameter study, and write ``spec.yaml``, ``runs.parquet``, a table and a figure of its best points.
 
     The same spec gives the same rows to the last bit, whatever the number of jobs or workers. Finished parts are kept
-    in ``.NAME.part`` beside the folder NAME until all are there: after an interruption the same call goes on.
+    in ``.NAME.part`` beside the folder NAME until all are there: after an interruption the same call resumes it.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class StreamedRun:
 
     @property
     def path(self) -> Path:
-        """Of the last recording."""
+        """Path of the last recording."""
         return self.folder / RECORD
 
     def record(self) -> RecordStream:

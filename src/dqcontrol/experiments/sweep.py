@@ -30,7 +30,7 @@ from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
 REFUSED = "refused: "
 _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point
-_MARKED = {"sets", "grids"}
+_MARKED = {"parameter_sets", "grids"}
 _TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
 _PART = 1.0  # s of work in a part
 _MOST_IN_PART = 500  # trials
@@ -60,7 +60,7 @@ class Sweep:
 
     @property
     def name(self) -> str:
-        """Of the spec."""
+        """Name in the spec."""
         return self.first.spec.name
 
     @property
@@ -230,7 +230,7 @@ def _sweep(where: str, data: dict[str, Any], folder: Path) -> Sweep:
         for key in sampling.over:
             head = key.partition(".")[0]
             if key in _FIXED or head in _MARKED:
-                raise FileFormatError(f"sweep.over.{key}: cannot vary; vary what is in it, or let it be")
+                raise FileFormatError(f"sweep.over.{key}: cannot vary; vary a key inside it")
     except Error as error:
         raise type(error)(f"{where}: {error}") from None
     return Sweep(where, data, folder, sampling)

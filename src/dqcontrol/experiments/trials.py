@@ -106,7 +106,7 @@ class Batch:
         except DivergedError as error:
             return TrialOutcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
         metrics = measure(
-            record, case.scene.robot, spec.settle, spec.judged, case.variant.law, case.plant
+            record, case.scene.robot, spec.skip_initial, spec.metrics_from, case.variant.law, case.plant
         ).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
         return TrialOutcome(trial, self._row(repeat, record.stopped, metrics), run)

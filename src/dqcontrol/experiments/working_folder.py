@@ -1,4 +1,4 @@
-"""The hidden folder of a study that runs: what is finished stays in it, so that an interrupted study can go on."""
+"""The hidden folder of a study that runs: what is finished stays in it, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class WorkingFolder:
         if mark.exists() and (reason := self._differs()):
             if not force:
                 raise ExistsError(
-                    f"{self.folder}: holds finished trials of {reason}; run that to go on with them, or discard them "
+                    f"{self.folder}: holds finished trials of {reason}; run that to resume it, or discard them "
                     "with --force (force=True)"
                 )
             self._empty()
@@ -100,7 +100,7 @@ class WorkingFolder:
         return {int(path.stem.partition("-")[2]): path for path in sorted(self.folder.glob("part-*.parquet"))}
 
     def close(self) -> None:
-        """Let others in."""
+        """Release the lock."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

@@ -113,7 +113,7 @@ def open_messages(path: Path) -> Iterator[OpenRecording]:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # decoders of damaged bytes raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise FileFormatError(f"{path}: is no whole recording ({reason:.200})") from None
+        raise FileFormatError(f"{path}: is not a complete recording ({reason:.200})") from None
 
 
 @contextmanager

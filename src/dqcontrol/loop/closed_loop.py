@@ -77,7 +77,7 @@ def close_loop(
     -------
     Trace
         Configurations before, and command at, each sample done; with supervision until the robot rests. A run that
-        leaves the finite numbers ends there and says so in ``stopped``; so does one that the supervisor halted, and one
+        produces NaN or infinity ends there and says so in ``stopped``; so does one that the supervisor halted, and one
         whose plant switched its motors off.
 
     Raises
@@ -169,7 +169,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
-        failure = "the plant left the finite numbers"
+        failure = "the plant produced NaN or infinity"
         steps.done -= 1
     elif status >= compiled.LAW_FAILED:
         failure = status_text(status - compiled.LAW_FAILED)

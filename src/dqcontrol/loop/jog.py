@@ -42,7 +42,7 @@ END = "c"
 HELP = (
     "hold to move   w s  x    a d  y    e q  z       to turn   l j  x    i k  y    u o  z",
     "+ - faster, slower    h axes of hand or base    p keep this pose",
-    "space stop    g go on after a stop    c end, as Ctrl-C",
+    "space stop    g resume after a stop    c end, as Ctrl-C",
 )
 _MOST_BRAKING_STEPS = 100_000
 _HOLD = 0.15  # s that one key press lasts: keys held down repeat sooner
@@ -108,7 +108,7 @@ class Jog:
 
     @property
     def period(self) -> float:
-        """Of `step`, s."""
+        """Control period of `step`, s."""
         return self._dt
 
     @property
@@ -233,4 +233,4 @@ class Jog:
         self._control.reset()
         self._control.activate(self._plant.measured.copy())
         self._time = 0.0
-        return "goes on"
+        return "resumed"

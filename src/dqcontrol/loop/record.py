@@ -42,7 +42,7 @@ FAILURES = ("diverged", "faulted", "halted", "toppled", "slipped")
 
 
 def has_failed(stopped: str) -> bool:
-    """Return whether a run that ended so left the finite numbers, was halted, switched its motors off, or fell over."""
+    """Return whether a run that ended so diverged, was halted, switched its motors off, or fell over."""
     return stopped.startswith(FAILURES)
 
 

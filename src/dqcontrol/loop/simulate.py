@@ -207,7 +207,7 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
     """
     seconds = duration if duration is not None else reference.duration
     if not np.isfinite(seconds):
-        raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
+        raise ValueRangeError("duration: a set-point has no duration; give 'duration'")
     steps = round(seconds / period) + 1
     if steps < 2:
         raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s")

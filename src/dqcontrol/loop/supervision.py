@@ -50,7 +50,7 @@ class Senses:
 
     @property
     def age(self) -> float:
-        """Of the measurement, s; 0 if the plant says nothing of it."""
+        """Age of the measurement, s; 0 if the plant does not report it."""
         return self._aged.age if self._aged else 0.0
 
     @property

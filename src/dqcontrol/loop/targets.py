@@ -86,7 +86,7 @@ class MovingTarget:
         return self._row
 
     def is_over(self, time: float) -> bool:
-        """Return False: it goes on until somebody ends it."""
+        """Return False: it runs until somebody ends it."""
         return False
 
     def _advance(self, time: float, dt: float) -> None:

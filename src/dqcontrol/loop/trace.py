@@ -40,7 +40,7 @@ class Trace:
 
 
 def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
-    """Return room for configurations, measured configurations and commands."""
+    """Return empty arrays for configurations, measured configurations and commands."""
     n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
     return np.empty((size, n)), np.empty((size, n)), np.empty((size, m))
 

@@ -91,4 +91,4 @@ class LiveDisturbance:
         """
         row = self.rows[min(k, len(self.rows) - 1)]
         if self.kernel(kernels.twist_kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
-            raise DivergedError("the plant left the finite numbers")
+            raise DivergedError("the plant produced NaN or infinity")

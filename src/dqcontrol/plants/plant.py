@@ -53,7 +53,7 @@ class AgedPlant(Protocol):
 
     @property
     def age(self) -> float:
-        """Of the present measurement, s."""
+        """Age of the present measurement, s."""
         ...
 
 
@@ -63,7 +63,7 @@ class EffortPlant(Protocol):
 
     @property
     def effort(self) -> Array:
-        """Of each input, shape (m,), N·m or N."""
+        """Effort of each input, shape (m,), N·m or N."""
         ...
 
 
@@ -254,9 +254,9 @@ class CompiledPlant:
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:
-            raise DivergedError("the plant left the finite numbers")
+            raise DivergedError("the plant produced NaN or infinity")
         self._step += 1
 
     def rewind(self) -> None:
-        """Use the noise again from its start, for a plant that goes on for longer than it was started for."""
+        """Use the noise again from its start, for a plant that runs longer than it was started for."""
         self._step = 0

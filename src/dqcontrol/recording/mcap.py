@@ -133,7 +133,7 @@ def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool =
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # parsing damaged bytes raises anything
         raise FileFormatError(
-            f"{path}: is no whole MCAP recording ({type(error).__name__}: {error})"
+            f"{path}: is not a complete MCAP file ({type(error).__name__}: {error})"
         ) from None
 
 

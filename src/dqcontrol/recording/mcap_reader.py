@@ -125,14 +125,14 @@ def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
     """
     size = os.fstat(stream.fileno()).st_size
     if stream.read(8) != _MAGIC:
-        raise FileFormatError("is no whole MCAP recording: it does not begin as one")
+        raise FileFormatError("is not a complete MCAP file: it does not begin as one")
     while True:
         head = stream.read(9)
         if len(head) < 9:
-            raise EOFError("is no whole MCAP recording: it has no end")
+            raise EOFError("is not a complete MCAP file: it has no end")
         opcode, length = struct.unpack("<BQ", head)
         if length > size - stream.tell():
-            raise EOFError("is no whole MCAP recording: its last record is cut off")
+            raise EOFError("is not a complete MCAP file: its last record is cut off")
         if opcode == _CHUNK and messages:
             yield from _chunk(stream.read(length))
         elif opcode in (_SCHEMA, _CHANNEL, _METADATA):
@@ -143,7 +143,7 @@ def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
             stream.seek(length, os.SEEK_CUR)
         if opcode == _FOOTER:
             if stream.read(8) != _MAGIC:
-                raise EOFError("is no whole MCAP recording: its end is cut off")
+                raise EOFError("is not a complete MCAP file: its end is cut off")
             return
 
 
@@ -155,7 +155,7 @@ def _chunk(content: bytes) -> Iterator[Any]:
     chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
     data = _uncompressed(chunk)
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise FileFormatError("is no whole MCAP recording: a chunk's checksum is wrong")
+        raise FileFormatError("is not a complete MCAP file: a chunk's checksum is wrong")
     yield from _records(np.frombuffer(data, dtype=np.uint8))
 
 
@@ -187,7 +187,7 @@ def _records(data: Bytes) -> Iterator[Any]:
     """Yield the schemas and channels in some bytes, then the messages, channel by channel."""
     count = _scan(data, np.empty((0, 5), dtype=np.int64))
     if count < 0:
-        raise FileFormatError("is no whole MCAP recording: a record in a chunk is cut off")
+        raise FileFormatError("is not a complete MCAP file: a record in a chunk is cut off")
     found = np.zeros((count, 5), dtype=np.int64)
     _scan(data, found)
     for opcode, _, _, start, size in found[np.isin(found[:, 0], (_SCHEMA, _CHANNEL))].tolist():

@@ -95,7 +95,7 @@ def names(name: str) -> list[str]:
     Raises
     ------
     UnknownNameError
-        If there is none of that name.
+        If no experiment has that name.
 
     Examples
     --------

@@ -163,7 +163,7 @@ def forward(chain, q, out):
 
 @inline
 def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
-    """Write end pose and twist Jacobian; the room is one for a pose Jacobian."""
+    """Write end pose and twist Jacobian; the workspace has the size of a pose Jacobian."""
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
     if q.shape[0] != n or twist_jacobian.shape[1] != m:
@@ -241,7 +241,7 @@ def kinematics(chain, q, out):
 
 @kernel(CHAIN)
 def twist_kinematics(chain, q, out):
-    """Write what `kinematics` does, but for the pose Jacobian, whose room is left with something else."""
+    """Write what `kinematics` does; the block of the pose Jacobian is scratch and undefined afterwards."""
     pose, pose_jacobian, twist_jacobian = split(out)
     workspace = as_matrix(pose_jacobian, 1, 8 * pose_jacobian.shape[1])[0]
     return _twist_kinematics(chain, q, pose, twist_jacobian, workspace)

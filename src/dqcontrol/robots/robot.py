@@ -89,7 +89,7 @@ class Robot(InverseKinematics):
         batch_shape, starts, inputs = paired_rows(self._rows("q", q), "u", self._inputs("u", u))
         out = np.empty_like(starts)
         if driving.integrate(self.drives, starts, inputs, period, out):
-            raise ValueRangeError(f"u: moves {self.name} beyond the finite numbers in {period:g} s")
+            raise ValueRangeError(f"u: moves {self.name} to NaN or infinity in {period:g} s")
         return out.reshape(*batch_shape, self.configuration_size)
 
     def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:

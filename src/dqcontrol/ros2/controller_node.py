@@ -167,7 +167,7 @@ class ControllerNode(Node):
         return serve
 
     def _follow_up(self, before: Phase) -> None:
-        """Say what has changed; end by itself, if it is to."""
+        """Report changes of the phase; exit if requested."""
         phase, control = self.phase, self._configured().control
         if phase is Phase.STOPPED:
             self.outcome = control.reason
@@ -183,7 +183,7 @@ class ControllerNode(Node):
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)
 
     def _start(self) -> None:
-        """Start by itself, if it is to."""
+        """Start if autostart is on."""
         if not self._autostart or self.outcome:
             return
         try:
@@ -202,7 +202,7 @@ class ControllerNode(Node):
             "robot": control.robot.name,
             "source": self._source,
             "interface": self._interface,
-            "supervisor": control.reason or "lets all through",
+            "supervisor": control.reason or "no intervention",
             "age of joint states [s]": f"{self.following.age:.4f}",
             "longest period [s]": f"{self.following.longest_period:.4f}",
         }

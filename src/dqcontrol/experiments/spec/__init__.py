@@ -3,7 +3,7 @@
 from dqcontrol.experiments.spec.spec import (
     AnyLaw,
     AnyPlant,
-    Judged,
+    MetricsFrom,
     RobotSpec,
     Spec,
     StartedRobotSpec,
@@ -16,7 +16,7 @@ from dqcontrol.experiments.spec.spec import (
 __all__ = [
     "AnyLaw",
     "AnyPlant",
-    "Judged",
+    "MetricsFrom",
     "RobotSpec",
     "Spec",
     "StartedRobotSpec",

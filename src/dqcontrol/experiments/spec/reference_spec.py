@@ -23,7 +23,7 @@ __all__ = ["AnyReference", "Part"]
 
 
 class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
-    """Rest at the start pose, for ever or as long as given."""
+    """Rest at the start pose, without end or for a given duration."""
 
     duration: Annotated[float, Meta(gt=0, description="s")] | None = None
 
@@ -34,11 +34,11 @@ class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
 class DriveToSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drive-to"):
     """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
 
-    share: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
+    speed_fraction: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
 
     def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
         """Return the way from the start configuration to the reference's pose."""
-        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.share)
+        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.speed_fraction)
 
     def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         if where != "reference":

@@ -11,6 +11,7 @@ import yaml
 from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError
+from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 else:
     AnyLaw = union_of(Law, "dqcontrol.laws")
     AnyPlant = union_of(Plant, "dqcontrol.plants")
-Judged = Literal["true", "measured"]
+MetricsFrom = Literal["true", "measured"]
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
@@ -72,7 +73,7 @@ class Spec(Part, frozen=True, kw_only=True):
         s; default: as long as the reference.
     law, laws
         One law, or several by label.
-    sets
+    parameter_sets
         Named parameter sets: by label the laws that take part, each with those of its keys that differ.
     grids
         By law and key a list of values; each combination is a parameter set of that law.
@@ -95,10 +96,11 @@ class Spec(Part, frozen=True, kw_only=True):
         repeats, metrics with them.
     stop
         When to end a run early.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
-    judged
-        Whether metrics judge the true joint angles or, as on a real robot, those that the encoders gave.
+    metrics_from
+        ``"true"``: metrics are computed from the true joint angles; ``"measured"``: from those that the
+        encoders gave, as on a real robot.
     null_space
         Of all laws that name none.
     """
@@ -118,7 +120,7 @@ class Spec(Part, frozen=True, kw_only=True):
     duration: Annotated[float, Meta(gt=0, le=1e5, description="s")] | None = None
     law: AnyLaw | UnsetType = UNSET
     laws: Annotated[dict[Label, AnyLaw], Meta(min_length=1)] | UnsetType = UNSET
-    sets: (
+    parameter_sets: (
         Annotated[dict[Label, Annotated[dict[str, Changes], Meta(min_length=1)]], Meta(min_length=1)] | None
     ) = None
     grids: (
@@ -137,8 +139,8 @@ class Spec(Part, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**62)] = 0
     record: Literal["all", "metrics"] | None = None
     stop: Stop | None = None
-    settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
-    judged: Judged = "true"
+    skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    metrics_from: MetricsFrom = "true"
     null_space: AnyNullSpace | None = None
 
     @property
@@ -180,7 +182,7 @@ class Spec(Part, frozen=True, kw_only=True):
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
         laws = {label: self._with_null_space(law) for label, law in self.law_by_label.items()}
-        return variants(laws, self.sets, self.grids)
+        return variants(laws, self.parameter_sets, self.grids)
 
     def _with_null_space(self, law: AnyLaw) -> AnyLaw:
         if self.null_space is None or law.null_space is not None:
@@ -251,11 +253,13 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
         raise FileFormatError(
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
         )
+    rename_old_keys(where, data)
     return where, data, folder
 
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
+    rename_old_keys(where, data)
     locate_controllers(data, folder)
     admit(where, data, folder)
     spec = convert(where, data, Spec)

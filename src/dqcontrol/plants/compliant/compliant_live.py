@@ -194,7 +194,7 @@ class LiveCompliant:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite.
         DivergedError
-            If the arm left the finite numbers.
+            If the arm's state became NaN or infinite.
         """
         moves = self._moves
         np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)

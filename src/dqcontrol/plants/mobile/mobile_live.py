@@ -134,7 +134,7 @@ class LiveMobile:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite, or the camera's periods are over.
         DivergedError
-            If the robot left the finite numbers, or the command those that MuJoCo takes.
+            If the robot's state became NaN or infinite, or the command those that MuJoCo takes.
         FallenError
             If the base has toppled, or its wheels have lost their grip for long.
         """

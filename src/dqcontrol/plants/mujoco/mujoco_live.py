@@ -91,7 +91,7 @@ class LiveMujoco:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite.
         DivergedError
-            If the arm left the finite numbers, or the command those that MuJoCo takes.
+            If the arm's state became NaN or infinite, or the command those that MuJoCo takes.
         """
         rate = self._rate
         rate[:] = as_command(command, len(rate))

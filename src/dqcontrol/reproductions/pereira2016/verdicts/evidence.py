@@ -81,7 +81,7 @@ class Evidence:
         data = published_spec(spec, self.plant)
         overrides = changes.pop("laws", {})
         data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
-        for key in ("sets", "grids", "repeats", "settle"):
+        for key in ("parameter_sets", "grids", "repeats", "skip_initial"):
             data.pop(key, None)
         for key, value in changes.items():
             if value is None:
