@@ -7,13 +7,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
 WRITTEN_TOLERANCE = (

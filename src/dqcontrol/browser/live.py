@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
@@ -20,8 +20,6 @@ from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 _FIELDS = {STATES: "position", MEASURED: "position", COMMAND: "velocity", SAMPLE: "data"}
 _POLL = 0.05  # s

@@ -10,16 +10,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.browser.shapes import Colour, robot_shapes, tinted
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.figures.style import COLOURS, DESIRED
-
-Array = NDArray[np.float64]
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 SPEEDS = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")

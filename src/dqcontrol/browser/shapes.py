@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
-Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 SHELL, JOINT, DARK, TYRE = (236, 238, 241), (213, 94, 0), (64, 69, 77), (32, 33, 36)

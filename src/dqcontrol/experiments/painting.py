@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.text_file import read_text
 from dqcontrol.laws import LinearQuadraticDQ
@@ -23,8 +24,6 @@ from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.strokes import Arc, PenPath, Stroke
 from dqcontrol.robots import Robot, load_robot
-
-Array = NDArray[np.float64]
 
 PERIOD = 0.01  # s
 START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)  # of the Panda: the hand points forward, along y

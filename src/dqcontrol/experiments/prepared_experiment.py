@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 from msgspec import UNSET
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.experiments.clearance import check_clearance
@@ -34,7 +34,6 @@ from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import Robot, load_robot
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes

@@ -5,15 +5,13 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody, describe
 from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
-
-Array = NDArray[np.float64]
 
 _POSES = 200  # of the reference, evenly spaced
 _RESTARTS = 100

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.clearance import least_clearance
@@ -37,7 +37,6 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
 from dqcontrol.robots import Robot
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 from dqcontrol.figures.tilted_base import recorded_frames
@@ -22,7 +23,6 @@ from dqcontrol.robots.whole_body import WholeBody, parts_with_offsets
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _LARGEST, _WIDEST, _TALLEST = (
     1.15,

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

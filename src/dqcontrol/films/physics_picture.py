@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.framing import framing_of_arm
@@ -21,7 +22,6 @@ from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skelet
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 _GHOST = 0.16  # opacity
 _SUPERSAMPLING = 2

@@ -18,6 +18,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     multiply,
     translation,
 )
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
 
-Array = np.ndarray
 Weight = Annotated[
     float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),

@@ -7,12 +7,10 @@ from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 _LARGEST_WEIGHT = 1e100
 _SMALLEST_WEIGHT = 1e-100

@@ -13,6 +13,7 @@ import yaml
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
@@ -29,8 +30,6 @@ from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot, load_robot
-
-Array = NDArray[np.float64]
 
 STOPPED = "end of the log"
 _SNAP = 1e-9  # s; a sample this little before the start belongs to it

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 JOINTS, POSE, NUMBERS = "sensor_msgs/JointState", "geometry_msgs/PoseStamped", "std_msgs/Float64MultiArray"

@@ -16,9 +16,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, RealTimeWarning, ValueRangeError, unknown_name
-
-Array = NDArray[np.float64]
 
 Overrun = Literal["catch up", "skip", "stop"]
 

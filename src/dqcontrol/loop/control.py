@@ -6,8 +6,8 @@ import math
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
@@ -19,8 +19,6 @@ from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 _FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, however late that is
 _NOTHING: Array = np.zeros(0)

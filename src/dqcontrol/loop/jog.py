@@ -6,9 +6,9 @@ import time
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
@@ -20,8 +20,6 @@ from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import Speeds, TwistTarget
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
-
-Array = NDArray[np.float64]
 
 # Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
 MOVES = {

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
-
-Array = NDArray[np.float64]
 
 
 @kernel(types.void(READ2, READ2, WRITE2))

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits, Supervisor
@@ -22,8 +23,6 @@ from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000_000
 

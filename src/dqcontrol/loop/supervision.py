@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
@@ -15,7 +16,6 @@ from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.plant import AgedPlant, EffortPlant, LivePlant, WrenchPlant
 
-Array = NDArray[np.float64]
 Watch = Callable[[float, tuple[str, ...]], None]
 
 _NOTHING: Array = np.zeros(0)

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST
-
-Array = NDArray[np.float64]
 
 # How far the desired pose may be ahead of the hand before it waits: a hand that is held must not jump when let go.
 _LEAD, _ANGULAR_LEAD = 0.05, 0.3  # m, rad

@@ -7,12 +7,11 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
-Array = NDArray[np.float64]
 FARTHEST = 1e4  # rad or m: no robot goes there
 
 

@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
@@ -24,8 +24,6 @@ from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
 from dqcontrol.robots.limits import Limits
-
-Array = NDArray[np.float64]
 
 SETTLED_FRACTION = 0.02
 _ROUNDING = 1e-9  # as a share of a velocity limit

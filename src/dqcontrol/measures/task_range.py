@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
-
-Array = NDArray[np.float64]
 
 RANGE = "range_condition"  # among the readings of a record
 

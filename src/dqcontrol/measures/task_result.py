@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.references.sample import POSE
 
-Array = NDArray[np.float64]
 Outcome = Literal["reached", "not reached", "followed", "not followed", "failed"]
 
 POSITION, ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is there, for inverse kinematics too

@@ -7,13 +7,12 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 Three = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
@@ -14,8 +14,6 @@ from dqcontrol.laws.inverses import HEAD, FilteredInverse, work_size
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
 from dqcontrol.robots.kinematics_kernels import call_chain
-
-Array = NDArray[np.float64]
 
 ROW = 12  # of a disturbance: inertial twist, then twist of the hand in its own axes
 

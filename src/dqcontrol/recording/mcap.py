@@ -32,8 +32,8 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, FileFormatError
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
@@ -44,7 +44,6 @@ from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 from dqcontrol.recording.mcap_topics import COMMAND, DISTURBANCE, MEASURED, NUMBERS, READINGS, SAMPLE, STATES
 from dqcontrol.recording.mcap_writer import END, FORMAT, METADATA, SampleWriter, about
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 

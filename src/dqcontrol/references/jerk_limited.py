@@ -13,9 +13,10 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.references.path_length import PathLength, speeds
-from dqcontrol.references.reference import NO_CORNERS, SNAP, Array, Reference
+from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
 from dqcontrol.references.s_curve import MotionLimits, progress_at, s_curve
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 

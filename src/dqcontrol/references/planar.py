@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.rigid_motion import motion_samples, turned
 from dqcontrol.references.sample import TWIST
 from dqcontrol.references.strokes import PenPath
-
-Array = NDArray[np.float64]
 
 
 class PlanarReference(Reference):

@@ -14,10 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, kernel, types
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
-
-Array = NDArray[np.float64]
 
 _SAME_POINT = 1e-9  # m
 _SMOOTH_TURN = 1e-3  # rad; a tangent that jumps by less comes of rounded coordinates

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.points import as_path
-from dqcontrol.references.reference import Array, Reference, corners_between
+from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import TWIST
 

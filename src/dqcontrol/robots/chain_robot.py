@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.jacobian_rates import batch as rates_batch
 from dqcontrol.robots.jacobian_rates import jacobian_rates
 
-Array = NDArray[np.float64]
 _new, _empty = object.__new__, np.empty
 
 

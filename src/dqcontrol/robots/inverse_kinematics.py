@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.robots import inverse_kernels
 from dqcontrol.robots.dexterity import Dexterity
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 60  # a start; most need fewer than 15
 _TRIALS = 64  # starts without limits, of which the solution nearest to the limits is reported

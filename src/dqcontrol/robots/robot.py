@@ -7,14 +7,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
 from dqcontrol.robots.description import describe
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
-
-Array = NDArray[np.float64]
 
 
 class Robot(InverseKinematics):

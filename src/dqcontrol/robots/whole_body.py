@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
@@ -16,8 +17,6 @@ from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
-
-Array = NDArray[np.float64]
 
 Form: TypeAlias = Literal["constrained", "unconstrained"]
 Mover: TypeAlias = DifferentialDrive | HolonomicBase | SerialArm

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
@@ -34,8 +34,6 @@ from dqcontrol.ros2.parameters import (
 from dqcontrol.ros2.period_monitor import SILENCE, Pace
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
-
-Array = NDArray[np.float64]
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s

@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
@@ -21,8 +19,6 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 
 def silence(period: float) -> float:

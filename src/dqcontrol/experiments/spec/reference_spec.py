@@ -11,8 +11,9 @@ import msgspec
 from msgspec import Meta
 
 from dqcontrol import references as shapes
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
-from dqcontrol.experiments.spec.reference_base import Array, Part, ReferenceSpec
+from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.files.text_file import read_text

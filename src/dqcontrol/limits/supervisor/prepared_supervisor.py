@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
@@ -12,8 +13,6 @@ from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 GO, END, STOP, RESET, FINISH = layout.GO, layout.END, layout.STOP_NOW, layout.RESET, layout.FINISH
 

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
-
-Array = NDArray[np.float64]
 
 AT_REST = 50  # status: stopped, and no longer moving
 GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace as changed
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.compliant_live import LiveCompliant
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 MODES = ("THETA", "THETA_GC")  # those that follow a commanded angle at once
 _HORIZON = 0.2  # s, in which what matters of a state is seen: more than a spring's or a filter's time

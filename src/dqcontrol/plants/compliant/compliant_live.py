@@ -6,8 +6,9 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant import joint_columns as column
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_arm import Arm
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
-Array = NDArray[np.float64]
 
 _JOINT_CHANNELS = {
     "motor_angle": "rad",

@@ -7,15 +7,13 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, suggest, unknown_name
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.plants.compliant.elastic_model import Actuation, Hand
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import JointInertia
-
-Array = NDArray[np.float64]
 
 _OURS = Path(__file__).parent / "controllers"
 SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad

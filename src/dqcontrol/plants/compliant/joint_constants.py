@@ -6,8 +6,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.controller_file import ControllerFile
@@ -19,7 +20,6 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
-Array = NDArray[np.float64]
 
 _POSITION_MODES = (column.MODES["THETA_GC"], column.MODES["THETA_GC_MJ"])
 _SERVO_MODES = (column.MODES["THETA"], column.MODES["THETA_MJ"])

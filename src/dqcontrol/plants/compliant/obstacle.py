@@ -8,16 +8,14 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.kinematics_kernels import _axis, _fixed, _half, _screw
-
-Array = NDArray[np.float64]
 
 Metres = Annotated[float, Meta(ge=-1e3, le=1e3, description="m, base frame")]
 Speed = Annotated[float, Meta(ge=-100, le=100, description="m/s, base frame")]

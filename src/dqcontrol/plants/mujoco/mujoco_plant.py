@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
@@ -17,8 +17,6 @@ from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):

@@ -9,13 +9,14 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, begun_periods, whole_periods
+from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods, whole_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.driving import advance, to_inputs
 from dqcontrol.robots.limits import Limits

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
@@ -21,8 +21,6 @@ from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.silva2017.specs import setting_of, spec_data, verdicts
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 LIMITS: dict[str, CommandLimits] = {
     "no clamping": CommandLimits(),

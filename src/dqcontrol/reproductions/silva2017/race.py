@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
@@ -19,8 +19,6 @@ from dqcontrol.references import DriveTo
 from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 _SLOWEST, _FASTEST, _HALVINGS = 0.02, 10.0, 14
 _MATCHED = 0.05  # settling times that differ by less are matched [S17 5.2.2]
