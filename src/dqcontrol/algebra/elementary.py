@@ -149,13 +149,21 @@ def rotate(r, v, out):
 
 
 @inline
-def translation(x, out):
-    """Write p = 2 Im(D P*), the position in the inertial frame."""
+def position(x):
+    """Return p = 2 Im(D P*), the position in the inertial frame."""
     w, i, j, k = x[0], -x[1], -x[2], -x[3]
     dw, di, dj, dk = x[4], x[5], x[6], x[7]
-    out[0] = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    out[1] = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    out[2] = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    return (
+        2.0 * (dw * i + di * w + dj * k - dk * j),
+        2.0 * (dw * j - di * k + dj * w + dk * i),
+        2.0 * (dw * k + di * j - dj * i + dk * w),
+    )
+
+
+@inline
+def translation(x, out):
+    """Write what `position` returns."""
+    out[0], out[1], out[2] = position(x)
 
 
 @inline
@@ -204,11 +212,7 @@ def adjoint_twist(x, twist, out):
     """Write vec6(x ξ x*) for a unit x: [Rω ; Rv + p × Rω]."""
     rotate(x, twist[0:3], out[0:3])
     rotate(x, twist[3:6], out[3:6])
-    w, i, j, k = x[0], -x[1], -x[2], -x[3]
-    dw, di, dj, dk = x[4], x[5], x[6], x[7]
-    px = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    py = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    px, py, pz = position(x)
     out[3] += py * out[2] - pz * out[1]
     out[4] += pz * out[0] - px * out[2]
     out[5] += px * out[1] - py * out[0]

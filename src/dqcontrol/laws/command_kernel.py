@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
 from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.compiled.law_signature import call_law
@@ -18,7 +19,7 @@ from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kinematics_kernels import call_chain, position, split
+from dqcontrol.robots.kinematics_kernels import call_chain, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
 

@@ -5,12 +5,12 @@ Solved at the hand, in the measure |[ℓω ; ṗ]|, so that nothing depends on w
 
 from __future__ import annotations
 
-from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import BY_MANIPULABILITY, DAMPED, LENGTH, finite, solve
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
+from dqcontrol.robots.kinematics_kernels import hand_jacobian
 
 
 @inline

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
@@ -34,11 +34,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     if status != OK:
         return status
     twist_jacobian = as_matrix(buffer[8 + 8 * n : 8 + 14 * n], 6, n)
-    w, x, y, z = buffer[0], buffer[1], buffer[2], buffer[3]
-    dw, dx, dy, dz = buffer[4], buffer[5], buffer[6], buffer[7]
-    px = 2.0 * (-dw * x + dx * w - dy * z + dz * y)
-    py = 2.0 * (-dw * y + dx * z + dy * w - dz * x)
-    pz = 2.0 * (-dw * z - dx * y + dy * x + dz * w)
+    px, py, pz = position(buffer)
     ax, ay, az = rotated(buffer, row[6:9])
     vx, vy, vz = rotated(buffer, row[9:12])
     hand[0], hand[1], hand[2] = row[0] + ax, row[1] + ay, row[2] + az

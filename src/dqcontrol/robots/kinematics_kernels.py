@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -272,18 +273,6 @@ def hand_kinematics(chain, q, out):
     status = all_kinematics(chain, q, pose, pose_jacobian, jacobian)
     hand_jacobian(position(pose), jacobian, jacobian)
     return status
-
-
-@inline
-def position(pose):
-    """Return p of x = r + ε½pr."""
-    w, x, y, z = pose[0], -pose[1], -pose[2], -pose[3]
-    dw, dx, dy, dz = pose[4], pose[5], pose[6], pose[7]
-    return (
-        2.0 * (dw * x + dx * w + dy * z - dz * y),
-        2.0 * (dw * y - dx * z + dy * w + dz * x),
-        2.0 * (dw * z + dx * y - dy * x + dz * w),
-    )
 
 
 @kernel(BATCH)
