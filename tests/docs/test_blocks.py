@@ -47,7 +47,7 @@ SLOW = {  # parts of commands and of Python
     "view.md": ("run examples/", "clip"),
 }
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
-NOTHING_TO_RUN = ("", "text", "csv")  # what is printed; formats; files, if they have a name
+NOTHING_TO_RUN = ("", "text", "csv", "toml")  # what is printed; formats; files, if they have a name
 BUILT = ("{include}", "{toctree}", "{eval-rst}")  # by Sphinx: test_site.py
 KNOWN = ("python", "console", "yaml", *NOTHING_TO_RUN, *BUILT)
 WITH_BLOCKS = [page for page in PAGES if blocks(page) and page not in SEPARATELY]

@@ -87,7 +87,10 @@ def test_a_law_that_fails_ends_the_run_and_says_when(arm):
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        (OwnLaw(function=3), "function: expected a function of nine arguments, got 3"),
+        (
+            OwnLaw(function=3),
+            "function: expected a function, or its place as FILE.py:NAME or MODULE:NAME, got 3",
+        ),
         (OwnLaw(function=transpose, parameters=[np.nan]), "parameters: must be finite"),
     ],
 )
@@ -97,7 +100,7 @@ def test_bad_laws(arm, law, message):
 
 
 def test_bad_plant(arm):
-    with pytest.raises(Error, match="function: expected a function of six arguments"):
+    with pytest.raises(Error, match="function: expected a function, or its place"):
         OwnPlant(function="x").start(arm, np.array(START), 0.01, 1, 0)
 
 

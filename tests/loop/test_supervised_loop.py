@@ -167,7 +167,7 @@ def slow(made):
 
 def failing_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     if sample[-1] > 0.6:
-        raise ZeroDivisionError
+        raise ZeroDivisionError(repr(globals()))  # which does not compile: it is interpreted, and raises
     out[:] = 0.3 * np.cos(sample[-1])
 
 

@@ -226,7 +226,9 @@ class _Steps:
                 halted = self._why(supervision, halted)
         realised = self.realised if self.disturbance else None
         found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
-        stopped = self._fault if self._fault and not has_failed(found.stopped) else found.stopped
+        # a stop after the fault is its consequence, a failure is not
+        is_first = (supervision and not failure) or not has_failed(found.stopped)
+        stopped = self._fault if self._fault and is_first else found.stopped
         signals = self._readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))

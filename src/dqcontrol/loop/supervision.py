@@ -91,7 +91,7 @@ class Supervision:
         self.request: int = GO
         self.codes: Array = np.zeros(0)
         self.period = float(supervisor.parameters[layout.DT])
-        self.black_box = black_box or BlackBox(supervisor.robot, self.period)
+        self.black_box = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
 
     @property

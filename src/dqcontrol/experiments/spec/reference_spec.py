@@ -150,7 +150,7 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
         fields,
         bases=(ReferenceSpec,),
         module=__name__,
-        namespace={"__doc__": shape.__doc__, "_shape": _shape},
+        namespace={"__doc__": f"See `dqcontrol.references.{shape.__name__}`.", "_shape": _shape},
         frozen=True,
         kw_only=True,
         forbid_unknown_fields=True,
