@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
+from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel, types
@@ -93,7 +94,7 @@ def weight_pieces(field: str, weight: Any, size: int, *, definite: bool) -> tupl
     return times, np.array(matrices)
 
 
-def at_times(pieces: tuple[Array, Array], times: Array) -> Array:
+def at_times(pieces: tuple[NDArray[Any], NDArray[Any]], times: Array) -> Array:
     """Return the matrix that holds at each time."""
     starts, matrices = pieces
     return matrices[np.clip(np.searchsorted(starts, times + 1e-9, side="right") - 1, 0, None)]

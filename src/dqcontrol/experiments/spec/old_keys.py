@@ -30,8 +30,9 @@ def rename_old_keys(where: str, data: Any) -> None:
         return
     _rename(where, data, _OLD, "")
     reference = data.get("reference")
-    drives = isinstance(reference, dict) and reference.get("kind") == "drive-to"
-    if drives:
+    drives = False
+    if isinstance(reference, dict) and reference.get("kind") == "drive-to":
+        drives = True
         _rename(where, reference, _OLD_OF_DRIVE_TO, "reference.")
     if isinstance(evaluation := data.get("evaluation"), dict):
         _rename(where, evaluation, _OLD, "evaluation.")
