@@ -85,6 +85,10 @@ class InterpretedWarning(UserWarning):
     """A user's own function does not compile and is interpreted."""
 
 
+class NoteWarning(UserWarning):
+    """Something was chosen or completed for the user, who may want to know; nothing is wrong."""
+
+
 @contextmanager
 def writing(target: object) -> Iterator[None]:
     """Say that a target cannot be written if the system does not let something inside be written."""

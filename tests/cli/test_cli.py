@@ -129,7 +129,7 @@ def test_an_interrupted_study_says_how_it_goes_on(here, capsys, monkeypatch):
         code, _, err = call("run", "repeats.yaml", capsys=capsys)
     assert code == 130
     assert err.endswith(
-        "dqcontrol: interrupted; finished trials are kept; rerun the same command to resume\n"
+        "dqcontrol: interrupted; finished trials are kept: rerun the same command to resume\n"
     )
     assert not (here / "results/tiny").exists()
     code, _, err = call("run", "repeats.yaml", capsys=capsys)
@@ -266,7 +266,9 @@ def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys
     (here / "spec.yaml").write_text(yaml.safe_dump(fast))
     code, out, err = call("check", "spec.yaml", capsys=capsys)
     assert (code, err) == (1, "")
-    assert "proportional · integrator: position unstable: k T = 2.5, limit 2; choose k ≤ 100 1/s" in out
+    assert (
+        "proportional · integrator: position unstable: k = 250 1/s, limit 200 1/s; choose k ≤ 100 1/s" in out
+    )
     code, _, err = call("run", "spec.yaml", capsys=capsys)
     assert code == 0
     assert "dqcontrol: warning: proportional · integrator: position unstable" in err

@@ -70,7 +70,7 @@ class Session:
 
 def test_teach_two_poses_and_end(terminal, tmp_path):
     session = Session(terminal, "iiwa7", "--poses", "taught.csv", "--out", "jogged", cwd=tmp_path)
-    session.see(r"(?s)hold to move.*active   x")
+    session.see(r"(?s)hold to move.*x .*active")
     raw = termios.tcgetattr(terminal[1])
     assert not raw[3] & (termios.ECHO | termios.ICANON)
     session.press("p")

@@ -104,7 +104,7 @@ UNFIT = [
     (changed(period=-0.01), r"period: expected 'float' > 0.0, got -0.01$"),
     (changed(start=[0, "a"]), r"start\[1\]: expected 'float', got 'str'$"),
     (changed(start=[]), r"start: expected 'array' of length >= 1, got \[\]$"),
-    (changed(start=0.5), r"start: expected 'array \| null', got 'float'$"),
+    (changed(start=0.5), r"start: expected 'object \| array \| null', got 'float'$"),
     (changed(robot=3), r"robot: expected 'str \| object', got 'int'$"),
     (changed(reference=3), r"reference: expected 'object', got 'int'$"),
     (changed(reference=circle(radius=-0.1)), r"reference.radius: expected 'float' > 0.0, got -0.1$"),
@@ -237,7 +237,7 @@ def test_files_that_cannot_be_read(tmp_path):
         ({"duration": 0.001}, ValueRangeError, r"^duration: 0.001 s is shorter than one period of 0.01 s$"),
         ({"duration": 1e5, "period": 1e-4}, ValueRangeError, r"^duration: 100000 s are 1000000001 periods; at most"),
         ({"reference": circle(start={"quaternion": [2, 0, 0, 0]})}, ValueRangeError,
-         r"^reference.start.quaternion: must have norm 1 within 0.001, got 2$"),
+         r"^reference.start.quaternion: must have norm 1 within 0.001, got 2; normalised it is \[1, 0, 0, 0\]$"),
         ({"reference": {"kind": "drawing", "file": "nowhere.txt"}}, FileFormatError, r"nowhere\.txt: "),
         ({"parameter_sets": {"good": {"proportional": {}}, "bad": {"proportional": {"gain": -3}}}}, ValueRangeError,
          r"^law proportional, set bad: gain: must be > 0, got -3$"),
@@ -322,4 +322,9 @@ def test_resolved_text_has_all_defaults_and_absolute_files(tmp_path):
     again.write_text(text)
     same = yaml.safe_load(spec_text(*read_spec(again)))
     assert {**same, "robot": 0} == {**resolved, "robot": 0}
-    assert same["robot"] == {"source": str(tmp_path / "arm.yaml"), "base_link": None, "tip_link": None}
+    assert same["robot"] == {
+        "source": str(tmp_path / "arm.yaml"),
+        "base_link": None,
+        "tip_link": None,
+        "model": None,
+    }

@@ -259,3 +259,19 @@ def test_studies_of_single_runs_do_without_pyarrow(tmp_path, monkeypatch):
     with pytest.raises(dqc.Error, match=r"^pyarrow: is not installed, .* pip install 'dqcontrol\[data\]'$"):
         run_study_to(spec(), tmp_path / "repeats")
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
+def test_labels_name_the_study_where_there_are_two(tmp_path):
+    one = spec(laws=None, law={"kind": "proportional", "gain": 4}, repeats=None, duration=0.05)
+    two = spec(repeats=None, duration=0.05)
+    for name in ("slow", "fast"):
+        run_study_to(two, tmp_path / name)
+        run_study_to(one, tmp_path / "alone" / name)
+    laws = list(load_runs([tmp_path / "slow"]))
+    assert list(load_runs([tmp_path / "slow", tmp_path / "fast"])) == [
+        f"{study} · {law}" for study in ("slow", "fast") for law in laws
+    ]
+    assert list(load_runs([tmp_path / "slow" / laws[0], tmp_path / "alone/fast"])) == [laws[0], "fast"]
+    assert list(load_runs([tmp_path / "slow" / laws[0], tmp_path / "fast" / laws[0]])) == [
+        f"slow · {laws[0]}", f"fast · {laws[0]}"
+    ]  # fmt: skip

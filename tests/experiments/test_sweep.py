@@ -8,11 +8,13 @@ from killed_study import run_and_kill
 from study_specs import AT_ONCE, FAR, spec
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError
+from dqcontrol import cli
+from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments import load_study, rank, run_sweep_to, sweep
 from dqcontrol.experiments import run_sweep as conduct_sweep
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
 from dqcontrol.experiments.working_folder import working_folder
+from dqcontrol.figures import sweep_figure
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("scipy")
@@ -224,3 +226,66 @@ def test_ranks_are_those_of_the_means(tmp_path):
     margins = rank([tmp_path / "s"], "limit_margin").column("limit_margin")
     assert list(margins) == sorted(margins, reverse=True)
     assert len(rank([tmp_path / "s"], "position.rms").table(5).rows) == 5
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory):
+    """A study of three gains and two time constants, saved."""
+    over = {"law.gain": [4, 8, 16], "plant.time_constant": ["16 ms", 0.032]}
+    folder = tmp_path_factory.mktemp("grid") / "s"
+    law = {"kind": "proportional", "gain": 4}
+    run_sweep_to(spec(laws=None, law=law, repeats=None, duration=0.2, sweep={"over": over}), folder, jobs=1)
+    return folder
+
+
+def test_points_with_one_value_of_a_parameter(grid, capsys, monkeypatch):
+    every, some = rank([grid]), rank([grid], where={"plant.time_constant": 0.032})
+    assert (every.placed, some.placed) == (6, 3)
+    assert set(some.column("parameter.plant.time_constant")) == {0.032}
+    gains = [g for g, t in zip(every.column("parameter.law.gain"), every.column("parameter.plant.time_constant"),
+                               strict=True) if t == 0.032]  # fmt: skip
+    assert list(some.column("parameter.law.gain")) == gains
+    with pytest.raises(
+        ValueRangeError, match=r"no run has plant.time_constant = 0.5 \(there are: 0.016, 0.032\)"
+    ):
+        rank([grid], where={"plant.time_constant": 0.5})
+    with pytest.raises(
+        UnknownNameError, match=r"where: unknown name 'plant.lag'.* \(allowed: .*plant.time_constant"
+    ):
+        rank([grid], where={"plant.lag": 0.5})
+    monkeypatch.setattr(
+        "sys.argv", ["dqcontrol", "compare", str(grid), "--where", "plant.time_constant=32ms"]
+    )
+    cli.main()
+    assert "best 3 of 3 by error.integral" in capsys.readouterr().out
+
+
+def test_the_best_gain_for_each_time_constant(grid, capsys, monkeypatch):
+    every = rank([grid])
+    best = every.best_of_each("plant.time_constant")
+    lags, gains = (every.column(f"parameter.{key}").tolist() for key in ("plant.time_constant", "law.gain"))
+    assert best.column("parameter.plant.time_constant").tolist() == [0.016, 0.032]
+    assert best.column("parameter.law.gain").tolist() == [gains[lags.index(lag)] for lag in (0.016, 0.032)]
+    assert [column.title for column in best.table().columns][:3] == [
+        "plant.time_constant",
+        "Point",
+        "law.gain",
+    ]
+    monkeypatch.setattr("sys.argv", ["dqcontrol", "compare", str(grid), "--best-per", "plant.time_constant"])
+    cli.main()
+    assert "best by error.integral for each plant.time_constant" in capsys.readouterr().out
+
+
+def test_the_figure_has_a_line_for_each_value(grid):
+    figure = sweep_figure(rank([grid]))
+    lines = [
+        [line for line in axes.lines if line.get_linestyle() == "-" and len(line.get_xdata())]
+        for axes in figure.axes
+    ]
+    assert [len(each) for each in lines] == [2, 3]
+    assert list(lines[0][0].get_xdata()) == [4, 8, 16]
+    legends = [[text.get_text() for text in axes.get_legend().get_texts()] for axes in figure.axes]
+    assert legends == [
+        ["time_constant 0.016 s", "time_constant 0.032 s", "best"],
+        ["gain 4 1/s", "gain 8 1/s", "gain 16 1/s", "best"],
+    ]

@@ -449,6 +449,27 @@ def test_what_is_measured_is_supervised(arm):
     assert (k, told) == (0, "stop category 1: measured hand outside the workspace")
 
 
+def test_a_silent_robot_is_not_a_frozen_one(arm):
+    """Its last measurement grows old, and only that stops."""
+    supervisor = Supervisor(stale_after=0.4, tracking_error=9.0, acceleration=5.0, **FREE).prepare(arm, T)
+    state = supervisor.start(Q0)
+    follow(supervisor, state, 0.2 * WISH, 60)
+    last, k = supervisor.position(state).copy(), 0
+    while not supervisor.is_stopped(state):
+        k += 1
+        supervisor.command(last, 0.2 * WISH, state, age=k * T)
+    assert supervisor.describe_stop(state) == "stop category 1: measurement stale or impossible"
+    assert k == 42
+
+
+def test_a_period_and_a_half_is_never_a_gap(arm):
+    """However young measurements must be."""
+    supervisor = Supervisor(stale_after=0.1 * T, **FREE).prepare(arm, T)
+    state = supervisor.start(Q0)
+    follow(supervisor, state, 0.2 * WISH, 60, elapsed=1.4 * T)
+    assert not supervisor.is_stopped(state)
+
+
 def test_one_spike_of_an_encoder_brakes_one_period(arm):
     supervisor = Supervisor(acceleration=5.0, **FREE).prepare(arm, T)
     state = supervisor.start(Q0)

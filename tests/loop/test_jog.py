@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import Error, ExistsError, ShapeError
+from dqcontrol.errors import Error, ExistsError, FallenError, ShapeError
 from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
 from dqcontrol.limits import list_interventions
 from dqcontrol.loop.jog import HELP, MOVES, Jog
@@ -50,7 +50,8 @@ def test_each_key_moves_along_its_own_axis_only(jog, key):
 
 
 def test_each_key_is_in_the_help():
-    assert {key for line in HELP for key in line.split()} >= {*MOVES, "+", "-", "h", "p", "g", "c"}
+    assert {key for line in HELP for key in line.split()} >= {*MOVES, "+", "-", "h", "p", "g", "c", "q"}
+    assert max(map(len, HELP)) < 80
 
 
 def test_one_press_is_a_small_step_and_keys_without_a_meaning_are_none(jog):
@@ -71,9 +72,9 @@ def test_faster_slower_and_the_axes_of_the_hand(jog):
         jog.press("+")
     assert jog.share == 1
     jog.press("h")
-    assert "axes of the hand" in jog.status
+    assert "hand axes" in jog.status
     axis = algebra.matrix_from_rotation(algebra.rotation(jog.pose))[:, 2]
-    moved, _ = hold(jog, "q", 0.4)
+    moved, _ = hold(jog, "f", 0.4)
     assert moved / np.linalg.norm(moved) == pytest.approx(-axis, abs=0.01)
 
 
@@ -81,7 +82,7 @@ def test_kept_poses_are_a_reference(jog, tmp_path):
     poses = [jog.pose.copy()]
     assert jog.press("p").startswith("pose 1 kept in ")
     assert "move the hand first" in jog.press("p")
-    for key in ("e", "u"):
+    for key in ("r", "u"):
         hold(jog, key, 0.5)
         poses.append(jog.pose.copy())
         jog.press("p")
@@ -145,6 +146,18 @@ def test_a_recording_that_cannot_be_written_stops_the_robot(jog, tmp_path):
     )
     with pytest.raises(Error, match="No space left"):
         recording.close()
+
+
+def test_a_robot_that_falls_over_is_stopped_and_says_so(jog):
+    def fall(command):
+        raise FallenError("toppled at 1 s")
+
+    hold(jog, "w", 0.1)
+    jog._plant.step = fall
+    for _ in range(50):
+        jog.step()
+    assert jog.is_stopped
+    assert jog.condition == "stopped: emergency stop: toppled at 1 s"
 
 
 @pytest.mark.parametrize("first", ["c", " "])

@@ -187,3 +187,43 @@ def test_simulate_and_a_study_of_several_plants_decide_for_each_plant():
     by_hand = dqc.simulate(arm, goal, law, dqc.plants.Servo(), q, period=0.01, duration=1.0)
     (servo,) = [run for label, run in study.runs.items() if "servo" in label]
     assert np.array_equal(by_hand.q, servo.q)
+
+
+UPRIGHT = IIWA | {
+    "start": [0.0] * 7,
+    "duration": 6.0,
+    "reference": {"kind": "set-point", "offset": {"translation": [0, 0, -0.1]}},
+    "plant": {"kind": "integrator"},
+}
+
+
+@pytest.mark.parametrize("kind", ["proportional", "linear-quadratic-dq"])
+def test_a_law_that_rests_in_a_singularity_says_so(kind):
+    """Upright and wanted straight down: every command is zero, and the hand rests 100 mm off."""
+    law: dict[str, Any] = {"kind": kind}
+    law |= {"gain": 5.0} if kind == "proportional" else {"error_weight": 25.0, "control_weight": 1.0}
+    spec = UPRIGHT | {"law": law}
+    (told,) = (remark for remark in check(spec).remarks() if "singularity" in remark)
+    assert "every command is zero; start elsewhere, or leave it with null_space" in told
+    with pytest.warns(
+        TaskWarning, match="rests 100 mm off in a singularity: no joint can move .* start elsewhere"
+    ):
+        run = dqc.experiments.run(spec)
+    assert run.task.is_singular
+    assert run.metrics.task == "not reached: rests 100 mm off in a singularity"
+
+
+def test_what_is_offered_leads_out_of_a_singularity():
+    out = {"kind": "proportional", "gain": 5.0, "null_space": {"kind": "manipulability", "gain": 1.0}}
+    spec = UPRIGHT | {"law": out}
+    assert not any("singularity" in remark for remark in check(spec).remarks())
+    assert dqc.experiments.run(spec).metrics.task == "reached"
+
+
+def test_a_goal_beside_the_lost_direction_is_no_singular_start():
+    spec = UPRIGHT | {
+        "law": {"kind": "proportional", "gain": 5.0},
+        "start": [0, 0.5, 0, 0, 0, 0, 0],
+    }
+    assert not any("singularity" in remark for remark in check(spec).remarks())
+    assert dqc.experiments.run(spec).metrics.task == "reached"

@@ -63,7 +63,10 @@ def test_an_emergency_stop_holds_until_reset(loaded):
 
 def test_an_emergency_stop_keeps_an_inactive_controller_from_starting(loaded):
     control = control_of(loaded)
+    drive(loaded, control, 400)
+    assert control.stop_category is None
     control.emergency_stop()
+    assert control.stop == "stop category 1: emergency stop"
     with pytest.raises(Error, match="stopped"):
         control.activate(loaded.case.scene.start)
     for act in (control.deactivate, control_of(loaded).reset):
@@ -78,7 +81,8 @@ def test_measurements_that_are_no_numbers_stop_it(loaded):
         control.step(k * 0.01, np.full(7, np.nan), 0.0)
         assert np.isfinite(control.command).all()
     assert control.phase is Phase.STOPPED
-    assert "measurement" in control.reason
+    assert control.stop == "stop category 1: measurement stale or impossible"
+    assert len(control.black_box.record(control.stop)) == 80
 
 
 def test_bursts_never_give_more_steps_than_periods():

@@ -59,7 +59,7 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
         "start_tolerance:=1.0",
     )
     log, _ = start(*words, file_limit=40_000).communicate(timeout=PATIENCE)
-    assert "stopped: emergency stop: the recording cannot be written: File too large" in log
+    assert "stopped: stop category 1: emergency stop: the recording cannot be written: File too large" in log
     assert log.splitlines()[-1] == (
         f"dqcontrol: {out}/record.mcap: the recording cannot be written: File too large"
     )
@@ -82,8 +82,8 @@ def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_b
                 control.deactivate()
             elif k == 30:
                 control.emergency_stop()
-            control.step(0.01 * k, start, 0.0)
-            recorder.take(control, 0.01 * (k - k % 2), 0.01 * k)  # messages may say the same time twice
+            control.step(0.01 * k, control.position.copy(), 0.0)  # as a robot that obeys at once
+            recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
                 break
         recorder.end(control.phase, control.reason)

@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from dqcontrol.errors import FallenError
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds
 
@@ -83,6 +84,24 @@ def test_the_wrench_on_the_topic_is_what_the_plant_senses_and_wrong_commands_mov
 
 def last_refused(diagnostics, name="/robot"):
     return diagnostics.get(name, ("", {}))[1].get("last refused", "")
+
+
+def test_a_robot_that_has_fallen_says_so_and_is_silent(spec, node):
+    from dqcontrol.ros2.robot_node import RobotNode
+
+    def fall(command):
+        raise FallenError("toppled at 1 s")
+
+    robot, heard = RobotNode(load(spec())), []
+    node.host(robot)
+    node.create_subscription(JointState, "/joint_states", heard.append, 10)
+    assert node.serve(lambda: heard)
+    robot._plant.step = fall
+    assert node.serve(lambda: robot._condition()[:2] == ("error", "broken: toppled at 1 s"))
+    node.serve(seconds=0.1)
+    heard.clear()
+    node.serve(seconds=0.1)
+    assert not heard
 
 
 def test_trajectories_that_do_not_fit_are_refused(spec, node, diagnostics, capfd):

@@ -10,6 +10,8 @@ of the matrix give two angles with independent errors; the quaternion keeps thei
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,7 +26,7 @@ from dqcontrol.algebra.batch import (
 )
 from dqcontrol.algebra.functions import translation
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array
+from dqcontrol.errors import NoteWarning, ValueRangeError, as_array
 
 _DEGENERATE = 5e-15  # sine below which the axis of an angle is round-off
 
@@ -215,19 +217,25 @@ def rpy_from_rotation(rotation: ArrayLike) -> Array:
 
 
 def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
-    """Return unit quaternions (…, 4): normalised, if their norms are 1 within 0.001, as after four digits.
+    """Return unit quaternions (…, 4): those written with few digits are normalised, with a `NoteWarning`.
 
     Raises
     ------
     ShapeError, ValueRangeError
-        If the shape is wrong, a value not finite, or a norm farther from 1.
+        If the shape is wrong, a value not finite, or a norm further than 1/1000 from 1.
     """
     r = as_array(field, value, (4,))
     norm = np.linalg.norm(r, axis=-1, keepdims=True)
-    bad = ~(np.abs(norm[..., 0] - 1) <= WRITTEN_TOLERANCE)
+    off = np.abs(norm[..., 0] - 1)
+    bad = ~(off <= WRITTEN_TOLERANCE)
     if bad.any():
-        raise ValueRangeError(
-            f"{field}: expected norm 1 within {WRITTEN_TOLERANCE:g}, got {norm[..., 0][bad][0]:.9g}{index_of(bad)}"
+        unit = ", ".join(f"{each:.6g}" for each in r / norm) if r.ndim == 1 and r.any() else ""
+        hint = f"; normalised it is [{unit}]" if unit else ""
+        got = f"{norm[..., 0][bad][0]:.9g}{index_of(bad)}"
+        raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {got}{hint}")
+    if (off > UNIT_TOLERANCE).any():
+        warnings.warn(
+            f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.8g}", NoteWarning, stacklevel=2
         )
     return r / norm
 

@@ -11,11 +11,11 @@ from typing import NoReturn
 from cyclopts import App, CycloptsError
 
 import dqcontrol
-from dqcontrol.extensions.user_code import POLICY, REFUSED
 
 USER_ERROR = 2
 INTERRUPTED = 130
 COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
+    "new": "Write a first experiment: five questions make a file to run and to change.",
     "run": "Run an experiment and write its table, recordings and plots.",
     "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
@@ -31,8 +31,12 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
     "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
     "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
-    "robots": "List the robots that come with dqcontrol, or show one.",
+    "robots": "List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
+    "laws": "List the kinds of laws for experiments, one line each.",
+    "references": "List the kinds of motions for experiments, one line each.",
+    "plants": "List the kinds of plants for experiments, one line each.",
 }
+_FILES = {"laws": "kinds", "references": "kinds", "plants": "kinds"}
 
 app: App = App(
     name="dqcontrol",
@@ -43,7 +47,8 @@ app: App = App(
     suppress_keyboard_interrupt=False,
 )
 for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_name}_command:{_name}", name=_name, help=_help)
+    app.command(f"dqcontrol.cli.{_FILES.get(_name, _name)}_command:{_name}", name=_name, help=_help)
+app.register_install_completion_command(help="Let the shell (bash, zsh, fish) complete commands and options.")
 
 
 def main() -> None:
@@ -52,7 +57,14 @@ def main() -> None:
     warnings.showwarning = _show_warning
     arguments = [word for word in sys.argv[1:] if word != "--no-code"]
     if len(arguments) < len(sys.argv) - 1:
+        from dqcontrol.extensions.user_code import POLICY, REFUSED  # only now: it loads NumPy
+
         os.environ[POLICY] = REFUSED
+    if not sys.argv[1:]:
+        from dqcontrol.cli.start_page import print_start_page
+
+        print_start_page()
+        return
     try:
         try:
             app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
@@ -93,5 +105,8 @@ def _fail(code: int, text: str) -> NoReturn:
     sys.exit(code)
 
 
-def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"dqcontrol: warning: {' '.join(str(message).split())}", file=sys.stderr)
+def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+    from dqcontrol.errors import NoteWarning  # only now: it loads NumPy
+
+    kind = "note" if issubclass(category, NoteWarning) else "warning"
+    print(f"dqcontrol: {kind}: {' '.join(str(message).split())}", file=sys.stderr)

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table
 from dqcontrol.errors import Error
+from dqcontrol.files.units import as_quantity
 
 
-def compare(*folders: Path, out: Out = None, force: Force = False, by: str | None = None) -> None:
+def compare(
+    *folders: Path,
+    out: Out = None,
+    force: Force = False,
+    by: str | None = None,
+    where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    best_per: str | None = None,
+) -> None:
     """Compare saved runs: one table; with --out plots and a report. Of studies with repeats, a table of means.
 
     Of parameter studies (sweeps), and of studies with --by, the table lists the best points.
@@ -24,6 +35,10 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
         Replace an earlier folder of results.
     by
         Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
+    where
+        Only points with this value of a parameter or label: plant.delay=0.032 or plant.delay=32ms; again for more.
+    best_per
+        List the best point for each value of this parameter or label, as plant.delay.
     """
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
     from dqcontrol.experiments.load_results import is_study, is_sweep
@@ -37,8 +52,9 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
-    if by is not None or any(map(is_sweep, folders)):
-        runs, table = {}, rank(folders, by or BEST_BY).table()
+    if by is not None or where or best_per or any(map(is_sweep, folders)):
+        ranking = rank(folders, by or BEST_BY, dict(map(_condition, where)))
+        runs, table = {}, (ranking.best_of_each(best_per) if best_per else ranking).table()
     elif any(map(is_study, folders)):
         runs, table = {}, means_table(load_rows(folders), MEANS, "comparison")
     else:
@@ -55,7 +71,7 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
                 new,
                 "Comparison",
                 facts=", ".join(map(str, folders)),
-                command=command("compare", *places, by=by, out=RERUN_FOLDER),
+                command=command("compare", *places, by=by, where=where, best_per=best_per, out=RERUN_FOLDER),
                 tables=[table],
                 figures=figures,
                 origins=origins({}),
@@ -63,3 +79,16 @@ def compare(*folders: Path, out: Out = None, force: Force = False, by: str | Non
     print_table(table)
     if out is not None:
         print(f"results: {out}")
+
+
+def _condition(text: str) -> tuple[str, float | str]:
+    """Return the key and the value, in SI units, of what ``--where`` says."""
+    key, equals, value = text.partition("=")
+    if not (key and equals and value):
+        raise Error(f"where: expected KEY=VALUE, as plant.delay=0.032, got '{text}'")
+    if quantity := as_quantity(value):
+        return key, quantity[0]
+    try:
+        return key, float(value)
+    except ValueError:
+        return key, value

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated
 
 from cyclopts import Parameter, Token
 
 from dqcontrol.cli.screen import print_table
-
-_TIME = re.compile(r"([0-9.eE+-]+)\s*(s|ms|us|µs)?")
-_UNITS = {None: 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+from dqcontrol.files.units import as_seconds
 
 
 def _seconds(_type: type, tokens: tuple[Token, ...]) -> float:
     """Return a time with or without unit in seconds."""
-    text = tokens[0].value
-    found = _TIME.fullmatch(text.strip())
-    try:
-        return float(found[1]) * _UNITS[found[2]] if found else float("")
-    except ValueError:
-        raise ValueError(f"expected a time as 0.008, 8ms or 8 ms, got '{text}'") from None
+    seconds = as_seconds(text := tokens[0].value)
+    if seconds is None:
+        raise ValueError(f"expected a time as 0.008, 8ms or 8 ms, got '{text}'")
+    return seconds
 
 
 Seconds = Annotated[float, Parameter(converter=_seconds)]

@@ -1,16 +1,24 @@
-"""List the robots that come along, or show one."""
+"""List the robots that come along, show one, or solve for where its joints must be."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from dqcontrol.cli.screen import print_table
 
-robots: App = App(name="robots", help="List the robots that come with dqcontrol, or show one.")
+robots: App = App(
+    name="robots",
+    help="List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
+)
+
+BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
+TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]
 
 
+@robots.command(name="list")
 @robots.default
 def list_robots() -> None:
     """List the robots that come with dqcontrol."""
@@ -37,8 +45,8 @@ def show(
     source: str,
     /,
     *,
-    base_link: Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")] = None,
-    tip_link: Annotated[str | None, Parameter(help="End of the chain in a URDF file.")] = None,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
 ) -> None:
     """Show a robot's joints and limits.
 
@@ -66,3 +74,66 @@ def show(
     base = f"{about.bases} base, " if about.bases else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
+
+
+@robots.command
+def solve(
+    source: str,
+    /,
+    *,
+    position: tuple[float, float, float],
+    rpy: tuple[float, float, float] | None = None,
+    quaternion: tuple[float, float, float, float] | None = None,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    top: int = 5,
+) -> None:
+    """Find joint angles that bring a robot's hand to a pose; the best to start from comes first.
+
+    The best has the most room to its joint limits and the most manipulability. Without --rpy and --quaternion the
+    orientation does not matter.
+
+    Parameters
+    ----------
+    source
+        Name, .yaml or .urdf file, or example-robot-data:PATH.
+    position
+        Of the hand in the base frame: x y z, m.
+    rpy
+        Its roll, pitch and yaw, degrees: Rz(yaw) Ry(pitch) Rx(roll).
+    quaternion
+        In their place: w x y z.
+    top
+        How many solutions to list at most.
+    """
+    from dqcontrol.experiments.spec import HandStart
+    from dqcontrol.measures.tables import Column, Table
+    from dqcontrol.robots import load_robot
+
+    robot = load_robot(source, base_link, tip_link)
+    angles = None if rpy is None else tuple(math.radians(angle) for angle in rpy)
+    found = HandStart(position=position, quaternion=quaternion, rpy=angles).postures(robot)  # type: ignore[arg-type] — three
+    turns = [kind == "revolute" for kind in robot.joint_types]
+    columns = [
+        *(
+            Column(name, "°" if turn else "m", ".1f" if turn else ".4f")
+            for name, turn in zip(robot.joint_names, turns, strict=True)
+        ),
+        Column("room to limits", "°" if found[0].unit == "rad" else "m", ".3g"),
+        Column("nearest limit"),
+        Column("manipulability", "", ".3g"),
+    ]
+    rows = [
+        [
+            *(
+                math.degrees(value) if turn else float(value)
+                for value, turn in zip(each.q, turns, strict=True)
+            ),
+            math.degrees(each.margin) if each.unit == "rad" else each.margin,
+            each.nearest,
+            each.manipulability,
+        ]
+        for each in found[:top]
+    ]
+    print_table(Table(columns, rows, f"{robot.name}: {len(found)} found, the best first"))
+    print(f"start: [{', '.join(f'{value:.6g}' for value in found[0].q)}]   # for a spec: rad or m")

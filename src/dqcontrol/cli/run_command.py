@@ -27,7 +27,7 @@ def run(
     figures: bool = True,
     real_time: RealTime = False,
 ) -> None:
-    """Run an experiment and write its table, recordings and plots; rerun the same command to resume.
+    """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def run(
             )
     except KeyboardInterrupt:
         kept = (
-            "; finished trials are kept; rerun the same command to resume" * working_folder(folder).exists()
+            "; finished trials are kept: rerun the same command to resume" * working_folder(folder).exists()
         )
         raise KeyboardInterrupt(kept) from None
     print(f"results: {folder}")

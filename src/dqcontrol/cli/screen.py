@@ -18,7 +18,7 @@ _UNWATCHED = 200  # letters a line, when nobody watches
 
 def print_table(table: Table) -> None:
     """Print a table, folded where the window is too narrow."""
-    from dqcontrol.cli.folded import folded
+    from dqcontrol.measures.folded import folded
 
     console = Console() if sys.stdout.isatty() else Console(width=_UNWATCHED)
     for part in folded(table, console.width):

@@ -18,7 +18,7 @@ def sweep(
     scheduler: str | None = None,
     by: str = "error.integral",
 ) -> None:
-    """Run a parameter study and list its best points; rerun the same command to resume.
+    """Run a parameter study and list its best points; rerun it to resume after an interruption.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def sweep(
                 spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
             )
     except KeyboardInterrupt:
-        kept = "; finished parts are kept; rerun the same command to resume" * working_folder(folder).exists()
+        kept = "; finished parts are kept: rerun the same command to resume" * working_folder(folder).exists()
         raise KeyboardInterrupt(kept) from None
     print_table(ranking.table())
     print(f"results: {folder}")

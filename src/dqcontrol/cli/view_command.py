@@ -57,7 +57,6 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
     from dqcontrol.files.yaml_file import convert
     from dqcontrol.logs.evaluation import about_log
     from dqcontrol.recording import load_metadata
-    from dqcontrol.robots import load_robot
 
     load_metadata(path)  # or say that it is none
     about = about_log(path)
@@ -66,7 +65,7 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
             f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'"
         )
     chosen = convert(path, about["robot"], RobotSpec)
-    robot = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
+    robot = chosen.load()
     growing = GrowingRecording(path, robot)
     tracks.append(Track(label, robot, growing.first()))
     return growing, tracks[-1]

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.errors import StabilityWarning
+from dqcontrol.errors import DivergedError, StabilityWarning
 from dqcontrol.experiments.feasibility import task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
+from dqcontrol.limits import CommandLimits
+from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
@@ -30,6 +33,7 @@ from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 
+_FREE = CommandLimits(velocity=False)
 _LEAST_OVERSHOOT = 0.05  # %; less is none
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
@@ -110,6 +114,8 @@ class LoopCheck:
         Why nothing is known; empty if something is.
     acceleration
         Least limit of acceleration on the commands' way to the plant, rad/s² or m/s²; infinite without.
+    numeric
+        Instead of loops, where the law's gains are unknown: the law as finite differences at the start see it.
     """
 
     names: Names
@@ -117,6 +123,10 @@ class LoopCheck:
     loops: tuple[Loop, ...]
     unknown: str = ""
     acceleration: float = math.inf
+    numeric: NumericLoop | None = None
+
+    def __repr__(self) -> str:
+        return f"LoopCheck({self.names.label!r}, {self.verdict})"
 
     @property
     def worst(self) -> Loop:
@@ -128,13 +138,15 @@ class LoopCheck:
         """What becomes of errors in the worst of the loops."""
         if self.unknown:
             return "cannot be decided"
+        if self.numeric:
+            return "drifts" if self.numeric.drifts else "stable" if self.numeric.is_stable else "unstable"
         verdicts = {loop.verdict for loop in self.loops}
         return next(verdict for verdict in _WORST_FIRST if verdict in verdicts)
 
     @property
     def time_constant(self) -> float:
         """Seconds in which the slowest loop's errors shrink to 1/e; infinite if they do not."""
-        slowest = max(loop.radius for loop in self.loops)
+        slowest = self.numeric.radius if self.numeric else max(loop.radius for loop in self.loops)
         if slowest >= 1:
             return math.inf
         return -self.period / math.log(slowest) if slowest > 0 else 0.0
@@ -157,6 +169,8 @@ class LoopCheck:
             return f"{self.names.label}: cannot be decided: {self.unknown}"
         if self.verdict == "drifts":
             return f"{self.names.label}: drifts: nothing corrects its errors"
+        if self.numeric:
+            return f"{self.names.label}: {self._at_the_start(self.numeric)}"
         loop, verdict = self.worst, self.verdict
         limits, when = loop.limits, f" at {loop.gain.time:g} s" if loop.gain.time is not None else ""
         if verdict == "good":
@@ -175,6 +189,14 @@ class LoopCheck:
             )
         return f"{self.names.label}: {loop.gain.loop} {verdict}: {facts}; {self._advice(loop)}"
 
+    def _at_the_start(self, loop: NumericLoop) -> str:
+        factor, how = loop.margin, "by numeric linearisation at the start only"
+        if not math.isfinite(factor):
+            return f"stable with any factor on its command, {how}"
+        if not factor:
+            return f"unstable with any factor on its command, {how}"
+        return f"{self.verdict} {how}: its command turns the loop unstable from {factor:.3g} times as much on"
+
     @property
     def _small_only(self) -> str:
         if not math.isfinite(self.largest_error):
@@ -186,7 +208,7 @@ class LoopCheck:
 
     def _advice(self, loop: Loop) -> str:
         recommended = loop.limits.recommended / self.period
-        half = abs(loop.gain.value) ** 2 / 2
+        half = abs(loop.gain.value) * abs(loop.gain.value) / 2  # infinite where ** would raise
         if not recommended:
             if loop.gain.integral_share:
                 return f"choose k_I ≤ k²/2 = {half:.3g} 1/s²"
@@ -219,6 +241,20 @@ class Checks(Sequence[LoopCheck]):
 
     def __getitem__(self, i: Any) -> Any:
         return self.rows[i]
+
+    def __repr__(self) -> str:
+        counts = Counter(row.verdict for row in self.rows)
+        return (
+            f"Checks({self.name!r}, {', '.join(f'{count} {verdict}' for verdict, count in counts.items())})"
+        )
+
+    def __str__(self) -> str:
+        """Return the table, and what to do."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the same."""
+        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
     @property
     def unstable(self) -> bool:
@@ -257,6 +293,8 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         percent = 100 * row.overshoot
         passed = percent if percent >= _LEAST_OVERSHOOT else 0.0
         numbers = [limits.stable / row.period, worst.margin, advised, passed, row.time_constant]
+    elif row.numeric:
+        numbers = [None, row.numeric.margin, None, None, row.time_constant]
     return [
         *(getattr(row.names, place) for place in places),
         gains.get("position"),
@@ -269,7 +307,7 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
 
 def judged(row: LoopCheck) -> VerdictCell:
     """Return the verdict as a cell of a table."""
-    good = {"good": True, "unstable": False, "unstable for large errors": False}
+    good = {"good": True, "stable": True, "unstable": False, "unstable for large errors": False}
     return VerdictCell(row.verdict, good.get(row.verdict))
 
 
@@ -278,7 +316,8 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
 
     Each loop of a law (position, orientation, posture in the null space) is judged as a scalar one: its gain k is
     known from the law's parameters, the largest over time; plant and supervisor from commands to measured positions
-    are linear, with delay and smoothing, in steps of a period. The verdict holds for small errors about a target at
+    are linear, with delay and smoothing, in steps of a period. Where the gains are unknown, as those of own laws, the
+    law is linearised by finite differences at the start, and all joints are judged together. The verdict holds for small errors about a target at
     rest; what is known of large ones under a supervisor's limit of acceleration is said.
 
     Parameters
@@ -327,18 +366,34 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
         if place not in plants:
             plants[place] = *_driven(setting, case), {}
         model, acceleration, limits = plants[place]
-        if case.gains is None:
-            yield LoopCheck(case.names, period, (), "the law's loop gains are unknown")
-        elif model is None:
+        if model is None:
             yield LoopCheck(case.names, period, (), "the plant has no linear model")
         elif len(model.transition) > MOST_STATES:
             size = len(model.transition)
             many = f"plant and supervisor have a model of {size} states; {MOST_STATES} at most are judged"
             yield LoopCheck(case.names, period, (), many)
+        elif case.gains is None:
+            yield _numeric_check(setting, case, model)
         else:
             limited = math.isfinite(acceleration) and command_mode(case.plant) == "integrated"
             loops = tuple(_loop(gain, model, period, limited, limits) for gain in case.gains)
             yield LoopCheck(case.names, period, loops, "", acceleration)
+
+
+def _numeric_check(setting: PreparedExperiment, case: Combination, model: LinearModel) -> LoopCheck:
+    """Return what is to be expected of a law whose gains are unknown, as it is at the start."""
+    period, loop, unknown = setting.spec.period, None, ""
+    try:
+        law = linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
+    except DivergedError as error:
+        law, unknown = None, f"the law's loop gains are unknown, and it fails at the start: {error}"
+    if law is not None:
+        loop = NumericLoop(law, model)
+        if loop.size > MOST_STATES:
+            unknown = f"law, plant and supervisor have {loop.size} states; {MOST_STATES} at most are judged"
+    elif not unknown:
+        unknown = "the law's loop gains are unknown, and its command jumps or bends at the start"
+    return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop)
 
 
 def _driven(setting: PreparedExperiment, case: Combination) -> tuple[LinearModel | None, float]:

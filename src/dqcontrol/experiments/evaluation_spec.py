@@ -14,7 +14,6 @@ from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.loop import Record
-from dqcontrol.robots import load_robot
 
 
 class EvaluationSpec(Part, frozen=True, kw_only=True):
@@ -49,5 +48,5 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
     data = parse_yaml(spec, text)
     rename_old_keys(str(spec), data)
     what = convert(spec, data, _SavedEvaluation).evaluation
-    robot = load_robot(what.robot.source, what.robot.base_link, what.robot.tip_link)
+    robot = what.robot.load()
     return Run(text, robot, record, what.skip_initial, Path(what.log).stem)

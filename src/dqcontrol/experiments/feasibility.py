@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
-from dqcontrol.laws import OpenLoop, PartialProportional, ProportionalFeedforward
+from dqcontrol.laws import Law, ManipulabilityAscent, OpenLoop, PartialProportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.task_range import lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
@@ -23,6 +25,9 @@ _MOST = 50_000  # samples of the reference that are followed; longer ones in coa
 _PULL = 0.2  # of an error that a period takes away
 _ARRIVED = 50  # periods after which only what cannot be done is left of the first error: 0.8^50 = 1e-5
 _SHARES = 1 + 1e-6
+_ERROR = 1e-3  # of a dual quaternion: smaller ones have no direction that counts
+_NONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+_ALL = 1 - 1e-6  # of an error: what is left of it leads out by itself
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,31 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
         if any(case.names.robot == label for case in whole):
             yield from _of_path(scene)
     for case in setting.cases:
+        yield from _of_singular_start(case)
         yield from _of_first_command(setting, case)
+
+
+def way_out(law: Law) -> str:
+    """Say what leads a law out of a singularity in which it stands still."""
+    if isinstance(law.null_space, ManipulabilityAscent):
+        return "start elsewhere"
+    return "start elsewhere, or leave it with null_space: {kind: manipulability, gain: 1}"
+
+
+def _of_singular_start(case: Combination) -> Iterator[str]:
+    """Say if a law would stand still at its start, as no joint can move the hand towards the first pose beyond it."""
+    scene, law = case.scene, case.variant.law
+    if isinstance(law, OpenLoop) or isinstance(law.null_space, ManipulabilityAscent):
+        return
+    robot, desired = scene.robot, scene.samples[:, POSE]
+    error = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(scene.start)), desired))
+    far = np.abs(error - _NONE).max(axis=1) > _ERROR
+    part = law.part if isinstance(law, PartialProportional) else "pose"
+    if far.any() and lost_share(robot, scene.start, desired[far.argmax()], part) > _ALL:
+        yield (
+            f"{case.names.label}: starts in a singularity where no joint can move the hand towards the reference, so "
+            f"that every command is zero; {way_out(law)}"
+        )
 
 
 def _of_path(scene: PreparedRobot) -> Iterator[str]:

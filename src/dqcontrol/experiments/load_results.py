@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from dqcontrol.experiments.spec import read_data, read_spec
 from dqcontrol.experiments.study import ROWS, Study
 from dqcontrol.files.yaml_file import read_text
 from dqcontrol.recording import load_record
-from dqcontrol.robots import load_robot
 
 
 def load_run(folder: str | Path) -> Run:
@@ -37,7 +37,7 @@ def load_run(folder: str | Path) -> Run:
     (robot,), (law,), (plant,) = spec.robot_by_label.values(), spec.law_by_label, spec.plant_by_label
     return Run(
         text,
-        load_robot(robot.source, robot.base_link, robot.tip_link),
+        robot.load(),
         load_record(path / "record.mcap"),
         spec.skip_initial,
         f"{law} · {plant}",
@@ -59,20 +59,33 @@ def _why_no_run(path: Path) -> str:
 def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
     """Return saved runs by label; a folder of a study, or of its repeats, stands for all its runs.
 
+    Labels name the study where there are several, or where two runs have one name.
+
     Raises
     ------
     FileFormatError
         If a folder holds no run.
     """
-    runs: dict[str, Run] = {}
+    found: list[tuple[str, str, Path]] = []
     seen: set[Path] = set()
+    studies = 0
     for folder in map(Path, folders):
-        for path in _run_folders(folder):
+        inside = _run_folders(folder)
+        studies += inside != [folder]
+        for path in inside:
             if path.resolve() in seen:
                 raise Error(f"{path}: given twice")
             seen.add(path.resolve())
             name = f"{path.parent.name} · {path.name}" if path.name.isdecimal() else path.name
-            runs[name if name not in runs else str(path)] = load_run(path)
+            found.append(
+                ((path.resolve().parent if inside == [folder] else folder.resolve()).name, name, path)
+            )
+    plain = Counter(name for _, name, _ in found)
+    full = Counter((study, name) for study, name, _ in found)
+    runs: dict[str, Run] = {}
+    for study, name, path in found:
+        label = name if studies < 2 and plain[name] == 1 else f"{study} · {name}"
+        runs[label if full[study, name] == 1 else str(path)] = load_run(path)
     return runs
 
 

@@ -16,11 +16,21 @@ from msgspec import UNSET
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
+from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Spec, StartedRobotSpec, read_spec, spec_text
+from dqcontrol.experiments.slips import degrees_slip, length_slip
+from dqcontrol.experiments.spec import (
+    AnyLaw,
+    AnyPlant,
+    Spec,
+    Start,
+    StartedRobotSpec,
+    read_spec,
+    spec_text,
+    start_configuration,
+)
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import PreparedLaw
@@ -32,7 +42,7 @@ from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants import CompiledPlant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import Robot
 
 T = TypeVar("T")
 
@@ -132,7 +142,7 @@ class PreparedExperiment:
         one = msgspec.structs.replace(
             self.spec,
             robot=robot,
-            start=chosen.start,
+            start=case.scene.start.tolist(),
             robots=UNSET,
             law=case.variant.law,
             laws=UNSET,
@@ -234,11 +244,26 @@ def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
 
 
 def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> PreparedRobot:
-    near = folder / chosen.source
-    source = near if near.is_file() else chosen.source
-    ends = chosen.base_link, chosen.tip_link
-    robot = _once(known, [str(source), *ends], lambda: load_robot(source, *ends))
-    start = as_array("start", chosen.start, (robot.configuration_size,))
+    robot = _once(known, [str(folder), chosen.without_start()], lambda: chosen.load(folder))
+    start = _start(chosen.start, robot)
+    reference = spec.reference.build(robot.fkm(start), folder)
+    reference = spec.reference.of_robot(reference, robot, start)
+    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
+    if spec.skip_initial > samples[-1, -1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.skip_initial:g}"
+        )
+    try:
+        check_reach(robot, start, samples)
+    except ReachError as error:
+        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+    check_clearance(robot, start, samples)
+    return PreparedRobot(robot, start, reference, samples)
+
+
+def _start(given: Start, robot: Robot) -> Array:
+    """Return the start configuration, within the limits."""
+    start = start_configuration(given, robot)
     if (far := np.abs(start) > FARTHEST).any():
         i = int(far.argmax())
         raise ValueRangeError(
@@ -249,18 +274,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         i = int(outside.argmax())
         raise ValueRangeError(
             f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
-            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}"
+            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}{degrees_slip(start, robot)}"
         )
-    reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, robot, start)
-    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
-    if spec.skip_initial > samples[-1, -1]:
-        raise ValueRangeError(
-            f"skip_initial: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.skip_initial:g}"
-        )
-    check_reach(robot, start, samples)
-    check_clearance(robot, start, samples)
-    return PreparedRobot(robot, start, reference, samples)
+    return start
 
 
 def _prepared_laws(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import FileFormatError
+from dqcontrol.errors import FileFormatError, ValueRangeError, unknown_name
 from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
@@ -44,11 +45,26 @@ class Ranking:
         with a run that failed, or lacks the number, stand last, without a place.
     placed
         How many have a place.
+    each
+        The label or parameter for each value of which this is the best, in the order of its values; empty if all are
+        there, the best first.
     """
 
     by: str
     groups: pyarrow.Table
     placed: int
+    each: str = ""
+
+    def __repr__(self) -> str:
+        return f"Ranking(by {self.by}, {self.placed:,} of {len(self.groups):,} points have a place)"
+
+    def __str__(self) -> str:
+        """Return the table of the best."""
+        return str(self.table())
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the same."""
+        return self.table().markdown()
 
     @property
     def varied(self) -> list[str]:
@@ -61,13 +77,40 @@ class Ranking:
         name = name if name in self.groups.column_names else f"{name}_mean"
         return self.groups[name].slice(0, self.placed).to_numpy()
 
+    def values(self, name: str) -> list[Any]:
+        """Return the different values of a label or parameter of all combinations, in their order."""
+        return sorted(
+            (each for each in self.groups[name].unique().to_pylist() if each is not None), key=_in_order
+        )
+
+    def best_of_each(self, key: str) -> Ranking:
+        """Return the best combination for each value of a label or parameter, as the best gain for each delay.
+
+        Raises
+        ------
+        UnknownNameError
+            If nothing of that name varies.
+        """
+        name = self._named("key", key)
+        found = self.groups[name].slice(0, self.placed).to_pylist()
+        firsts = [found.index(value) for value in self.values(name) if value in found]
+        return Ranking(self.by, self.groups.take(firsts), len(firsts), name)
+
+    def _named(self, field: str, key: str) -> str:
+        """Return the column of a label or parameter."""
+        return _column(field, key, self.groups.column_names)
+
     def table(self, top: int = TOP) -> Table:
         """Return the best, one row each, with means and standard deviations where there are repeats."""
-        best = self.groups.slice(0, min(top, self.placed)).to_pylist()
+        best = self.groups.slice(0, self.placed if self.each else min(top, self.placed)).to_pylist()
         keys = list(dict.fromkeys([self.by, *_BESIDE]))
-        names = [*(["point"] if "point" in self.groups.column_names else []), *self.varied]
+        parameters = [name for name in self.groups.column_names if self.each and name.startswith(_PARAMETER)]
+        varied = [name for name in dict.fromkeys([*self.varied, *parameters]) if name != self.each]
+        names = [*(["point"] if "point" in self.groups.column_names else []), *varied]
+        names = [self.each, *names] if self.each else names
+        places = [] if self.each else [Column("Place")]
         body: list[list[Cell]] = [
-            [i + 1, *(row[name] for name in names), *(_mean(row, key) for key in keys)]
+            [*([i + 1] if places else []), *(row[name] for name in names), *(_mean(row, key) for key in keys)]
             for i, row in enumerate(best)
         ]
         headings = [
@@ -76,13 +119,34 @@ class Ranking:
             else Column(name.capitalize())
             for name in names
         ]
+        return Table([*places, *headings, *map(number_column, keys)], body, self._caption(len(best)))
+
+    def _caption(self, shown: int) -> str:
+        if self.each:
+            return f"best by {self.by} for each {self.each.removeprefix(_PARAMETER)}"
         lost = len(self.groups) - self.placed
         left_out = f"; {lost:,} with failed runs left out" if lost else ""
-        caption = f"best {len(best)} of {len(self.groups):,} by {self.by}{left_out}"
-        return Table([Column("Place"), *headings, *map(number_column, keys)], body, caption)
+        return f"best {shown} of {len(self.groups):,} by {self.by}{left_out}"
 
 
-def rank(folders: Sequence[str | Path], by: str = BEST_BY) -> Ranking:
+def _column(field: str, key: str, columns: Sequence[str]) -> str:
+    known = {
+        name.removeprefix(_PARAMETER): name
+        for name in columns
+        if name in LABELS or name.startswith(_PARAMETER)
+    }
+    if key.removeprefix(_PARAMETER) not in known:
+        raise unknown_name(field, key, known)
+    return known[key.removeprefix(_PARAMETER)]
+
+
+def _in_order(value: Any) -> tuple[bool, Any]:
+    return isinstance(value, str), value
+
+
+def rank(
+    folders: Sequence[str | Path], by: str = BEST_BY, where: Mapping[str, float | str] | None = None
+) -> Ranking:
     """Return the combinations of robot, law, set, plant and parameters of saved studies, the best first.
 
     Only the columns that this takes are read; a mean over repeats counts for a combination.
@@ -93,11 +157,15 @@ def rank(folders: Sequence[str | Path], by: str = BEST_BY) -> Ranking:
         Of studies with ``runs.parquet``.
     by
         Name of a number as in `Metrics.flat`: smaller is better, but for the margin from the joint limits.
+    where
+        Only combinations with these values of parameters and labels, as ``{"plant.delay": 0.032, "law": "K"}``.
 
     Raises
     ------
     UnknownNameError
-        If there is no such number.
+        If there is no such number, parameter or label.
+    ValueRangeError
+        If no combination has such a value.
     FileFormatError
         If a folder holds no such study.
     MissingExtraError
@@ -108,6 +176,8 @@ def rank(folders: Sequence[str | Path], by: str = BEST_BY) -> Ranking:
     numbers = list(dict.fromkeys([by, *_BESIDE]))
     parts = [_read(arrow, Path(folder), numbers, several=len(folders) > 1) for folder in folders]
     rows = arrow.concat_tables(parts, promote_options="permissive")
+    for key, value in (where or {}).items():
+        rows = _chosen(arrow, rows, key, value)
     keys = [name for name in rows.column_names if name not in (*numbers, "failed")]
     spread = arrow.compute.VarianceOptions(ddof=1)
     sums = [(name, *kind) for name in numbers for kind in (("mean",), ("stddev", spread), ("count",))]
@@ -132,6 +202,23 @@ def _read(arrow: Any, folder: Path, numbers: Sequence[str], *, several: bool) ->
     starts = [arrow.compute.starts_with(rows["stopped"], pattern=pattern) for pattern in FAILURES]
     rows = rows.drop_columns(["stopped"]).append_column("failed", reduce(arrow.compute.or_, starts))
     return rows.add_column(0, "study", arrow.repeat(folder.name, len(rows))) if several else rows
+
+
+def _chosen(arrow: Any, rows: pyarrow.Table, key: str, value: float | str) -> pyarrow.Table:
+    """Return those rows in which a parameter or label has a value."""
+    name = _column("where", key, rows.column_names)
+    there = rows[name].to_pylist()
+    if isinstance(value, str):
+        mask = [each == value for each in there]
+    else:
+        mask = [isinstance(each, float) and math.isclose(each, value, rel_tol=1e-9) for each in there]
+    if not any(mask):
+        known = sorted({each for each in there if each is not None}, key=_in_order)
+        some = ", ".join(f"{each:g}" if isinstance(each, float) else str(each) for each in known[:12])
+        raise ValueRangeError(
+            f"where: no run has {key} = {value} (there are: {some}{', …' * (len(known) > 12)})"
+        )
+    return rows.filter(arrow.array(mask))
 
 
 def _mean(row: dict[str, Any], key: str) -> Cell:

@@ -14,7 +14,6 @@ from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.supervision import Watch
-from dqcontrol.recording.black_box_folder import FOLDER, save_black_box
 
 
 def run_in_real_time(
@@ -54,25 +53,25 @@ def run_in_real_time(
     clock = clock or Clock(overrun="skip")
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
-    black_box, text = BlackBox(robot, setting.spec.period), setting.single_text(case, 0)
+    black_box = BlackBox(robot, setting.spec.period)
     with streamed.record() as recording:
         try:
             record = execute(
                 setting, case, clock=clock, watch=watch, recording=recording, black_box=black_box
             )
         except BaseException as error:
-            _keep(black_box, streamed.folder, text, f"broken off: {error or type(error).__name__}")
+            _keep(black_box, streamed, f"broken off: {error or type(error).__name__}")
             raise
         recording.close(record.stopped)
     if record.stopped.startswith(("halted", "faulted", "diverged")):
-        _keep(black_box, streamed.folder, text, record.stopped)
+        _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
     streamed.complete(done)
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 
-def _keep(black_box: BlackBox, folder: Path, spec: str, stopped: str) -> None:
+def _keep(black_box: BlackBox, streamed: StreamedRun, stopped: str) -> None:
     """Write what the black box holds, if a supervisor filled it."""
     if len(black_box):
-        save_black_box(black_box, folder / FOLDER, spec, stopped)
+        streamed.keep(black_box.record(stopped))

@@ -73,6 +73,21 @@ class Run:
     timing: Timing | None = None
     expected: LoopCheck | None = None
 
+    def __post_init__(self) -> None:
+        lines = self.spec.splitlines()
+        if not any(line.startswith(("name:", "evaluation:", "{")) for line in lines):
+            raise ShapeError(
+                "spec: must be the YAML text that repeats the run; without one use its record: record.metrics, "
+                'record.save(path), summary({"mine": record})'
+            )
+
+    def __repr__(self) -> str:
+        return f"Run({self.label!r}, {len(self.record)} samples over {self.record.duration:g} s)"
+
+    def __str__(self) -> str:
+        """Return the metrics in a line of a table."""
+        return str(summary({self.label: self}))
+
     @property
     def time(self) -> Array:
         """Times, shape (N,), s."""
@@ -127,7 +142,8 @@ class Run:
     def task(self) -> TaskResult:
         """Whether it did what was asked."""
         record = as_judged(self.record, self.robot, self.judged)
-        return task_result(record, law=self.law, settle=min(self.settle, record.duration))
+        settle = min(self.settle, record.duration)
+        return task_result(record, law=self.law, settle=settle, robot=self.robot)
 
     def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
@@ -208,7 +224,7 @@ def measure(
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_judged(record, robot, judged)
-    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law)
+    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law, robot=robot)
     return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.loop.record import Record
 from dqcontrol.measures.tables import Column, Table
 
 if TYPE_CHECKING:
@@ -47,9 +48,20 @@ MEANS = (
 MOST_CURVES = 12  # in one figure
 
 
-def summary(runs: Mapping[str, Run], title: str = "") -> Table:
-    """Return one row a run; errors in mm and degrees are those after the start that the spec excludes."""
-    rows = ((label, {**run.metrics.flat(), "stopped": run.record.stopped}) for label, run in runs.items())
+def summary(runs: Mapping[str, Run | Record], title: str = "") -> Table:
+    """Return one row a run or record; errors in mm and degrees are those after the start that a run's spec excludes.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), [0, 0.6, 0, 1.6, 0, 0.6, 0]
+    >>> rest = dqc.references.SetPoint(arm.fkm(q), duration=0.1)
+    >>> record = dqc.simulate(arm, rest, dqc.laws.Proportional(gain=4), dqc.plants.Integrator(), q, period=0.01)
+    >>> print(summary({"mine": record}).csv().splitlines()[1].split(",")[0])
+    mine
+    """
+    records = {label: run if isinstance(run, Record) else run.record for label, run in runs.items()}
+    rows = ((label, {**run.metrics.flat(), "stopped": records[label].stopped}) for label, run in runs.items())
     return summary_of(rows, title)
 
 

@@ -18,6 +18,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
+from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
@@ -117,6 +118,12 @@ def run_sweep_to(
     sweep, target, jobs = read_sweep(source), Path(folder), checked_jobs(jobs)
     if scheduler is not None and jobs is not None:
         raise Error("jobs: is for processes on this machine; leave it out with a scheduler")
+    if isinstance(sweep.first.spec.reference, ObjectSpec):
+        if scheduler is not None or jobs not in (None, 1):
+            raise Error(
+                "reference: is an object of this program, which other processes do not have; leave out jobs"
+            )
+        jobs = 1
     check_new(target, force=force)
     number_column(by)
     fingerprint = sweep.fingerprint()

@@ -8,6 +8,7 @@ from typing import Any
 
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
 from dqcontrol.experiments.clearance import went_through
+from dqcontrol.experiments.feasibility import way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
     ClassicProportional,
@@ -107,6 +108,8 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     margin = trial["limit_margin"]
     if margin is not None and margin < _AT_LIMIT:
         yield f"{trial['limit_joint']} came to its position limit; start elsewhere, or turn the goal"
+    if "in a singularity" in task:
+        yield "no joint can move the hand that way from there; " + way_out(law)
     if (trial["saturation"] or 0.0) > _OFTEN:
         yield (
             f"commands were at the velocity limits in {100 * trial['saturation']:.2g} % of the samples; take a slower "

@@ -7,6 +7,8 @@ from pathlib import Path
 from dqcontrol.errors import writing
 from dqcontrol.experiments.results_folder import SPEC_FILE, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
+from dqcontrol.loop.record import Record
+from dqcontrol.recording.black_box_folder import FOLDER, save_last_seconds
 from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
 
@@ -64,6 +66,19 @@ class StreamedRun:
             recording = RecordStream(self.path, self._robot, self._spec)
             note_contents(self.folder)
         return recording
+
+    def keep(self, last_seconds: Record) -> Path:
+        """Write what a black box held at a stop, and return its folder in this one.
+
+        Raises
+        ------
+        Error
+            If it cannot be written.
+        """
+        kept = save_last_seconds(last_seconds, self.folder / FOLDER, self._spec)
+        with writing(self.folder):
+            note_contents(self.folder)
+        return kept
 
     def complete(self, run: Run) -> None:
         """Write what came of the last recording, with all that was not streamed, in its place.

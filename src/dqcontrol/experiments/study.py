@@ -68,6 +68,13 @@ class Study:
     recordings: Path | None = None
     taken_over: int = 0
 
+    def __repr__(self) -> str:
+        return f"Study({self.name!r}, {len(self.rows)} trials, {len(self.runs)} with records)"
+
+    def __str__(self) -> str:
+        """Return the table."""
+        return str(self.table())
+
     @property
     def is_repeated(self) -> bool:
         """Whether any combination ran more than once."""

@@ -22,7 +22,7 @@ from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.spec import as_spec, read_data
+from dqcontrol.experiments.spec import as_spec, quantities_at, read_data
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -222,7 +222,7 @@ def _sweep(where: str, data: dict[str, Any], folder: Path) -> Sweep:
     if "sweep" not in data:
         raise FileFormatError(f"{where}: missing key 'sweep'; a study without it is run with 'dqcontrol run'")
     try:
-        sampling = convert("sweep", {"sweep": data.pop("sweep")}, _Whole).sweep
+        sampling = convert("sweep", {"sweep": _in_si_units(data.pop("sweep"))}, _Whole).sweep
     except FileFormatError as error:
         raise FileFormatError(f"{where}: {str(error).removeprefix('sweep: ')}") from None
     try:
@@ -234,6 +234,23 @@ def _sweep(where: str, data: dict[str, Any], folder: Path) -> Sweep:
     except Error as error:
         raise type(error)(f"{where}: {error}") from None
     return Sweep(where, data, folder, sampling)
+
+
+def _in_si_units(sampling: Any) -> Any:
+    """Return plain data of a sampling with numbers in SI units for texts like ``30 ms``."""
+    over = sampling.get("over") if isinstance(sampling, dict) else None
+    if not isinstance(over, dict):
+        return sampling
+    found = {}
+    for key, values in over.items():
+        field = f"sweep.over.{key}"
+        if isinstance(values, dict):
+            found[key] = {
+                end: quantities_at("sweep", key, value, f"{field}.{end}") for end, value in values.items()
+            }
+        else:
+            found[key] = quantities_at("sweep", key, values, field)
+    return {**sampling, "over": found}
 
 
 class _Whole(msgspec.Struct):

@@ -168,8 +168,37 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
     return prefix + text if ", got " in text else f"{prefix}{text}, got {data!r:.80}"
 
 
+_ELSEWHERE = {  # what other programs, and other people, call our keys
+    "period": "frequency rate control_rate sample_rate hz fs ts dt timestep time_step sample_time sampling_time step",
+    "start": "q0 q_init initial initial_configuration home joints configuration joint_positions",
+    "robot": "arm urdf model manipulator robot_file",
+    "law": "controller control control_law",
+    "reference": "trajectory path motion target desired",
+    "plant": "simulator simulation actuator dynamics",
+    "duration": "time end_time tf length_of_time seconds",
+    "gain": "k kp p gains proportional_gain",
+    "integral_gain": "ki i",
+    "quaternion": "orientation rotation quat wxyz",
+    "rpy": "euler roll_pitch_yaw euler_angles",
+    "position": "translation xyz pos",
+    "time_constant": "lag tau",
+    "delay": "latency dead_time",
+    "radius": "r diameter",
+    "turns": "revolutions laps rounds",
+    "source": "file path urdf name",
+    "repeats": "runs trials repetitions",
+}
+_WITH_HINT = {"frequency": "1/frequency", "diameter": "half of it"} | dict.fromkeys(
+    ("rate", "control_rate", "sample_rate", "hz", "fs"), "1/rate"
+)
+
+
 def _instead(name: str, allowed: list[str]) -> str:
     allowed = list(dict.fromkeys(allowed))
+    for ours in allowed:
+        if name.casefold() in _ELSEWHERE.get(ours, "").split():
+            how = f", {_WITH_HINT[name.casefold()]}" if name.casefold() in _WITH_HINT else ""
+            return f"; did you mean '{ours}'{how}? (allowed: {', '.join(allowed)})"
     return f"{suggest(name, allowed)} (allowed: {', '.join(allowed)})"
 
 

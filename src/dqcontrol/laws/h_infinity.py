@@ -80,8 +80,9 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     disturbed by an inertial twist v_w and by a moving pose c of the hand (twist v_c), with gains at the bounds
     k_O = √2 √(γ_O1⁻² + γ_O2⁻²) and k_T = √(γ_T1⁻² + γ_T2⁻²):
     ‖p_e‖² ≤ γ_T1² ‖v'_w‖² + γ_T2² ‖v'_c‖² in L2 over any horizon from zero error, v' the dual parts in the inertial
-    frame, and the same for ‖Im r_e‖ with the primary parts while Re(r_e) ≥ 0. The bounds assume continuous time, an
-    undamped inverse and exact kinematics.
+    frame, and the same for ‖Im r_e‖ with the primary parts while Re(r_e) ≥ 0. The position's bound is tight. The
+    orientation's is not: while errors are small k_O is √2 more than it takes, k_O = √(γ_O1⁻² + γ_O2⁻²) would do. The
+    bounds assume continuous time, an undamped inverse and exact kinematics.
 
     The right error's p_e = p − Ad(r_e) p_d contains the lever arm of the base's origin, so accuracy depends on where
     the base frame sits; the ``left`` form has the same rates, with |p_b,l| = |p − p_d|.
@@ -98,7 +99,8 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     orientation_gain, translation_gain
         k_O and k_T in 1/s, numbers or `Schedule`.
     orientation_gamma, translation_gamma
-        Instead of the gains: γ with equal shares of both disturbances, k_O = 2/γ_O, k_T = √2/γ_T. [P16 5.5–5.6]
+        Instead of the gains: γ with equal shares of both disturbances, k_O = 2/γ_O, k_T = √2/γ_T [P16 5.5–5.6]. Small
+        orientation errors then stay below γ_O/√2 times the disturbance.
     form
         ``"right"`` (as published) or ``"left"`` (recommended where position accuracy matters).
     inverse

@@ -34,7 +34,9 @@ SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
 _MOST_STEPS = 10_000_000
 
 
-class Law(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class Law(
+    Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
+):
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
 
     kernel: ClassVar[Kernel]

@@ -287,7 +287,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     y = [θ_e n ; p_e], the error's rotation vector and position. Ṗ = P R⁻¹P − Q, P(t_f) = S, in closed form, for
     piecewise constant weights chained backwards. With scalar weights and the ``log`` form this is the exact optimum of
     the nonlinear pose problem ½s|y_f|² + ½∫(q|y|² + r|u_c|²) dt away from θ = π, u_c the corrective twist; its value is
-    ½P(0)|y_0|². The ``sin`` form takes 2 Im r_e for θ_e n: the same for small errors. (The print halves the errors,
+    ½P(0)|y_0|². With matrices it is optimal only near the target: d|y|²/dt = 2 y·u_c does not carry over to y'Qy. The ``sin`` form takes 2 Im r_e for θ_e n: the same for small errors. (The print halves the errors,
     which runs at κ/2.) Without horizon |p_e| and θ_e decay at κ = √(q/r) with ideal joints.
 
     Sampling limits: the loop gain k is the largest eigenvalue of R⁻¹P(t): √(q/r), but s/r at the end of a horizon.

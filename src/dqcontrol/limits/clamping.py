@@ -166,8 +166,9 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     hᵢ = 0 if joint i is at a limit and the command without blocking drives it outwards; the law is then asked again
     without its column of J, and so on while that drives further joints outwards from their limits. So the joints left
     do what they can for the task (least squares), and a blocked joint is free as soon as the command without blocking
-    points inwards. What is left is clipped to (qmin − q)/T … (qmax − q)/T: with ideal joints a limit is reached up to
-    rounding and never crossed. (The print asks for q = qmax, which never holds in samples.) A joint that starts outside
+    points inwards. Then the joint that is furthest beyond (qmin − q)/T … (qmax − q)/T, or its velocity limit, is held
+    at that and the law asked for the others again, joint by joint, so that they make up for it: with ideal joints a
+    limit is reached up to rounding and never crossed. (The print asks for q = qmax, which never holds in samples.) A joint that starts outside
     its limits is never driven further out, and comes in when the law wants it in. Scaling to velocity limits afterwards
     keeps all this. Joints without limits are passed over.
 

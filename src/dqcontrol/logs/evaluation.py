@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 import yaml
-from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.spec import RobotSpec, Spec, as_spec
+from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
+from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
@@ -29,7 +29,7 @@ from dqcontrol.loop import Record
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import Robot
 
 STOPPED = "end of the log"
 _SNAP = 1e-9  # s; a sample this little before the start belongs to it
@@ -47,7 +47,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     """
 
     reference: AnyReference
-    start: Annotated[list[float], Meta(min_length=1)] | None = None
+    start: Start | None = None
 
 
 def evaluate_log(
@@ -122,7 +122,7 @@ def evaluate_log(
         chosen = convert(path, about["robot"], RobotSpec)
     else:
         raise ValueRangeError(f"robot: {path} does not name its robot; give one (--robot)")
-    arm = load_robot(chosen.source, chosen.base_link, chosen.tip_link)
+    arm = chosen.load()
     data = read_joint_log(
         path, arm, joints=joints, angles=angles, joint_topic=joint_topic, command_topic=command_topic
     )
@@ -192,6 +192,8 @@ def about_log(path: Path) -> dict[str, Any]:
 
 
 def _absolute(robot: RobotSpec) -> RobotSpec:
+    if robot.source is None:
+        return robot
     file = Path(robot.source)
     return msgspec.structs.replace(robot, source=str(file.resolve())) if file.is_file() else robot
 
@@ -240,14 +242,17 @@ def _from_file(
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
+def _short_form(file: Path, data: Any) -> ReferenceFile:
+    data = numbers_for_quantities(str(file), data, list(kinds_of(ReferenceFile)))
+    return convert(file, data, ReferenceFile)
+
+
 def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
     rename_old_keys(str(file), data)
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
     folder = file.resolve().parent
-    spec: Spec | ReferenceFile = (
-        as_spec(str(file), data, folder) if whole else convert(file, data, ReferenceFile)
-    )
+    spec: Spec | ReferenceFile = as_spec(str(file), data, folder) if whole else _short_form(file, data)
     if spec.start is not None:
-        q0 = as_array(f"{file}: start", spec.start, (robot.configuration_size,))
+        q0 = start_configuration(spec.start, robot, f"{file}: start")
     return spec.reference.build(robot.fkm(q0), folder), spec.skip_initial if isinstance(spec, Spec) else None

@@ -8,16 +8,16 @@ from enum import Enum
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, Error, ValueRangeError
+from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import SOFT_STOP
+from dqcontrol.limits.supervisor.interventions import EMERGENCY, SOFT_STOP, stop_category
 from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
-from dqcontrol.references.sample import TIME
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 
 _FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, however late that is
@@ -83,9 +83,15 @@ class Control:
     @property
     def stop_category(self) -> int | None:
         """Category (IEC 60204-1) of the stop that it is in; None while it is in none. See `limits.stop_category`."""
-        if not len(self._state):
-            return 1 if self.phase is Phase.STOPPED else None
-        return self.supervisor.stop_category(self._state)
+        if self.phase not in (Phase.STOPPING, Phase.STOPPED):
+            return None
+        return self.supervisor.stop_category(self._state) if self.is_commanding else stop_category(EMERGENCY)
+
+    @property
+    def stop(self) -> str:
+        """Category and reason of the stop that it is in, in words; empty while it is in none."""
+        category = self.stop_category
+        return "" if category is None else f"stop category {category}: {self.reason}"
 
     @property
     def position(self) -> Array:
@@ -114,7 +120,9 @@ class Control:
         self.measured[:] = measured
         self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
         self.time = self._stamp = 0.0
-        self.target.start(self.robot.fkm(measured))
+        self.desired = np.zeros(21)
+        self.desired[POSE] = pose = self.robot.fkm(measured)
+        self.target.start(pose)
         self.phase, self.reason, self.is_commanding = Phase.ACTIVE, "", True
 
     def deactivate(self) -> None:
@@ -223,7 +231,7 @@ class Control:
         try:
             self.desired = self.target.sample(time, self.robot.fkm(self.measured))
             self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
-        except (DivergedError, ValueRangeError):
+        except (DivergedError, FallenError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 
     def _follow_supervisor(self, rests: bool) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, FallenError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
@@ -27,8 +27,8 @@ MOVES = {
     "s": (0, -1),
     "a": (1, 1),
     "d": (1, -1),
-    "e": (2, 1),
-    "q": (2, -1),
+    "r": (2, 1),
+    "f": (2, -1),
     "l": (3, 1),
     "j": (3, -1),
     "i": (4, 1),
@@ -36,11 +36,11 @@ MOVES = {
     "u": (5, 1),
     "o": (5, -1),
 }
-END = "c"
+END = "q"
 HELP = (
-    "hold to move   w s  x    a d  y    e q  z       to turn   l j  x    i k  y    u o  z",
+    "hold to move   w s  x   a d  y   r f  z     to turn   l j  x   i k  y   u o  z",
     "+ - faster, slower    h axes of hand or base    p keep this pose",
-    "space stop    g resume after a stop    c end, as Ctrl-C",
+    "space stop    g resume after a stop    q quit, also by c or Ctrl-C",
 )
 _MOST_BRAKING_STEPS = 100_000
 _HOLD = 0.15  # s that one key press lasts: keys held down repeat sooner
@@ -102,7 +102,7 @@ class Jog:
         self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
         self.recording: SampleSink | None = None
-        self.spec = ""
+        self.spec = self._fallen = ""
 
     @property
     def period(self) -> float:
@@ -132,11 +132,11 @@ class Jog:
 
     @property
     def status(self) -> str:
-        """`condition`, where the hand is, and what keys mean, in one line."""
+        """Where the hand is, what keys mean, and `condition`, in one line: what a narrow window cuts stands last."""
         x, y, z = translation(self.pose)
-        keys = f"{self.share * self.speeds.linear:.2g} m/s  {self.share * self.speeds.angular:.2g} rad/s"
+        keys = f"{self.share * self.speeds.linear:.2g} m/s {self.share * self.speeds.angular:.2g} rad/s"
         axes = "hand" if self.of_hand else "base"
-        return f"{self.condition}   x {x:+.3f} y {y:+.3f} z {z:+.3f} m   {keys}  in axes of the {axes}"
+        return f"x {x:+.3f} y {y:+.3f} z {z:+.3f} m  {keys}  {axes} axes  {self.condition}"
 
     def press(self, key: str) -> str:
         """Do what a key says; return what there is to tell, if anything. Keys without a meaning do nothing."""
@@ -148,7 +148,7 @@ class Jog:
             self.of_hand = not self.of_hand
         elif key == " ":
             self._control.emergency_stop()
-        elif key == END:
+        elif key in (END, "c"):
             self.end()
         elif key in ("g", "p"):
             try:
@@ -208,11 +208,14 @@ class Jog:
         self._time, self._done = self._time + self._dt, self._done + 1
         if isinstance(plant, CompiledPlant) and self._done % self._steps == 0:
             plant.rewind()
-        plant.step(control.command)
+        try:
+            plant.step(control.command)
+        except FallenError as error:  # it lies there, and may be looked at
+            self._fallen = str(error)
 
     @property
     def _fault(self) -> str:
-        return self._plant.fault if isinstance(self._plant, GuardedPlant) else ""
+        return self._fallen or (self._plant.fault if isinstance(self._plant, GuardedPlant) else "")
 
     def _move(self, axis: int, sign: int) -> None:
         asked = np.zeros((2, 3))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,7 +23,12 @@ from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
+from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
+
+if TYPE_CHECKING:
+    from dqcontrol.measures.tables import Table
+
 
 SETTLED_FRACTION = 0.02
 _ROUNDING = 1e-9  # as a share of a velocity limit
@@ -169,6 +174,27 @@ class Metrics:
     outside_range: float
     hand_clearance: float = math.nan
 
+    def __repr__(self) -> str:
+        """Return the errors that matter most, in a line."""
+        place, turn = self.position, self.orientation
+        return (
+            f"Metrics({self.duration:g} s: position RMS {place.rms:.3g} mm, peak {place.peak:.3g} mm; "
+            f"orientation RMS {turn.rms:.3g}°; effort {self.effort:.3g})"
+        )
+
+    def __str__(self) -> str:
+        """Return all numbers as a table."""
+        return str(self._table())
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: all numbers as a table."""
+        return self._table().markdown()
+
+    def _table(self) -> Table:
+        from dqcontrol.measures.metric_tables import summary_table
+
+        return summary_table(self)
+
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
         return _jsonable(asdict(self))
@@ -185,6 +211,7 @@ def evaluate(
     settle: float = 0.0,
     tolerance: float | None = None,
     law: Law | None = None,
+    robot: Robot | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -200,6 +227,8 @@ def evaluate(
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
     law
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
+    robot
+        That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
 
     Raises
     ------
@@ -259,7 +288,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, settle=settle).words,
+            task=task_result(record, law=law, settle=settle, robot=robot).words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),

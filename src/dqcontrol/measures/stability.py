@@ -15,7 +15,13 @@ from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.plants.linear_model import LinearModel
 
 Verdict = Literal[
-    "good", "oscillatory", "unstable", "unstable for large errors", "drifts", "cannot be decided"
+    "good",
+    "stable",
+    "oscillatory",
+    "unstable",
+    "unstable for large errors",
+    "drifts",
+    "cannot be decided",
 ]
 
 MOST_STATES = 200  # of a model: eigenvalues of more take too long
@@ -145,9 +151,9 @@ def gain_limits(
         gain = product / period
         return with_integral(model, integral_share * gain, period).poles(gain * direction)
 
-    stable = _first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
-    monotone = _first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
-    damped = _first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
+    stable = first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
+    monotone = first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
+    damped = first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
     large = large_error_limit(model, period) if accelerations_limited else math.inf
     return GainLimits(stable, min(monotone, stable), min(damped, stable / 2, large), large)
 
@@ -342,8 +348,8 @@ def _least_damping(poles: NDArray[np.complex128]) -> float:
     return float(np.min(-np.real(exponents) / np.abs(exponents)))
 
 
-def _first_failure(holds: Callable[[float], bool]) -> float:
-    """Return the product k T from which on a condition no longer holds, to seven digits; infinite if it always does."""
+def first_failure(holds: Callable[[float], bool]) -> float:
+    """Return the product k T, or the factor, from which on a condition fails, to seven digits; infinite if it holds."""
     below = 0.0
     for above in _GAINS:
         if not holds(above):

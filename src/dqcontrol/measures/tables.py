@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 
-@dataclass(frozen=True)
+_UNWATCHED = 200  # letters a line, where there is no window
+
+
+@dataclass(frozen=True, repr=False)
 class Table:
     """Rows of texts, numbers and numbers with their spread (`PlusMinus`) under columns.
 
@@ -54,6 +58,23 @@ class Table:
         for i, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ShapeError(f"rows[{i}]: expected {len(self.columns)} cells, got {len(row)}")
+
+    def __repr__(self) -> str:
+        title = f"{self.title!r}, " if self.title else ""
+        return f"Table({title}{len(self.rows)} × {len(self.columns)})"
+
+    def __str__(self) -> str:
+        """Return it as the terminal shows it, folded where the window is too narrow."""
+        from rich.console import Console
+
+        from dqcontrol.measures.folded import folded
+
+        width = shutil.get_terminal_size((_UNWATCHED, 24)).columns
+        console = Console(file=io.StringIO(), width=width, color_system=None)
+        with console.capture() as capture:
+            for part in folded(self, width):
+                console.print(part)
+        return capture.get().rstrip("\n")
 
     def texts(self) -> list[list[str]]:
         """Return all cells as they are shown, the signs ± of a column one below the other."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,12 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
 
+Part = Literal["pose", "position", "rotation", "axis"]
+
 RANGE = "range_condition"  # among the readings of a record
 
 _AT_LIMIT = 1e-6  # rad or m
+_SINGULAR = 0.02  # singular values below it count as none, as in `FilteredInverse`
 _FARTHEST = 1e6  # m; farther away a run has diverged
 _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
@@ -55,7 +59,7 @@ class TaskRange:
 
 
 def task_range(
-    robot: Robot, record: Record, body_twist: Array | None = None, threshold: float = 0.02
+    robot: Robot, record: Record, body_twist: Array | None = None, threshold: float = _SINGULAR
 ) -> TaskRange:
     """Return how far the twists asked for are from what the robot can do.
 
@@ -103,6 +107,47 @@ def task_range(
         outside=np.where(usable, row_norms(np.where(lost, components, 0.0)), np.nan),
         smallest_singular_value=np.where(usable, 0.0 if count < 6 else values[:, -1], np.nan),
     )
+
+
+def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> float:
+    """Return how much of the error lies where a singularity lets no joint move the hand, 0 … 1.
+
+    At 1 every law that only follows its error stands still. A base with wheels, which never moves sideways, and an arm
+    of fewer than six joints are not meant: 0.
+
+    Parameters
+    ----------
+    robot
+        Any robot.
+    q
+        Where it is, shape (n,), rad or m.
+    desired
+        Pose, shape (8,), inertial frame.
+    part
+        Of the pose that counts.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol.measures.task_range import lost_share
+    >>> arm, upright = dqc.load_robot("iiwa7"), np.zeros(7)
+    >>> down = dqc.algebra.multiply(dqc.algebra.pose([1, 0, 0, 0], [0, 0, -0.1]), arm.fkm(upright))
+    >>> lost_share(arm, upright, down), lost_share(arm, np.array([0, 0.6, 0, 0.7, 0, 0.7, 0]), down)
+    (1.0, 0.0)
+    """
+    if len(robot.drives) or robot.input_size < 6 or not np.isfinite(q).all():
+        return 0.0
+    pose = robot.fkm(q)
+    body_twist = 2 * algebra.log_body(algebra.short(algebra.multiply(algebra.conjugate(pose), desired)))
+    if part == "position":
+        body_twist[:3] = 0.0
+    elif part == "rotation":
+        body_twist[3:] = 0.0
+    left, values, _ = np.linalg.svd(robot.hand_jacobian(q))
+    rotation = np.concatenate([pose[:4], np.zeros(4)])
+    components = left.T @ algebra.adjoint_twist(rotation, body_twist)
+    asked = float(np.linalg.norm(components))
+    return float(np.linalg.norm(components[values < _SINGULAR])) / asked if asked > 0 else 0.0
 
 
 def with_range(robot: Robot, record: Record) -> Record:

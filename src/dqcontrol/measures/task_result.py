@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,7 +12,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
+from dqcontrol.measures.task_range import lost_share
 from dqcontrol.references.sample import POSE
+from dqcontrol.robots import Robot
 
 Outcome = Literal["reached", "not reached", "followed", "not followed", "failed"]
 
@@ -21,6 +23,7 @@ SETTLED = 0.02  # of what was asked: the settling criterion
 FOLLOWED = 0.1  # of what was asked: a sensitivity of −20 dB
 _SAME = 1e-9  # as poses: that a reference rests
 _SLOW = 0.1  # of its greatest speed
+_LOST = 0.5  # of what is left of an error at rest: from there on it is a singularity that is in the way
 _LAST = 0.1  # of the time in which the reference rests: an error that comes and goes is not reached
 
 
@@ -40,6 +43,8 @@ class TaskResult:
         Up to which it is good, m and rad.
     speed
         Of the hand at the end, m/s.
+    is_singular
+        Whether it rests where no joint can move the hand towards its goal, and every law stands still.
     """
 
     outcome: Outcome
@@ -48,6 +53,7 @@ class TaskResult:
     position_tolerance: float
     orientation_tolerance: float
     speed: float
+    is_singular: bool = False
 
     @property
     def succeeded(self) -> bool:
@@ -58,6 +64,11 @@ class TaskResult:
     def rests(self) -> bool:
         """Whether the reference ends at rest."""
         return self.outcome in ("reached", "not reached")
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the hand still moves at the end, by more than the tolerance in a second."""
+        return self.speed > self.position_tolerance
 
     @property
     def words(self) -> str:
@@ -77,12 +88,14 @@ class TaskResult:
         if not parts:
             return ""
         if self.rests:
-            moving = self.speed > self.position_tolerance  # more than the tolerance in a second
-            return f"{'still moves' if moving else 'rests'} {', '.join(parts)} off"
+            where = " in a singularity" * self.is_singular
+            return f"{'still moves' if self.is_moving else 'rests'} {', '.join(parts)} off{where}"
         return f"errs by {', '.join(parts)} RMS"
 
 
-def task_result(record: Record, *, law: Law | None = None, settle: float = 0.0) -> TaskResult:
+def task_result(
+    record: Record, *, law: Law | None = None, settle: float = 0.0, robot: Robot | None = None
+) -> TaskResult:
     """Return whether a run did what was asked.
 
     A run whose reference ends at rest has reached its goal if it stays within 2 % of the way that was asked for
@@ -99,6 +112,8 @@ def task_result(record: Record, *, law: Law | None = None, settle: float = 0.0) 
         What drove the hand: of one that controls a part of the pose only that part is judged.
     settle
         Length of the start that does not count where the reference ends moving, s.
+    robot
+        That of the run: with it a run that rests short of its goal is told whether a singularity is in the way.
 
     Examples
     --------
@@ -139,7 +154,7 @@ def task_result(record: Record, *, law: Law | None = None, settle: float = 0.0) 
         outcome = "failed"
     elif not good and record.stopped != "settled":  # what `stop` asked for is reached
         outcome = "not reached" if ends_at_rest else "not followed"
-    return TaskResult(
+    found = TaskResult(
         outcome,
         position=errors[0],
         orientation=errors[1],
@@ -147,6 +162,9 @@ def task_result(record: Record, *, law: Law | None = None, settle: float = 0.0) 
         orientation_tolerance=tolerances[1],
         speed=_speed(record),
     )
+    if robot is None or outcome != "not reached" or found.is_moving:
+        return found
+    return replace(found, is_singular=lost_share(robot, record.q[-1], desired[-1], part) > _LOST)
 
 
 def _ends_at_rest(desired: Array) -> bool:

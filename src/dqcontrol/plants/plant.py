@@ -86,7 +86,9 @@ class TargetPlant(Protocol):
         ...
 
 
-class Plant(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class Plant(
+    Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
+):
     """Parameters of a plant.
 
     Attributes

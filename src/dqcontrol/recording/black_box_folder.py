@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dqcontrol.errors import writing
 from dqcontrol.loop.black_box import BlackBox
+from dqcontrol.loop.record import Record
 from dqcontrol.recording.mcap import save_record
 
 FOLDER = "black-box"  # its name in a folder of results
@@ -38,6 +39,11 @@ def save_black_box(black_box: BlackBox, folder: str | Path, spec: str, stopped: 
     --------
     >>> save_black_box(supervision.black_box, "out/black-box", spec, trace.stopped)  # doctest: +SKIP
     """
+    return save_last_seconds(black_box.record(stopped), folder, spec)
+
+
+def save_last_seconds(record: Record, folder: str | Path, spec: str) -> Path:
+    """Do the same with what `BlackBox.record` gave, which may take seconds."""
     path, number = Path(folder), 1
     with writing(folder):
         while path.exists():
@@ -45,5 +51,5 @@ def save_black_box(black_box: BlackBox, folder: str | Path, spec: str, stopped: 
             path = Path(f"{folder}-{number}")
         path.mkdir(parents=True)
         (path / "spec.yaml").write_text(spec, encoding="utf-8")
-        save_record(black_box.record(stopped), path / "record.mcap", spec)
+        save_record(record, path / "record.mcap", spec)
     return path

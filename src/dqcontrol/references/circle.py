@@ -18,7 +18,7 @@ from dqcontrol.references.strokes import PenPath
 from dqcontrol.references.yaml_form import Metres, Positive, Seconds
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Circle(PlanarReference):
     """Run around a circle at constant speed, with constant orientation [P16 5.7].
 
@@ -70,7 +70,7 @@ class Circle(PlanarReference):
         self._place(trace, start, plane_axes("plane", self.plane))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Spiral(PlanarReference):
     """Run around a circle while advancing across it, with constant orientation [P16 5.10, 5.12].
 

@@ -21,7 +21,7 @@ _LARGEST_STEP = 5e-3
 _LOOKS = 101  # for how fast it is, to tell whether it comes to rest
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Curve(Reference):
     """Move as a function of time says; velocities and accelerations are taken from it numerically.
 

@@ -19,7 +19,7 @@ _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _TRIES = 64  # starts of the search for a goal configuration
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DriveTo(Reference):
     """The hand's motion while its robot goes from one configuration to another, as it can.
 

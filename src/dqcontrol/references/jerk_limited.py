@@ -28,7 +28,7 @@ _LEAST, _MOST = 1e-6, 1e6  # of limits, in units of m or rad
 _TABLE_SIZE = 400_000  # nodes of all tables of path length together
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class JerkLimited(Reference):
     """A reference's path from rest to rest, within limits of speed, acceleration and jerk along the path.
 

@@ -14,7 +14,7 @@ from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Points(Reference):
     """Run from pose to pose by ScLERP: constant twist between two, the short way round.
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
@@ -58,6 +61,14 @@ class Reference(ABC):
     kind: ClassVar[str] = ""
     duration: float
     corners: Array
+
+    def __repr__(self) -> str:
+        """Return the class and its parameters in a line: of arrays their shape."""
+        fields = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
+        given = (
+            f"{each.name}={_in_short(getattr(self, each.name))}" for each in fields if each.init and each.repr
+        )
+        return f"{type(self).__name__}({', '.join(given)})"
 
     @abstractmethod
     def motion(self, times: Array) -> Array:
@@ -122,6 +133,26 @@ class Reference(ABC):
         inside, at_corner = np.empty(len(times)), np.empty(len(times), dtype=np.bool_)
         _snap(np.ascontiguousarray(times), self.corners, self.duration, inside, at_corner)
         return inside, at_corner
+
+
+def _in_short(value: object) -> str:
+    """Return a parameter in a few letters."""
+    if callable(value):
+        return getattr(value, "__name__", type(value).__name__)
+    if isinstance(value, str | bool | int | Reference):
+        return repr(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple) and any(isinstance(each, Reference) for each in value):
+        return f"{len(value)} references"
+    try:
+        shape = np.shape(getattr(value, "vec8", value))  # type: ignore[arg-type]
+    except ValueError:
+        return f"{len(value)} parts"  # type: ignore[arg-type]
+    if shape == (8,):
+        x, y, z = translation(np.asarray(getattr(value, "vec8", value), dtype=np.float64))
+        return f"pose at ({x:.4g}, {y:.4g}, {z:.4g})"
+    return f"array {shape}" if math.prod(shape) > 6 else str(np.asarray(value).tolist())
 
 
 def corners_between(left: Array, right: Array, times: Array) -> Array:

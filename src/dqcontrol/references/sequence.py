@@ -17,7 +17,7 @@ from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 _SAME_POSE = 1e-6  # largest difference of the eight coefficients between an end and the next start
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sequence(Reference):
     """References one after the other, each from where the one before it ends.
 

@@ -16,7 +16,7 @@ from dqcontrol.references.strokes import Line, PenPath
 from dqcontrol.references.yaml_form import Metres, Positive, Seconds, Yaml
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Square(PlanarReference):
     """Run around a square, each side at constant speed, with constant orientation [P16 appendix C].
 

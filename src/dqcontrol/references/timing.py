@@ -73,7 +73,7 @@ class _Paced(Reference):
         return high
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StartRamp(_Paced):
     """A reference that starts from rest and is at its own speed after the ramp.
 
@@ -114,7 +114,7 @@ class StartRamp(_Paced):
         object.__setattr__(self, "corners", corners)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CornerStops(_Paced):
     """A reference that starts from rest, stops smoothly at each of its corners and at its end.
 

@@ -12,7 +12,7 @@ from dqcontrol.references.rigid_motion import displaced
 from dqcontrol.references.sample import as_pose
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Transformed(Reference):
     """A reference seen after a constant displacement y: pose yx, twist Ad(y)ξ, twist rate Ad(y)ξ̇ [S17 4.9].
 

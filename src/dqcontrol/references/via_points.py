@@ -72,7 +72,7 @@ def _run(cubics, which, elapsed, work, position, velocity, acceleration, rotatio
             rotation[i, n] = c[n] / math.sqrt(square)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ViaPoints(Reference):
     """Run through poses smoothly: velocities and accelerations, also of turning, are continuous.
 

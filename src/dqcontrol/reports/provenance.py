@@ -19,13 +19,20 @@ _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
 def command(name: str, *arguments: str, **options: Any) -> str:
     """Return a command line with its arguments quoted; options that are None or False are left out.
 
+    Those with several values, in a tuple, are given several times.
+
     Examples
     --------
     >>> command("run", "spec.yaml", real_time=True, jobs=None, out="my results")
     "dqcontrol run spec.yaml --real-time --out 'my results'"
     """
     words = ["dqcontrol", name, *arguments]
-    for key, value in options.items():
+    given = [
+        (key, each)
+        for key, value in options.items()
+        for each in (value if isinstance(value, tuple) else [value])
+    ]
+    for key, value in given:
         if value is not None and value is not False:
             words += [f"--{key.replace('_', '-')}", *([] if value is True else [str(value)])]
     return shlex.join(words)

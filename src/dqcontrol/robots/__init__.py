@@ -5,6 +5,7 @@ from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.load import load_robot, robot_names
+from dqcontrol.robots.postures import Posture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
@@ -21,6 +22,7 @@ __all__ = [
     "JointRow",
     "Kinematics",
     "Limits",
+    "Posture",
     "Robot",
     "RobotFile",
     "SerialArm",
@@ -31,6 +33,7 @@ __all__ = [
     "load_robot",
     "load_robot_file",
     "load_urdf",
+    "postures",
     "robot_names",
     "symmetric_limits",
 ]

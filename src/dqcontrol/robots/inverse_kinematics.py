@@ -17,6 +17,7 @@ from dqcontrol.robots.dexterity import Dexterity
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
 
+_SHOWN = 20  # rows in notebooks
 _ITERATIONS = 60  # a start; most need fewer than 15
 _TRIALS = 64  # starts without limits, of which the solution nearest to the limits is reported
 _ROUNDING = 1e-9  # m: no distance
@@ -52,6 +53,29 @@ class Solution:
     iterations: Any
     starts: Any
     reason: Any
+
+    def __repr__(self) -> str:
+        if np.ndim(self.success):
+            return f"Solution({np.count_nonzero(self.success)} of {np.size(self.success)} poses reached)"
+        q = ", ".join(f"{value:.4g}" for value in self.q)
+        return f"Solution([{q}], {'reached' if self.success else self.reason})"
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: one row a pose."""
+        lines = [
+            "| reached | position error [m] | orientation error [rad] | q [rad or m] |",
+            "|:--|--:|--:|:--|",
+        ]
+        success, reason, position, orientation = (
+            np.ravel(each)
+            for each in (self.success, self.reason, self.position_error, self.orientation_error)
+        )
+        for i, q in enumerate(self.q.reshape(-1, self.q.shape[-1])[:_SHOWN]):
+            numbers = ", ".join(f"{value:.4g}" for value in q)
+            state = "yes" if success[i] else reason[i]
+            lines.append(f"| {state} | {position[i]:.2g} | {orientation[i]:.2g} | {numbers} |")
+        more = len(success) - _SHOWN
+        return "\n".join(lines) + (f"\n\n… and {more} more" if more > 0 else "")
 
 
 class InverseKinematics(Dexterity):
@@ -166,7 +190,7 @@ def _prepare(
 ) -> _Problem:
     if math.isinf(position_tolerance) and math.isinf(orientation_tolerance):
         raise ValueRangeError("position_tolerance: must be finite if orientation_tolerance is inf")
-    lower, upper = _ranges(limits, joint_types)
+    lower, upper = ranges(limits, joint_types)
     return _Problem(
         np.array([limits.lower, limits.upper]),
         np.random.default_rng(seed).uniform(lower, upper, (restarts, len(lower))),
@@ -243,13 +267,13 @@ def _beyond_limits(arm: InverseKinematics, q: Array) -> str:
 
 def _into_ranges(arm: InverseKinematics, q: Array) -> Array:
     """Return q with each revolute joint turned by full turns into its range, or as near as that gets."""
-    lower, upper = _ranges(arm.limits, arm.joint_types)
+    lower, upper = ranges(arm.limits, arm.joint_types)
     revolute = np.array([kind == "revolute" for kind in arm.joint_types])
     turns = 2 * np.pi * np.round((q - 0.5 * (lower + upper)) / (2 * np.pi))
     return np.where(revolute, q - turns, q)
 
 
-def _ranges(limits: Limits, joint_types: tuple[str, ...]) -> tuple[Array, Array]:
+def ranges(limits: Limits, joint_types: tuple[str, ...]) -> tuple[Array, Array]:
     """Return the limits, ±π rad or ±1 m from zero or from the other limit where there is none."""
     lower, upper = limits.lower, limits.upper
     half = np.array([np.pi if kind == "revolute" else 1.0 for kind in joint_types])

@@ -57,6 +57,9 @@ class Limits:
                         f"limits.{field}: joint {i + 1} has {getattr(self, field)[i]:g}; must be > 0"
                     )
 
+    def __repr__(self) -> str:
+        return f"Limits({len(self.lower)} coordinates, {len(self.velocity)} inputs)"
+
     @classmethod
     def none(cls, joint_count: int) -> Limits:
         """Return limits that exclude nothing."""
@@ -95,6 +98,9 @@ class Inertia:
         object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "center", as_array("inertia.center", self.center, (n, 3)))
         object.__setattr__(self, "tensor", as_array("inertia.tensor", self.tensor, (n, 3, 3)))
+
+    def __repr__(self) -> str:
+        return f"Inertia({len(self.mass)} bodies, {self.mass.sum():.3g} kg)"
 
 
 def symmetric_limits(upper: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> Limits:

@@ -64,7 +64,10 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     7
     """
     found = _read(source, base_link, tip_link)
-    return found if isinstance(found, SerialArm) else whole_body_from(*found, _load_arm)
+    robot = found if isinstance(found, SerialArm) else whole_body_from(*found, _load_arm)
+    text = str(source)
+    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, base_link, tip_link)
+    return robot
 
 
 def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:

@@ -37,6 +37,8 @@ class Robot(InverseKinematics):
         None if a body's is not known.
     chain
         Table of fixed poses and screws, shape (n + 1, 8).
+    origin
+        Name or file, base and tip link that `load_robot` made it of; None of one made in Python.
     drives
         One row [index of x, displacement, wheel radius, half track] a differential drive, m, shape (k, 4).
     """
@@ -46,6 +48,7 @@ class Robot(InverseKinematics):
     input_coordinates: NDArray[np.intp]
     inertia: Inertia | None
     drives: Array
+    origin: tuple[str, str | None, str | None] | None = None
 
     @property
     def bases(self) -> tuple[tuple[int, str], ...]:

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra import as_unit_quaternion
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
@@ -161,6 +161,41 @@ def load_robot_file(path: str | Path) -> SerialArm:
     return arm_from(path, parse_yaml(path, read_text(path)))
 
 
+def plain_arm(arm: SerialArm) -> dict[str, Any]:
+    """Return the content of a robot file for an arm, from which `arm_from` makes it again."""
+    types, limits, bodies = arm.joint_types, arm.limits, arm.inertia
+    joints: list[dict[str, Any]] = []
+    for i, name in enumerate(arm.joint_names):
+        bounds = {key: float(getattr(limits, key)[i]) for key in ("lower", "upper", "velocity", "effort")}
+        joint = {
+            "name": name,
+            "type": types[i],
+            "pose": _plain_pose(arm.chain[i]),
+            "limits": {key: value for key, value in bounds.items() if math.isfinite(value)},
+        }
+        if bodies is not None:
+            t = bodies.tensor[i]
+            moments = {
+                "xx": t[0, 0],
+                "yy": t[1, 1],
+                "zz": t[2, 2],
+                "xy": t[0, 1],
+                "xz": t[0, 2],
+                "yz": t[1, 2],
+            }
+            joint["inertia"] = {
+                "mass": float(bodies.mass[i]),
+                "center": bodies.center[i].tolist(),
+                "tensor": {key: float(value) for key, value in moments.items()},
+            }
+        joints.append(joint)
+    return {"name": arm.name, "angles": "radians", "joints": joints, "tool": _plain_pose(arm.chain[-1])}
+
+
+def _plain_pose(row: Array) -> dict[str, Any]:
+    return {"position": row[4:7].tolist(), "quaternion": row[:4].tolist()}
+
+
 def arm_from(path: str | Path, plain: Any) -> SerialArm:
     """Make an arm of the plain data of a file; ``path`` is for the messages."""
     data = convert(path, plain, RobotFile)
@@ -234,12 +269,11 @@ def fixed_pose(field: str, pose: FixedPose | None, unit: float) -> Array:
         raise FileFormatError(f"{field}: has both 'rpy' and 'quaternion'; leave out one of them")
     at = shift(*pose.position)
     if pose.quaternion is not None:
-        norm = np.linalg.norm(pose.quaternion)
-        if abs(norm - 1) > WRITTEN_TOLERANCE:
-            raise FileFormatError(
-                f"{field}.quaternion: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {norm:.9g}"
-            )
-        return compose(at, np.array([*(np.array(pose.quaternion) / norm), 0, 0, 0]))
+        try:
+            turn = as_unit_quaternion(f"{field}.quaternion", pose.quaternion)
+        except Error as error:
+            raise FileFormatError(str(error)) from None
+        return compose(at, np.array([*turn, 0, 0, 0]))
     roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
     return compose(at, rotation_z(yaw), rotation_y(pitch), rotation_x(roll))
 

@@ -17,6 +17,7 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
+from dqcontrol.ros2.felt import Felt
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
 from dqcontrol.ros2.loading import Loaded
@@ -37,8 +38,6 @@ from dqcontrol.ros2.tuning import numbers_of, retune
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
-_GAP_PERIODS = 2.5  # between two steps, at least, before it means a stop: one left out costs none
-_MOST_PERIODS = 1.5  # by which the reference goes on in a step: a message half a period late costs none
 
 
 class Following:
@@ -91,11 +90,15 @@ class Following:
         self.control: Control = Control(law, self.target, supervisor)
         self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
-        self._time = self._stamp = self._origin = self._stepped = self._steady_since = 0.0
+        self._origin = self._passed = self._stepped = self._steady_since = (
+            0.0  # s, by stamps, and by our clock
+        )
         self._slept, self._due = False, np.inf
         self.longest_period = 0.0
         self._enabled = -np.inf
         self._joints = self._joint_names()
+        self._felt = Felt(node, self._joints, self._guarded)
+        self._felt.listen(supervisor)
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in (("base", "base_link"), ("tool", "tool0"))
@@ -133,6 +136,8 @@ class Following:
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
         heard, stamp, measured = self._latest
+        if self._felt.age > self._longest_silence:
+            raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
         if self._source == "spec":
             self._check_start(measured)
         try:
@@ -143,8 +148,7 @@ class Following:
         finally:
             self.let_go()
         self._pace.start(heard, stamp)
-        self._time, self._stamp, self._stepped, self.longest_period = 0.0, stamp, now, 0.0
-        self._origin = stamp
+        self._origin, self._passed, self._stepped, self.longest_period = stamp, 0.0, now, 0.0
         self._step(0.0, measured, now)
 
     def let_go(self) -> None:
@@ -201,6 +205,7 @@ class Following:
         if not self.control.is_commanding and self.age > self._longest_silence:
             self._stamps.forget()  # the robot may have begun anew, with another clock
         measured = by_name("joint states", list(message.name), list(message.position), self._joints)
+        self._felt.hear_efforts(message)
         stamp = self._stamps.check(nanoseconds(message.header.stamp)) / NANOSECONDS
         if self.age > self._longest_silence:
             self._steady_since = now
@@ -210,7 +215,7 @@ class Following:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
         elif self._pace.hear(now, stamp) and not late:
-            self._step(stamp - self._stamp, measured, now)
+            self._step(stamp - self._origin, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
         goal = pose_of(message, self._base)
@@ -220,7 +225,7 @@ class Following:
     def _hear_twist(self, message: TwistStamped) -> None:
         linear, angular, frame = twist_of(message, (self._base, self._tool))
         if isinstance(self.target, TwistTarget):
-            self.target.ask(self._time, linear, angular, of_hand=frame == self._tool)
+            self.target.ask(self.control.time, linear, angular, of_hand=frame == self._tool)
 
     def _watch(self) -> None:
         """Go on without joint states: the supervisor stops when they stay away."""
@@ -228,7 +233,7 @@ class Following:
         late = self._has_slept(now)
         self._watch_in(0.5 * period if late else period)
         if not late and self.control.is_commanding and self._pace.is_overdue(now):
-            self._step(period, None, now)
+            self._step(self._passed + period, None, now)
 
     def _has_slept(self, now: float) -> bool:
         """Return whether this process, not the robot, was silent: newer messages may wait. Not twice in a row."""
@@ -242,31 +247,25 @@ class Following:
         self._alarm.reset()
 
     def _step(self, passed: float, measured: Array | None, now: float) -> None:
-        """Send one command, so long (s) after the last one by the robot's clock, and now by ours.
+        """Send one command, so long (s) after the start by the robot's clock, and now by ours.
 
-        The reference goes on by a period and a half at most: what was missed is left out, not caught up with.
+        A message that comes after a step was taken without it may be stamped before that step.
         """
         control, before, gap = self.control, self.control.phase, now - self._stepped
         self.longest_period = max(self.longest_period, gap)
-        if control.phase is Phase.ACTIVE and (cause := self._why_not(passed, gap)):
+        if control.phase is Phase.ACTIVE and (cause := self._why_not()):
             control.emergency_stop(cause)
-        passed = max(passed, 0.0)
-        self._time += min(passed, _MOST_PERIODS * self.loaded.period)
-        self._stamp, self._stepped = self._stamp + passed, now
-        control.step(self._time, measured, self._pace.age(now))
+        self._passed, self._stepped = max(passed, self._passed), now
+        age, felt = max(self._pace.age(now), self._felt.age), self._felt
+        control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._commands.send(control.position, control.rate)
         if self.recorder:
-            self.recorder.take(control, self._stamp - self._origin, self._time)
+            self.recorder.take(control, self._passed)
         if control.phase is not before:
             self._changed(before)
 
-    def _why_not(self, passed: float = 0.0, gap: float = 0.0) -> str:
-        """Say why the robot may not move, so long (s) after the last step by its clock and by ours."""
-        longest = max(self._longest_silence, _GAP_PERIODS * self.loaded.period)
-        if gap > longest:
-            return f"the controller stood still for {gap:.3g} s"
-        if passed > longest:
-            return f"the stamps of the joint states jumped by {passed:.3g} s"
+    def _why_not(self) -> str:
+        """Say why the robot may not move, beside what the supervisor sees."""
         if rivals := self._commands.rivals:
             return f"{', '.join(rivals)} publishes on {self._commands.topic} too; a robot obeys one at a time"
         topic = self._joint_states.topic_name
@@ -292,5 +291,6 @@ class Following:
             self.control.law = self.loaded.prepared_law(self._source)
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
+            self._felt.listen(self.control.supervisor)
         if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)

@@ -18,6 +18,11 @@ from dqcontrol.ros2.middleware import spin
 from dqcontrol.ros2.recorder import Recorder
 
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
+_CATEGORIES = {
+    None: "none",
+    1: "1: at rest the power is to be removed",
+    2: "2: holds under power",
+}  # IEC 60204-1
 
 
 class ControllerNode(Node):
@@ -47,7 +52,7 @@ class ControllerNode(Node):
     ended
         Whether it has nothing more to do.
     outcome
-        What ended the last motion: ``duration``, ``interrupted``, or why it was stopped; empty before.
+        What ended the last motion: ``duration``, ``interrupted``, or category and reason of its stop; empty before.
     """
 
     outcome: str
@@ -141,10 +146,19 @@ class ControllerNode(Node):
         """Leave no robot moving, whatever ended the program."""
         if self.following:
             self.following.hold()
-        if self.phase in (Phase.ACTIVE, Phase.STOPPING):
+        is_broken_off = self.phase in (Phase.ACTIVE, Phase.STOPPING)
+        if is_broken_off:
             self.outcome = "broken off while it moved"
         if self.recorder:
             self.recorder.end(self.phase, self.outcome)
+        if is_broken_off:
+            self._keep_last_seconds()
+
+    def _keep_last_seconds(self) -> None:
+        """Write what led to a stop, if motions are recorded."""
+        if self.recorder:
+            black_box, tell = self._configured().control.black_box, self.get_logger().info
+            self.recorder.keep(black_box, f"halted: {self.outcome}", tell)
 
     def _configured(self) -> Following:
         if not self.following:
@@ -170,16 +184,20 @@ class ControllerNode(Node):
         """Report changes of the phase; exit if requested."""
         phase, control = self.phase, self._configured().control
         if phase is Phase.STOPPED:
-            self.outcome = control.reason
-            self._diagnostics.alarm(f"stopped: {control.reason}")
+            self.outcome = control.stop
+            self._diagnostics.alarm(f"stopped: {control.stop}")
         else:
             if phase is Phase.INACTIVE and before is Phase.STOPPING:
                 self.outcome = "interrupted" if self._is_retiring else "duration"
-            heard = f"; last joint states {self._configured().age:.3f} s ago" * (phase is Phase.STOPPING)
-            self._diagnostics.tell(f"{phase.value}{f': {control.reason}' if control.reason else ''}{heard}")
+            following = self._configured()
+            heard = f"last joint states {following.age:.3f} s ago, longest period {following.longest_period:.3f} s"
+            words = [phase.value, *([control.reason] if control.reason else [])]
+            self._diagnostics.tell(": ".join(words) + f"; {heard}" * (phase is Phase.STOPPING))
         self._configured().let_go()
         if self.recorder and phase in (Phase.INACTIVE, Phase.STOPPED):
             self.recorder.end(phase, self.outcome)
+        if phase is Phase.STOPPED and control.is_commanding:  # else it had not moved
+            self._keep_last_seconds()
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)
 
     def _start(self) -> None:
@@ -203,6 +221,7 @@ class ControllerNode(Node):
             "source": self._source,
             "interface": self._interface,
             "supervisor": control.reason or "no intervention",
+            "stop category": _CATEGORIES[control.stop_category],
             "age of joint states [s]": f"{self.following.age:.4f}",
             "longest period [s]": f"{self.following.longest_period:.4f}",
         }

@@ -46,7 +46,13 @@ def numbers(what: str, values: Sequence[float], size: int) -> Array:
     return array
 
 
-def by_name(what: str, names: Sequence[str], values: Sequence[float], wanted: Sequence[str]) -> Array:
+def by_name(
+    what: str,
+    names: Sequence[str],
+    values: Sequence[float],
+    wanted: Sequence[str],
+    quantity: str = "positions",
+) -> Array:
     """Return the values of the wanted joints in their order; there may be other joints beside them.
 
     Raises
@@ -55,7 +61,7 @@ def by_name(what: str, names: Sequence[str], values: Sequence[float], wanted: Se
         If a joint is missing or named twice, there are not as many values as names, or one wanted is not finite.
     """
     if len(values) != len(names):
-        raise RefusedError(f"{what}: {len(names)} names, but {len(values)} positions")
+        raise RefusedError(f"{what}: {len(names)} names, but {len(values)} {quantity}")
     given = dict(zip(names, values, strict=True))
     if len(given) != len(names):
         twice = next(name for i, name in enumerate(names) if name in names[:i])

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.record import Record
 from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.ros2.loading import Loaded
+
+_SWITCH = 1e-4  # s: how long writing a black box may keep the loop from holding the robot
 
 
 class Recorder:
@@ -38,6 +45,7 @@ class Recorder:
         self._streamed = StreamedRun(folder, loaded.robot, text, force=force)
         self._stream: RecordStream | None = None
         self._is_open, self._last = False, -math.inf
+        self._keeping: threading.Thread | None = None
 
     def start(self) -> None:
         """Begin the recording of a motion; that of an earlier one stays beside it.
@@ -47,20 +55,17 @@ class Recorder:
         Error
             If it cannot be written.
         """
+        self._wait()
         if not self._is_open:  # or the last start failed
             self._stream, self._last, self._is_open = self._streamed.record(), -math.inf, True
 
-    def take(self, control: Control, time: float, reference_time: float) -> None:
+    def take(self, control: Control, time: float) -> None:
         """Record the controller's last step, at a time since the start, s; what comes after the reference is left out.
 
         Messages give the times, so one may not be later than the last; the reference's time waits where they jump.
         """
-        if (
-            self._stream
-            and self._is_open
-            and time > self._last
-            and not control.target.is_over(reference_time)
-        ):
+        is_new = time > self._last and not control.target.is_over(control.time)
+        if self._stream and self._is_open and is_new:
             self._last = time
             control.record(self._stream, time, control.measured)
 
@@ -72,6 +77,40 @@ class Recorder:
             with suppress(Error):  # `save` says it, and the robot was stopped for it
                 self._stream.close(halted + outcome)
 
+    def keep(self, black_box: BlackBox, stopped: str, tell: Callable[[str], None]) -> None:
+        """Write the last seconds before a stop beside the recording, in a thread: it takes up to some seconds.
+
+        Parameters
+        ----------
+        black_box
+            Of the controller.
+        stopped
+            Why the robot stopped.
+        tell
+            Called from the thread with where they are, or why they cannot be written.
+        """
+        self._wait()
+        if self._stream and len(black_box):
+            words = (black_box.record(stopped), tell)
+            self._keeping = threading.Thread(target=self._write, args=words, name="black box")
+            self._keeping.start()
+
+    def _write(self, last_seconds: Record, tell: Callable[[str], None]) -> None:
+        switch = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH)
+        try:
+            tell(f"the last seconds: {self._streamed.keep(last_seconds)}")
+        except Error as error:
+            tell(f"the last seconds before the stop are lost: {error}")
+        finally:
+            sys.setswitchinterval(switch)
+
+    def _wait(self) -> None:
+        """Wait until the last seconds before a stop are written."""
+        if self._keeping:
+            self._keeping.join()
+            self._keeping = None
+
     def save(self) -> Path:
         """Judge the last motion by what was measured, and return the folder with all that a run has.
 
@@ -80,6 +119,7 @@ class Recorder:
         Error
             If there was none, or its recording could not be written.
         """
+        self._wait()
         if not self._stream or self._last < 0:
             raise Error("ros2: the controller was never active, so there is nothing to save")
         if self._stream.failure:

@@ -12,9 +12,10 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
+from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.channels import SensingPlant
-from dqcontrol.plants.plant import CompiledPlant, GuardedPlant
+from dqcontrol.plants.plant import CompiledPlant, EffortPlant, GuardedPlant
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH, publishers_of
 from dqcontrol.ros2.loading import Loaded
@@ -67,8 +68,10 @@ class RobotNode(Node):
         self._warm_up(loaded)
         self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._guarded = self._plant if isinstance(self._plant, GuardedPlant) else None
+        self._efforts = self._plant if isinstance(self._plant, EffortPlant) else None
         self._asked: Array | None = None
         self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
+        self._is_broken = False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
@@ -106,14 +109,21 @@ class RobotNode(Node):
 
     def _tick(self) -> None:
         """Move the plant up to now, and say where it is."""
+        if self._is_broken:
+            return
         late = time.monotonic() - self._begun - self._ticks * self._period
         if late > _MOST_LATE:
             self._begun += late - self._period
             self._origin += int((late - self._period) * NANOSECONDS)
             late = self._period
         due = round(late / self._period)
-        for _ in range(due):
-            self._move()
+        try:
+            for _ in range(due):
+                self._move()
+        except (DivergedError, FallenError) as error:  # it is silent from now on, so its controller stops
+            self._is_broken, self._fault = True, str(error)
+            self._diagnostics.alarm(f"broken: {error}")
+            return
         if due > 0:
             self._publish()
 
@@ -161,6 +171,8 @@ class RobotNode(Node):
         measured = self._plant.measured
         velocity = (measured - self._before) / self._period
         message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
+        if self._efforts:
+            message.effort = self._efforts.effort.tolist()
         stamp_of(stamp, message.header.stamp)
         self._joint_states.publish(message)
         if self._wrench:
@@ -170,7 +182,7 @@ class RobotNode(Node):
         words = ", ".join(self._supervisor.reasons(self._state))
         values = {"interface": self._interface, "limits": words or "let all through", "periods": self._ticks}
         if self._fault:
-            return "error", f"motors off: {self._fault}", values
+            return "error", f"{'broken' if self._is_broken else 'motors off'}: {self._fault}", values
         return "ok", self._state_in_words, values
 
 

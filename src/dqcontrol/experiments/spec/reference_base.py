@@ -13,7 +13,6 @@ from msgspec import Meta
 
 from dqcontrol import algebra
 from dqcontrol import references as shapes
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.robots import Robot
@@ -21,10 +20,11 @@ from dqcontrol.robots import Robot
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+_NO_TURN = (1.0, 0.0, 0.0, 0.0)
 _MOST_CORNERS = 1_000_000  # a few nested repeats would fill any memory
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, repr_omit_defaults=True):
     """Base of all parts of a spec."""
 
 
@@ -33,6 +33,7 @@ class StartPose(Part, frozen=True, kw_only=True):
 
     position: Annotated[Vector | None, Meta(description="m")] = None
     quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
+    rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
 
 class Offset(Part, frozen=True, kw_only=True):
@@ -46,7 +47,8 @@ class Displacement(Part, frozen=True, kw_only=True):
     """A displacement y of a whole reference, base frame: x_d becomes y x_d."""
 
     position: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)
-    quaternion: Annotated[Quaternion, Meta(description="scalar first")] = (1.0, 0.0, 0.0, 0.0)
+    quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
+    rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
 
 class JerkLimits(Part, frozen=True, kw_only=True):
@@ -118,9 +120,11 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
                 reference = shapes.JerkLimited(reference, **msgspec.structs.asdict(self.jerk_limits))
         if self.transform is not None:
             by = self.transform
-            rotation = _rotation(f"{where}.transform.quaternion", by.quaternion)
+            turn = rotation_from(f"{where}.transform", by.quaternion, by.rpy)
             position = as_array(f"{where}.transform.position", by.position, (3,))
-            reference = shapes.Transformed(reference, algebra.pose(rotation, position))
+            reference = shapes.Transformed(
+                reference, algebra.pose(_NO_TURN if turn is None else turn, position)
+            )
         return reference
 
     def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
@@ -135,8 +139,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         rotation, position = algebra.rotation(hand), algebra.translation(hand)
         if self.start.position is not None:
             position = as_array(f"{where}.start.position", self.start.position, (3,))
-        if self.start.quaternion is not None:
-            rotation = _rotation(f"{where}.start.quaternion", self.start.quaternion)
+        turned = rotation_from(f"{where}.start", self.start.quaternion, self.start.rpy)
+        rotation = rotation if turned is None else turned
         angle = as_array(f"{where}.offset.rotation", self.offset.rotation, (3,))
         turn = algebra.exp_body(np.concatenate([angle / 2, np.zeros(3)]))
         turned = algebra.multiply(turn, np.concatenate([rotation, np.zeros(4)]))[:4]
@@ -145,9 +149,10 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
 
     def _moves(self, part: int) -> list[str]:
         """Return the keys that say where (0) or how turned (1) the reference starts."""
-        keys = (("position", "translation"), ("quaternion", "rotation"))[part]
-        given = [f"start.{keys[0]}"] if getattr(self.start, keys[0]) is not None else []
-        return given + ([f"offset.{keys[1]}"] if any(getattr(self.offset, keys[1])) else [])
+        keys = (("position",), ("quaternion", "rpy"))[part]
+        given = [f"start.{key}" for key in keys if getattr(self.start, key) is not None]
+        offset = ("translation", "rotation")[part]
+        return given + ([f"offset.{offset}"] if any(getattr(self.offset, offset)) else [])
 
     def _refuse(self, part: int, where: str, file: Path, says: str) -> None:
         """Refuse keys that a file makes pointless."""
@@ -157,12 +162,13 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             )
 
 
-def _rotation(field: str, quaternion: Quaternion) -> Array:
-    rotation = as_array(field, quaternion, (4,))
-    norm = np.linalg.norm(rotation)
-    if abs(norm - 1) > WRITTEN_TOLERANCE:
-        raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {norm:.9g}")
-    return rotation / norm
+def rotation_from(field: str, quaternion: Quaternion | None, rpy: Vector | None) -> Array | None:
+    """Return the unit quaternion that a spec gives as such or as roll, pitch and yaw; None if it gives neither."""
+    if quaternion is not None and rpy is not None:
+        raise ValueRangeError(f"{field}: has both 'quaternion' and 'rpy'; leave out one of them")
+    if rpy is not None:
+        return algebra.rotation_from_rpy(as_array(f"{field}.rpy", rpy, (3,)))
+    return None if quaternion is None else algebra.as_unit_quaternion(f"{field}.quaternion", quaternion)
 
 
 @contextmanager

@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
 import msgspec
 from msgspec import Meta
+from numpy.typing import ArrayLike
 
 from dqcontrol import references as shapes
+from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.files.text_file import read_text
+from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import Yaml
 from dqcontrol.robots import Robot
 
@@ -129,6 +132,43 @@ class OwnSpec(ReferenceSpec, frozen=True, kw_only=True, tag="own"):
         if not isinstance(made, shapes.Reference):
             raise ShapeError(f"function: {self.function} must return a reference, got {made!r:.80}")
         return made
+
+
+class ObjectSpec(ReferenceSpec, frozen=True, kw_only=True, tag="object"):
+    """A reference that a Python program gave as an object: it cannot be made again from a file."""
+
+    name: str
+    token: str
+
+    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+        if self.token not in _OBJECTS:
+            raise ValueRangeError(
+                f"reference: {self.name} was an object of the program that ran this; run that program again, or name "
+                "a function that makes it: kind: own, function: FILE.py:NAME"
+            )
+        return _OBJECTS[self.token]
+
+
+_OBJECTS: dict[str, shapes.Reference] = {}  # those of this process, by token
+
+
+def reference_data(reference: shapes.Reference) -> dict[str, Any]:
+    """Return what a spec says of a reference: its kind and parameters where it has a YAML form, else a token for it."""
+    if isinstance(reference, shapes.SetPoint):
+        lasts = {"duration": reference.duration} if math.isfinite(reference.duration) else {}
+        return {"kind": "set-point", "start": _start_data(reference.pose), **lasts}
+    if reference.kind:  # a dataclass whose fields are the keys
+        names = [each.name for each in dataclasses.fields(reference) if each.init]  # type: ignore[arg-type]
+        values = {name: getattr(reference, name) for name in names}
+        return {"kind": reference.kind, **values, "start": _start_data(values["start"])}
+    token = f"{id(reference):x}"
+    _OBJECTS[token] = reference
+    return {"kind": "object", "name": repr(reference)[:200], "token": token}
+
+
+def _start_data(pose: ArrayLike) -> dict[str, Any]:
+    start = as_pose("start", pose)
+    return {"position": translation(start), "quaternion": rotation(start)}
 
 
 def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -10,10 +12,14 @@ import numpy as np
 import yaml
 from msgspec import UNSET, Meta, UnsetType
 
-from dqcontrol.errors import Error, FileFormatError, ShapeError
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
+from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
-from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
+from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
+from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
 from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
@@ -23,7 +29,9 @@ from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
-from dqcontrol.robots import Robot
+from dqcontrol.references import Reference
+from dqcontrol.robots import Posture, Robot, SerialArm, load_robot, postures
+from dqcontrol.robots.robot_file import arm_from, plain_arm
 
 if TYPE_CHECKING:
     AnyLaw: TypeAlias = Law
@@ -35,23 +43,84 @@ MetricsFrom = Literal["true", "measured"]
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
-    """A robot by name or file, and the ends of its chain."""
+    """A robot by name or file, and the ends of its chain; or the content of a robot file."""
 
-    source: Annotated[
-        str, Meta(min_length=1, description="preset, .yaml or .urdf, or example-robot-data:PATH")
-    ]
+    source: (
+        Annotated[str, Meta(min_length=1, description="preset, .yaml or .urdf, or example-robot-data:PATH")]
+        | None
+    ) = None
     base_link: str | None = None
     tip_link: str | None = None
+    model: Annotated[dict[str, Any] | None, Meta(description="content of a robot file")] = None
+
+    def load(self, folder: Path | None = None) -> Robot:
+        """Return the robot; relative file names start from a folder.
+
+        Raises
+        ------
+        Error
+            As `dqcontrol.robots.load_robot`.
+        """
+        if (self.source is None) == (self.model is None):
+            raise ShapeError("robot: give either 'source' or 'model'")
+        if self.model is not None:
+            return arm_from("robot.model", self.model)
+        source = str(self.source)
+        near = (folder or Path()) / source
+        return load_robot(near if near.is_file() else source, self.base_link, self.tip_link)
+
+
+class HandStart(Part, frozen=True, kw_only=True):
+    """Where the hand starts, inertial frame: inverse kinematics finds the configuration.
+
+    Without ``quaternion`` and ``rpy`` the orientation does not matter.
+    """
+
+    position: Annotated[Vector, Meta(description="m")]
+    quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
+    rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
+
+    def postures(self, robot: Robot) -> list[Posture]:
+        """Return configurations that bring the hand there, the best to start from first; see `robots.postures`.
+
+        Raises
+        ------
+        ReachError
+            If there is none.
+        """
+        rotation = rotation_from("start", self.quaternion, self.rpy)
+        position = as_array("start.position", self.position, (3,))
+        pose = algebra.pose((1.0, 0.0, 0.0, 0.0) if rotation is None else rotation, position)
+        with error_prefix("start"):
+            return postures(robot, pose, orientation=rotation is not None)
+
+
+def start_configuration(given: Start, robot: Robot, field: str = "start") -> Array:
+    """Return a start configuration, shape (n,): as given, or the best for a pose of the hand, with a `NoteWarning`."""
+    if not isinstance(given, HandStart):
+        return as_array(field, given, (robot.configuration_size,))
+    best = given.postures(robot)[0]
+    numbers = ", ".join(
+        f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
+        for value, kind in zip(best.q, robot.joint_types, strict=True)
+    )
+    warnings.warn(f"{field}: [{numbers}], {best.room}", NoteWarning, stacklevel=2)
+    return best.q
+
+
+Start: TypeAlias = Annotated[list[float], Meta(min_length=1, description="rad or m")] | HandStart
 
 
 class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
     """A robot and where it starts."""
 
-    start: Annotated[list[float], Meta(min_length=1, description="rad or m")]
+    start: Start
 
     def without_start(self) -> RobotSpec:
         """Return the robot alone."""
-        return RobotSpec(source=self.source, base_link=self.base_link, tip_link=self.tip_link)
+        return RobotSpec(
+            source=self.source, base_link=self.base_link, tip_link=self.tip_link, model=self.model
+        )
 
 
 class Spec(Part, frozen=True, kw_only=True):
@@ -62,7 +131,8 @@ class Spec(Part, frozen=True, kw_only=True):
     name
         Names the folder of results.
     robot, start
-        Name, file, or source with base and tip link; start configuration, one number a joint, rad or m.
+        Name, file, or source with base and tip link; start configuration, one number a joint, rad or m, or the pose of
+        the hand, for which inverse kinematics finds one.
     robots
         In their place several by label, each with its ``start``.
     period
@@ -113,7 +183,7 @@ class Spec(Part, frozen=True, kw_only=True):
         ),
     ]
     robot: str | RobotSpec | UnsetType = UNSET
-    start: Annotated[list[float], Meta(min_length=1, description="rad or m")] | None = None
+    start: Start | None = None
     robots: Annotated[dict[Label, StartedRobotSpec], Meta(min_length=1)] | UnsetType = UNSET
     period: Annotated[float, Meta(gt=0, le=10, description="s")]
     reference: AnyReference
@@ -223,7 +293,8 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     Parameters
     ----------
     source
-        Path of a YAML file, or the same as a dictionary (file names are then relative to the working folder).
+        Path of a YAML file, or the same as a dictionary (file names are then relative to the working folder), in which
+        robot, reference, laws and plants may be objects.
 
     Raises
     ------
@@ -243,7 +314,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
     if isinstance(source, dict):
         where, folder = "spec", Path.cwd()
         try:
-            data = msgspec.to_builtins(source, enc_hook=_plain)
+            data = msgspec.to_builtins(_without_objects(source), enc_hook=_plain)
         except (TypeError, NotImplementedError) as error:
             raise FileFormatError(f"{where}: {error}") from None
     else:
@@ -262,13 +333,70 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     rename_old_keys(where, data)
     locate_controllers(data, folder)
     admit(where, data, folder)
-    spec = convert(where, data, Spec)
+    spec = convert(where, _with_numbers(where, data), Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
             getattr(spec, check)
         except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
     return spec
+
+
+def quantities_at(where: str, key: str, values: Any, field: str) -> Any:
+    """Return what a key of a spec may be, one value or a list of them, with numbers in SI units for ``60 mm``."""
+    kinds = kinds_below(list(kinds_of(Spec)), key)
+    if isinstance(values, list):
+        return [numbers_for_quantities(where, each, kinds, f"{field}[{i}]") for i, each in enumerate(values)]
+    return numbers_for_quantities(where, values, kinds, field)
+
+
+def _with_numbers(where: str, data: dict[str, Any]) -> dict[str, Any]:
+    """Return a spec's plain data with numbers in SI units for texts like ``60 mm``, also in sets and grids."""
+    data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
+    sets = {
+        f"{name}.{law}": keys
+        for name, laws in _items(data.get("parameter_sets"))
+        for law, keys in _items(laws)
+    }
+    for field, keys in [*sets.items(), *_items(data.get("grids"))]:
+        for key, value in _items(keys):
+            place = f"parameter_sets.{field}.{key}" if field in sets else f"grids.{field}.{key}"
+            keys[key] = quantities_at(where, f"law.{key}", value, place)
+    return data
+
+
+def _items(mapping: Any) -> list[tuple[str, Any]]:
+    """Return the entries of what should be a mapping; `convert` refuses what is none."""
+    return list(mapping.items()) if isinstance(mapping, dict) else []
+
+
+def _without_objects(source: dict[str, Any]) -> dict[str, Any]:
+    """Return a spec with plain data for robots and references that are objects; laws and plants are data already."""
+    out = dict(source)
+    if isinstance(out.get("robot"), Robot):
+        out["robot"] = _robot_data(out["robot"])
+    if isinstance(out.get("robots"), dict):
+        out["robots"] = {label: _started_robot(each) for label, each in out["robots"].items()}
+    if isinstance(out.get("reference"), Reference):
+        out["reference"] = reference_data(out["reference"])
+    return out
+
+
+def _started_robot(given: Any) -> Any:
+    if not isinstance(given, dict) or not isinstance(given.get("source"), Robot):
+        return given
+    return {**{key: value for key, value in given.items() if key != "source"}, **_robot_data(given["source"])}
+
+
+def _robot_data(robot: Robot) -> dict[str, Any]:
+    """Return what a spec says of a robot that was loaded, or of an arm that was made in Python."""
+    if robot.origin is not None:
+        return dict(zip(("source", "base_link", "tip_link"), robot.origin, strict=True))
+    if not isinstance(robot, SerialArm):
+        raise FileFormatError(
+            f"robot: {robot!r} was made in Python; write it as a file with 'parts' for a spec"
+        )
+    return {"model": plain_arm(robot)}
 
 
 def _plain(value: Any) -> Any:

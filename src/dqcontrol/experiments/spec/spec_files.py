@@ -26,7 +26,7 @@ def locate_files(data: dict[str, Any], folder: Path) -> None:
 
 def _absolute_robot(robot: str | dict[str, Any], folder: Path) -> str | dict[str, Any]:
     source = robot["source"] if isinstance(robot, dict) else robot
-    if not (folder / source).is_file():
+    if source is None or not (folder / source).is_file():
         return robot
     return (robot if isinstance(robot, dict) else {}) | {"source": str((folder / source).resolve())}
 

@@ -52,6 +52,17 @@ class PreparedSupervisor:
         """Largest of each input, shape (m,), rad/s² or m/s²."""
         return self.parameters[layout.HEAD : layout.HEAD + self.robot.input_size]
 
+    @property
+    def watches_effort(self) -> bool:
+        """Whether it bounds measured efforts."""
+        bounds = self.bounds
+        return bool(np.isfinite(bounds.effort).any() or np.isfinite(bounds.head[layout.CONTACT_EFFORT]))
+
+    @property
+    def watches_wrench(self) -> bool:
+        """Whether it bounds the wrench measured at the hand."""
+        return bool(np.isfinite(self.bounds.head[[layout.CONTACT_FORCE, layout.CONTACT_TORQUE]]).any())
+
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
 

@@ -71,8 +71,8 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     tracking_error
         |q − p| that stops, rad or m, joints only: one number, or one an input.
     stale_after
-        Age of a measurement at which it no longer counts, and time between two steps that stops, s. If omitted 1.5
-        periods, and for steps 50 ms if that is more.
+        Age of a measurement at which it no longer counts, and time between two steps that stops, s; for steps 1.5
+        periods at least. If omitted 1.5 periods, and for steps 50 ms if that is more.
     slow_below, hold_below
         Smallest singular value of the hand's Jacobian [ω ; ṗ] (rad and m) below which motions towards a singularity
         are slowed, and below which they are held until it exceeds the mean of both. Motions away are free. 0: off.
@@ -220,9 +220,8 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         dt, ramp = head[layout.DT], self._number("ramp", zero_allowed=True, most=_LONGEST_RAMP)
         stale = self._number("stale_after")
         head[layout.STALE] = stale if self.stale_after is not None else _STALE_PERIODS * dt
-        head[layout.LONGEST_STEP] = (
-            stale if self.stale_after is not None else max(_STALE_PERIODS * dt, _LONGEST_STEP)
-        )
+        longest = stale if self.stale_after is not None else _LONGEST_STEP
+        head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
         head[layout.SLOW] = self._number("slow_below", zero_allowed=True)
         head[layout.HOLD] = self._number("hold_below", zero_allowed=True)
         if self.slow_below < self.hold_below:

@@ -95,8 +95,11 @@ def _is_plausible(measured, passed, bounds, memory):
 
 
 @inline
-def _watch_joints(chain, measured, passed, bounds, memory, scratch):
-    """Keep a good measurement; return what is wrong with where the joints are and how they move."""
+def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
+    """Keep a good measurement; return what is wrong with where the joints are and how they move.
+
+    A joint is frozen by what was measured: time since the last measurement, of this age, says nothing of that.
+    """
     head, numbers, good = bounds.head, memory.numbers, memory.good
     fault, running = 0, numbers[MODE] == RUNNING
     share = min(numbers[SILENT] / max(_SPEED_TIME, 2.0 * head[DT]), 1.0)
@@ -119,7 +122,7 @@ def _watch_joints(chain, measured, passed, bounds, memory, scratch):
             told = abs(memory.sent[i] - good[j]) - abs(
                 memory.sent_then[i] - good[j]
             )  # away from where it stays
-            if memory.unchanged[i] > head[FROZEN_AFTER] and told > _FROZEN_WAY:
+            if memory.unchanged[i] - age > head[FROZEN_AFTER] and told > _FROZEN_WAY:
                 fault |= FROZEN
         beyond = max(bounds.lower[i] - measured[j], measured[j] - bounds.upper[i])
         if beyond > head[JOINT_TOLERANCE]:
@@ -178,7 +181,7 @@ def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_res
     elif not plausible:
         wrong = JUMP
     else:
-        fault |= _watch_joints(chain, measured, passed, bounds, memory, scratch)
+        fault |= _watch_joints(chain, measured, age, passed, bounds, memory, scratch)
         fault |= _watch_efforts(effort, wrench, passed, bounds, memory)
         for i in range(wanted.shape[0]):
             if not math.isfinite(wanted[i]):

@@ -18,7 +18,7 @@ ORIENTATIONS = ("fixed", "path")
 TURN_SPEED = 1.0  # rad/s
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drawing(PlanarReference):
     """Draw lines and arcs on a plane in one go, each stroke at constant speed.
 

@@ -5,7 +5,7 @@ import io
 import pytest
 from rich.console import Console
 
-from dqcontrol.cli.folded import folded
+from dqcontrol.measures.folded import folded
 from dqcontrol.measures.table_cells import PlusMinus
 from dqcontrol.measures.tables import Column, Table
 

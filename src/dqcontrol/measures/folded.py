@@ -10,7 +10,7 @@ from dqcontrol.measures.tables import Table
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
-_WORD = 24  # letters; longer words are broken
+_WORD = 32  # letters; longer words are broken
 _FRAME = 3  # letters beside each column
 
 

@@ -1,0 +1,64 @@
+"""List the kinds of laws, motions and plants that experiments may name."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, get_args
+
+import msgspec
+
+from dqcontrol.cli.screen import print_table
+
+_SOURCE = re.compile(r"\.? \[(P16|S17|[^]]*\d{4})[^]]*\]")  # where a formula comes from
+_SHARED = {
+    "null_space",
+    "inverse",
+    "start",
+    "offset",
+    "repeat",
+    "ramp",
+    "corner_stops",
+    "jerk_limits",
+    "transform",
+}
+
+
+def laws() -> None:
+    """List the kinds of laws for the key law of an experiment, one line each; docs/laws.md has their formulas."""
+    from dqcontrol.experiments.spec import AnyLaw
+
+    _print_kinds("law", AnyLaw)
+
+
+def references() -> None:
+    """List the kinds of motions for the key reference of an experiment, one line each."""
+    from dqcontrol.experiments.spec.reference_spec import AnyReference
+
+    _print_kinds("reference", AnyReference, hidden="object")
+
+
+def plants() -> None:
+    """List the kinds of plants for the key plant of an experiment, one line each."""
+    from dqcontrol.experiments.spec import AnyPlant
+
+    _print_kinds("plant", AnyPlant)
+
+
+def _print_kinds(title: str, union: Any, hidden: str = "") -> None:
+    from dqcontrol.measures.tables import Column, Table
+
+    rows = []
+    for kind in get_args(union):
+        tag = str(kind.__struct_config__.tag)
+        keys = [each for each in msgspec.structs.fields(kind) if each.encode_name not in _SHARED]
+        needed = [each.encode_name for each in keys if each.required]
+        if tag != hidden:
+            rows.append([tag, _first_sentence(kind), ", ".join(needed)])
+    columns = [Column("kind"), Column("what it is"), Column("needs")]
+    print_table(Table(columns, rows, f"{title}: {{kind: …}}"))
+
+
+def _first_sentence(kind: type) -> str:
+    """Return the first line of a class' docstring, without what refers to sources."""
+    line = (kind.__doc__ or "").strip().splitlines()[0]
+    return _SOURCE.sub("", line).partition("; see `")[0].replace("`", "").rstrip(".")

@@ -1,0 +1,150 @@
+"""A first experiment for a robot: where it starts, how large the motion is and how high the gain, chosen for it."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
+from dqcontrol.experiments.check import check
+from dqcontrol.experiments.jogging import most_dexterous
+from dqcontrol.files.units import as_quantity, as_seconds
+from dqcontrol.robots import Robot, describe, load_robot
+
+_SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
+_MOST_GAIN = 10.0  # 1/s
+_DURATION = 8  # s
+_PLANTS = {
+    "servo": "{kind: servo, time_constant: 50 ms}",
+    "integrator": "{kind: integrator}",
+    "mujoco": "{kind: mujoco}",
+}
+_GAINS_NOTE = "1/s; dqcontrol check says how near it is to instability"
+
+
+def new_spec(name: str, robot: str, motion: str, period: str, law: str, plant: str) -> tuple[str, str]:
+    """Return the YAML text of a first experiment, and what there is to say about it.
+
+    Parameters
+    ----------
+    name
+        Of the experiment.
+    robot
+        Name or file.
+    motion
+        ``"circle"``, ``"square"``, ``"spiral"`` or ``"set-point"``.
+    period
+        Seconds, or with a unit as ``"8 ms"``.
+    law
+        ``"proportional"``, ``"proportional-feedforward"`` or ``"both"``.
+    plant
+        ``"servo"``, ``"integrator"`` or ``"mujoco"``.
+
+    Raises
+    ------
+    Error
+        If the robot cannot be loaded, the period is none, or no motion is within reach.
+    """
+    arm, seconds = load_robot(robot), _seconds(period)
+    start = _rounded(most_dexterous(arm), arm)
+    kinds = ["proportional", "proportional-feedforward"] if law == "both" else [law]
+    spec: dict[str, Any] = {
+        "name": name,
+        "robot": robot,
+        "start": start.tolist(),
+        "period": seconds,
+        "plant": {"kind": plant} | ({"time_constant": 0.05} if plant == "servo" else {}),
+    }
+    size, gain = _fitting(spec, arm, motion, kinds[-1])
+    laws = [f"  {_LABELS[kind]}: {{kind: {kind}, gain: {gain:g}}}   # {_GAINS_NOTE}" for kind in kinds]
+    lines = [
+        f"# A {motion} by {arm.name}. Change what you like: dqcontrol laws, references and plants list what there is.",
+        f"name: {name}",
+        f"robot: {robot}",
+        f"start: [{', '.join(_angle(value, kind) for value, kind in zip(start, arm.joint_types, strict=True))}]",
+        f"period: {seconds * 1e3:g} ms",
+        f"reference: {_flow(_reference(motion, size))}",
+        *(
+            ["laws:", *laws]
+            if len(kinds) > 1
+            else [f"law: {{kind: {kinds[0]}, gain: {gain:g}}}   # {_GAINS_NOTE}"]
+        ),
+        f"plant: {_PLANTS[plant]}",
+    ]
+    remark = f" (gain {gain:g} 1/s" + (f", size {size * 1e3:g} mm)" if motion != "set-point" else ")")
+    return "\n".join(lines) + "\n", remark
+
+
+_LABELS = {"proportional": "K", "proportional-feedforward": "K+FF"}
+
+
+def _fitting(spec: dict[str, Any], arm: Robot, motion: str, kind: str) -> tuple[float, float]:
+    """Return the largest size within reach and the gain that `check` recommends for it, both rounded."""
+    reach = describe(arm).reach or 1.0
+    why: Exception | None = None
+    for share in _SIZES:
+        size = float(f"{share * reach:.1g}")
+        trial = {**spec, "reference": _reference(motion, size), "law": {"kind": kind, "gain": 1.0}}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", LimitWarning)
+                (row,) = check(trial)
+        except (ReachError, LimitWarning) as error:
+            why = error
+            continue
+        if not row.loops or not any(loop.limits.recommended > 0 for loop in row.loops):
+            return size, 1.0
+        most = min(loop.limits.recommended for loop in row.loops) / row.period
+        return size, _MOST_GAIN if most >= _MOST_GAIN else _rounded_down(most)
+    raise ReachError(f"motion: no {motion} from 1 to 10 % of the reach fits around {arm.name}'s start: {why}")
+
+
+def _reference(motion: str, size: float) -> dict[str, Any]:
+    if motion == "set-point":  # 2 % of the reach away, so that there is something to do
+        return {"kind": motion, "duration": _DURATION, "offset": {"translation": [0, 0, -size]}}
+    lengths = {
+        "circle": {"radius": size},
+        "square": {"side": size},
+        "spiral": {"radius": size, "length": size},
+    }
+    return {"kind": motion, **lengths[motion], "duration": _DURATION}
+
+
+def _flow(data: dict[str, Any]) -> str:
+    parts = []
+    for key, value in data.items():
+        if isinstance(value, dict):
+            parts.append(f"{key}: {_flow(value)}")
+        elif key in ("radius", "side", "length"):
+            parts.append(f"{key}: {value * 1e3:g} mm")
+        else:
+            parts.append(f"{key}: {value}" + (" s" if key == "duration" else ""))
+    return "{" + ", ".join(parts) + "}"
+
+
+def _seconds(period: str) -> float:
+    value, unit = as_quantity(period) or (0.0, "")
+    seconds = 1.0 / value if unit == "Hz" and value > 0 else as_seconds(period)
+    if seconds is None or not 0 < seconds <= 10:
+        raise ValueRangeError(f"period: expected a time, as 8 ms, or a rate, as 125 Hz, got '{period}'")
+    return seconds
+
+
+def _rounded(q: NDArray[np.float64], arm: Robot) -> NDArray[np.float64]:
+    """Return a configuration in whole degrees and millimetres."""
+    turns = np.array([kind == "revolute" for kind in arm.joint_types])
+    return np.where(turns, np.radians(np.round(np.degrees(q))), np.round(q, 3))
+
+
+def _angle(value: float, kind: str) -> str:
+    return f"{round(math.degrees(value))} deg" if kind == "revolute" else f"{value:.3f}"
+
+
+def _rounded_down(value: float) -> float:
+    """Return the nearest number of one digit below a positive one."""
+    digit = 10 ** math.floor(math.log10(value))
+    return math.floor(value / digit + 1e-9) * digit

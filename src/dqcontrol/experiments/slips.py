@@ -1,0 +1,50 @@
+"""Slips that a wrong number gives away: degrees for radians, millimetres for metres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+from msgspec import inspect
+from numpy.typing import NDArray
+
+from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, unit_in
+from dqcontrol.experiments.spec.reference_base import ReferenceSpec
+from dqcontrol.robots import Robot, describe
+
+_TOO_LONG = 3.0  # reaches
+
+
+def degrees_slip(start: NDArray[np.float64], robot: Robot) -> str:
+    """Return a hint if a start configuration outside the limits lies within them when its angles are degrees."""
+    turning = np.array([kind == "revolute" for kind in robot.joint_types])
+    turned = np.where(turning, np.radians(start), start)
+    inside = ((turned >= robot.limits.lower) & (turned <= robot.limits.upper)).all()
+    large = start[turning & (np.abs(start) > 2 * np.pi)]
+    if not inside or not len(large):
+        return ""
+    return f"; degrees? Angles are in rad; write {large[0]:g} deg"
+
+
+def length_slip(reference: ReferenceSpec, robot: Robot) -> str:
+    """Return a hint if a length of a reference is far beyond the robot, but not as millimetres."""
+    reach = describe(robot).reach
+    lengths = dict(_lengths(msgspec.to_builtins(reference), list(kinds_of(type(reference))), "reference"))
+    field = max(lengths, key=lambda key: abs(lengths[key]), default="")
+    if not field or not _TOO_LONG * reach < abs(lengths[field]) < 1e3 * _TOO_LONG * reach:
+        return ""
+    return f"; {field} is {lengths[field]:g} m: metres? Write {lengths[field]:g} mm for millimetres"
+
+
+def _lengths(data: Any, kinds: list[inspect.Type], field: str) -> Iterator[tuple[str, float]]:
+    """Give the numbers of plain data that are in m, by their keys."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _lengths(value, kinds_below(kinds, key), f"{field}.{key}")
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from _lengths(value, kinds_below(kinds, str(i)), f"{field}[{i}]")
+    elif isinstance(data, float) and unit_in(kinds) == "m":
+        yield field, data

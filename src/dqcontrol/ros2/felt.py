@@ -1,0 +1,84 @@
+"""What a controller hears beside where the joints are, as far as its supervisor bounds it: efforts and a wrench."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import JointState
+
+from dqcontrol.arrays import Array
+from dqcontrol.limits import PreparedSupervisor
+from dqcontrol.ros2.interfaces import NEWEST, WRENCH
+from dqcontrol.ros2.messages import by_name, numbers
+
+_NOTHING: Array = np.zeros(0)
+
+
+class Felt:
+    """Efforts of the joints and the wrench at the hand, as last heard.
+
+    Parameters
+    ----------
+    node
+        Whose topics.
+    joints
+        Their names in messages, in the order of the robot's joints.
+    guarded
+        Wraps what hears a message, and may refuse it.
+
+    Attributes
+    ----------
+    effort
+        Shape (m,), N·m or N; empty while the supervisor bounds none.
+    wrench
+        Force and torque, shape (6,), N and N·m; empty while the supervisor bounds none, or before the first.
+    topic
+        Of the wrench, after ROS's renaming.
+    """
+
+    def __init__(self, node: Node, joints: list[str], guarded: Callable[..., Callable[[Any], None]]) -> None:
+        self._node, self._joints, self._guarded = node, joints, guarded
+        self.effort, self.wrench = _NOTHING, _NOTHING
+        self.topic = node.resolve_topic_name(WRENCH)
+        self._has_effort, self._wrenches, self._heard = False, None, -np.inf
+        self._wrenches: Subscription | None
+
+    def listen(self, supervisor: PreparedSupervisor) -> None:
+        """Hear what a supervisor bounds, and nothing else: at 1 kHz that would cost a tenth of the time."""
+        self._has_effort, self.effort = supervisor.watches_effort, _NOTHING
+        if supervisor.watches_wrench == (self._wrenches is not None):
+            return
+        if self._wrenches is None:
+            hear = self._guarded(self._hear_wrench)
+            self._wrenches = self._node.create_subscription(WrenchStamped, WRENCH, hear, NEWEST)
+        else:
+            self._node.destroy_subscription(self._wrenches)
+            self._wrenches, self.wrench, self._heard = None, _NOTHING, -np.inf
+
+    def hear_efforts(self, message: JointState) -> None:
+        """Keep the efforts of joint states, if they are bounded.
+
+        Raises
+        ------
+        RefusedError
+            If it has none, or one is not finite.
+        """
+        if self._has_effort:
+            names, efforts = list(message.name), list(message.effort)
+            self.effort = by_name("joint states", names, efforts, self._joints, "efforts")
+
+    @property
+    def age(self) -> float:
+        """Time since the last wrench, s; 0 if the supervisor bounds none."""
+        return 0.0 if self._wrenches is None else time.monotonic() - self._heard
+
+    def _hear_wrench(self, message: WrenchStamped) -> None:
+        f, t = message.wrench.force, message.wrench.torque
+        self.wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
+        self._heard = time.monotonic()
