@@ -109,7 +109,7 @@ def test_sets_grids_and_sweeps_take_units_too():
 
 def test_a_wrong_unit_is_refused():
     assert said(period="8 deg") == "spec: period: expected a number in s, got '8 deg'"
-    assert said(skip_initial="1 mm") == "spec: settle: expected a number in s, got '1 mm'"
+    assert said(skip_initial="1 mm") == "spec: skip_initial: expected a number in s, got '1 mm'"
     assert said(repeats="3 s") == "spec: repeats: expected a number without a unit, got '3 s'"
     assert "law.gain: expected a number without a unit, got '4 Hz'" in said(
         law={"kind": "proportional", "gain": "4 Hz"}
