@@ -27,7 +27,7 @@ from scipy.optimize import minimize
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
 from dqcontrol.experiments import Column, Table
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.plants import Integrator
 
 Array = np.ndarray
@@ -135,7 +135,9 @@ def j_parse(arm: dqc.Robot, path: Path) -> Array:
 
 def run(law: laws.Law) -> Callable[[dqc.Robot, Path], Array]:
     """Return what runs a law along a path."""
-    return lambda arm, path: follow(law.prepare(arm, None, PERIOD), Integrator(), path.start, path.samples).q
+    return lambda arm, path: (
+        simulate_prepared(law.prepare(arm, None, PERIOD), Integrator(), path.start, path.samples).q
+    )
 
 
 def judged(arm: dqc.Robot, path: Path, q: Array) -> list[float]:

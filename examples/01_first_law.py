@@ -19,7 +19,7 @@ run = dqc.run(
         },
         "law": {"kind": "proportional-feedforward", "gain": 4},  # 1/s
         "plant": {"kind": "servo", "time_constant": 0.05},  # s
-        "settle": 2,  # s that the errors leave out
+        "skip_initial": 2,  # s that the errors leave out
     }
 )
 print(f"RMS error {run.metrics.position.settled_rms:.2f} mm, {run.metrics.orientation.settled_rms:.3f}°")

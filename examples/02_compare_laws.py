@@ -21,7 +21,7 @@ study = dqc.run_study(
             "LQR-DQ": {"kind": "linear-quadratic-dq", "error_weight": 25, "control_weight": 1},  # √(q/r) = 5
         },
         "plant": {"kind": "servo", "time_constant": 0.05, "sag": 1, "stiffness": 2000},  # s, –, N·m/rad
-        "settle": 2,  # s
+        "skip_initial": 2,  # s
     }
 )
 print(study.table().markdown())

@@ -15,7 +15,7 @@ run = dqc.run(
                 "translation": [-1.6, 1.2, 0],
                 "rotation": [0, 0, 2.0],
             },  # m, rad: from the hand to its goal
-            "share": 0.8,  # of the velocity limits
+            "speed_fraction": 0.8,  # of the velocity limits
         },
         "law": {"kind": "guided-proportional", "gain": 1},
         "plant": {"kind": "integrator"},

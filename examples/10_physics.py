@@ -18,7 +18,7 @@ run = dqc.run(
         },
         "law": {"kind": "proportional-feedforward", "gain": 5},
         "plant": {"kind": "mujoco", "gravity_compensation": 0},
-        "settle": 2,  # s
+        "skip_initial": 2,  # s
     }
 )
 print(f"RMS error {run.metrics.position.settled_rms:.2f} mm")

@@ -25,6 +25,16 @@ def test_names_that_left_a_module(module, name, new):
     assert found is getattr(importlib.import_module(new), name)
 
 
+RENAMES = [(module, *names) for module, renamed in moved._RENAMED.items() for names in renamed.items()]
+
+
+@pytest.mark.parametrize(("module", "old", "new"), RENAMES)
+def test_names_that_changed_in_their_module(module, old, new):
+    home = importlib.import_module(moved._MODULES.get(module, module))
+    with pytest.warns(DeprecationWarning, match=f"{module}.{old} is now {home.__name__}.{new}"):
+        assert getattr(importlib.import_module(module), old) is getattr(home, new)
+
+
 @pytest.mark.parametrize(("old", "new"), moved._MODULES.items())
 def test_modules_that_are_gone(old, new):
     pytest.importorskip("rclpy" if "ros2" in old else "numpy")

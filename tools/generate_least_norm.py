@@ -12,10 +12,10 @@ HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/
 
 from __future__ import annotations
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 
-@inlined
+@inline
 def least_norm(
     twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
 ):

@@ -81,7 +81,7 @@ FACTORS = (20, 30, 40, 60, 93.7)
 def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant: Variant) -> Metrics | None:
     """Run one law of a published spec on a variant of its plant; None if it fails."""
     data = spec | {"laws": {law: spec["laws"][law] | parameters}, "repeats": 1}
-    data.pop("sets", None)
+    data.pop("parameter_sets", None)
     changes = dict(variant)
     if "null_space" in changes:
         del data["null_space"], changes["null_space"]
@@ -103,7 +103,7 @@ def cell(plant: str, place: tuple[str, str, str], variant: Variant) -> Metrics |
     """Run a cell of the published tables."""
     name, law, parameters = place
     spec = published_spec(name, plant)
-    return metrics(spec, law, spec["sets"][parameters][law], variant)
+    return metrics(spec, law, spec["parameter_sets"][parameters][law], variant)
 
 
 def error(found: Metrics | None) -> float:

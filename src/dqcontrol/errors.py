@@ -46,7 +46,7 @@ class MissingExtraError(Error, ImportError):
 
 
 class DivergedError(Error, ArithmeticError):
-    """A run left the finite numbers."""
+    """A run produced NaN or infinity."""
 
 
 class FallenError(Error, RuntimeError):
@@ -101,7 +101,7 @@ def writing(target: object) -> Iterator[None]:
 
 
 @contextmanager
-def naming(place: str) -> Iterator[None]:
+def error_prefix(place: str) -> Iterator[None]:
     """Put a place before the message of any of our errors raised inside, unless the message names a file already."""
     try:
         yield

@@ -1,4 +1,4 @@
-"""Old names of what has moved: they work for one more release, and say where it is now."""
+"""Old names of what has moved or has another name: they work for one more release, and say where it is now."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 _MODULES = {  # that are gone
     "dqcontrol.compile": "dqcontrol.compiled.compile",
+    "dqcontrol.experiments.gains": "dqcontrol.experiments.gain_advice",
     "dqcontrol.experiments.metrics": "dqcontrol.measures.metrics",
     "dqcontrol.experiments.pick_and_drop": "dqcontrol.reproductions.silva2017.pick_and_drop_task",
     "dqcontrol.experiments.published": "dqcontrol.reproductions",
@@ -69,6 +70,15 @@ _NAMES = {  # that have left a module
     "dqcontrol.view": {"dqcontrol.reports": ("write_report",)},
 }
 
+_RENAMED = {  # names that changed in the module where they stand
+    "dqcontrol.compiled.compile": {
+        "attached": "shared",
+        "inlined": "inline",
+        "strictly_inlined": "inline_ieee",
+    },
+    "dqcontrol.compile": {"inlined": "inline"},
+}
+
 
 class _MovedModule(ModuleType):
     """A module that is gone: it has what stands in its new place."""
@@ -97,13 +107,16 @@ def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
         return sys.modules[inner]
     places = (new for new, names in _NAMES.get(module, {}).items() if name in names)
     new = next(places, _MODULES.get(module))
+    renamed = _RENAMED.get(module, {}).get(name, name)
+    if new is None and renamed != name:
+        new = module
     if new is None:
         raise AttributeError(f"module '{module}' has no attribute '{name}'")
-    found = getattr(import_module(new), name)
-    warnings.warn(f"{inner} is now {new}.{name}", DeprecationWarning, stacklevel=stacklevel)
+    found = getattr(import_module(new), renamed)
+    warnings.warn(f"{inner} is now {new}.{renamed}", DeprecationWarning, stacklevel=stacklevel)
     return found
 
 
 def names_moved_from(module: str) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a module that names have left."""
+    """Return the ``__getattr__`` of a module where names have left or changed."""
     return lambda name: find_moved(module, name)

@@ -174,12 +174,12 @@ def test_robots(here, capsys):
         ({"repeats": 0}, r"spec.yaml: repeats: expected 'int' >= 1, got 0"),
         ({"seed": -1}, r"spec.yaml: seed: expected 'int' >= 0, got -1"),
         (
-            {"sets": {"a": {"proportionl": {}}}},
-            r"spec.yaml: sets.a: unknown name .* did you mean 'proportional'",
+            {"parameter_sets": {"a": {"proportionl": {}}}},
+            r"spec.yaml: parameter_sets.a: unknown name .* did you mean 'proportional'",
         ),
         (
-            {"sets": {"a": {"proportional": {"error_weight": 1}}}},
-            r"sets.a.proportional: unknown key 'error_weight'",
+            {"parameter_sets": {"a": {"proportional": {"error_weight": 1}}}},
+            r"parameter_sets.a.proportional: unknown key 'error_weight'",
         ),
         ({"robots": {"a": {"source": "iiwa7"}}}, r"spec.yaml: robots.a: missing key 'start'"),
         ({"perod": 1}, r"spec.yaml: unknown key 'perod'; did you mean 'period'"),

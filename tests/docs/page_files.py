@@ -26,7 +26,7 @@ def prepare(page: str, folder: Path) -> None:
 def _demo(folder: Path) -> None:
     """Results of the demo, of its first second."""
     spec = parse_yaml("demo", (ROOT / "examples/demo.yaml").read_text(encoding="utf-8"))
-    spec |= {"duration": 1.0, "settle": 0}
+    spec |= {"duration": 1.0, "skip_initial": 0}
     (folder / "examples" / "short.yaml").write_text(yaml.safe_dump(spec), encoding="utf-8")
     runs = dqc.run_study(folder / "examples" / "short.yaml").runs
     for label, name in folder_names(runs).items():

@@ -36,7 +36,7 @@ class PageSpec:
             path.write_text(text, encoding="utf-8")
             assert load_robot(path).configuration_size > 0
             return
-        for both in ({"law", "laws"}, {"plant", "plants"}, {"sets", "grids"}):
+        for both in ({"law", "laws"}, {"plant", "plants"}, {"parameter_sets", "grids"}):
             if both & part.keys():
                 self.data = {key: value for key, value in self.data.items() if key not in both}
         self.data |= part

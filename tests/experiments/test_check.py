@@ -45,7 +45,7 @@ def test_one_row_a_law_set_and_plant():
         spec(
             law=None,
             laws={"K": {"kind": "proportional", "gain": 10}, "open": {"kind": "open-loop"}},
-            sets={"slow": {"K": {"gain": 1}}, "fast": {"K": {}, "open": {}}},
+            parameter_sets={"slow": {"K": {"gain": 1}}, "fast": {"K": {}, "open": {}}},
             plant=None,
             plants={"ideal": {"kind": "integrator"}, "late": {"kind": "servo", "delay": 0.03}},
         )

@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.experiments.gains import advise_gains
+from dqcontrol.experiments.gain_advice import advise_gains
 
 START = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 LAWS = {

@@ -129,7 +129,7 @@ def test_a_pose_trajectory_with_twist_is_followed_while_driving(tmp_path):
     path.write_text(heading + "".join(",".join(map(str, row)) + "\n" for row in rows))
     reference = {"kind": "via-points", "file": str(path), "ramp": 2.0}
     law = {"kind": "feedback-linearization", "stiffness": 6.0, "damping": 3.0}
-    run = dqc.run({**SPEC, "duration": None, "settle": 10.0, "reference": reference, "law": law})
+    run = dqc.run({**SPEC, "duration": None, "skip_initial": 10.0, "reference": reference, "law": law})
     assert np.abs(run.record.desired[:, 14:20]).max() > 0.01
     assert np.ptp(run.record.q[:, :2], axis=0).max() > 3.0
     assert run.metrics.position.settled_peak < 10.0  # mm

@@ -151,7 +151,7 @@ def test_the_old_results_survive_when_the_new_cannot_be_moved(tmp_path, monkeypa
 
 def test_where_nothing_can_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(Error, match=r"run: cannot be written: .*file is no folder that may be written$"):
+    with pytest.raises(Error, match=r"run: cannot be written: .*file is not writable$"):
         check_new(tmp_path / "file" / "run", force=False)
     check_new(tmp_path / "new", force=False)
 

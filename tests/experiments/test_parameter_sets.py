@@ -65,19 +65,20 @@ def test_values_that_are_no_numbers_are_named_by_their_place_and_kept_as_texts()
 @pytest.mark.parametrize(
     ("sets", "grids", "text"),
     [
-        ({"best": {"KK": {}}}, None, r"^sets\.best: unknown name 'KK'; did you mean 'K'\? \(allowed: K, LQR\)$"),
+        ({"best": {"KK": {}}}, None,
+         r"^parameter_sets\.best: unknown name 'KK'; did you mean 'K'\? \(allowed: K, LQR\)$"),
         ({"best": {"K": {"error_weight": 1}}}, None,
-         r"^sets\.best\.K: unknown key 'error_weight' \(allowed: kind, .*gain, "),
-        ({"best": {"K": {"gian": 1}}}, None, r"^sets\.best\.K: unknown key 'gian'; did you mean 'gain'\?"),
-        ({"best": {"K": {"gain": "high"}}}, None, r"^sets\.best\.K: gain: expected"),
-        ({"best": {"K": {"kind": "open-loop"}}}, None, r"^sets\.best\.K: kind: unknown name 'open-loop'"),
+         r"^parameter_sets\.best\.K: unknown key 'error_weight' \(allowed: kind, .*gain, "),
+        ({"best": {"K": {"gian": 1}}}, None, r"^parameter_sets\.best\.K: unknown key 'gian'; did you mean 'gain'\?"),
+        ({"best": {"K": {"gain": "high"}}}, None, r"^parameter_sets\.best\.K: gain: expected"),
+        ({"best": {"K": {"kind": "open-loop"}}}, None, r"^parameter_sets\.best\.K: kind: unknown name 'open-loop'"),
         (None, {"LRQ": {"error_weight": [1]}}, r"^grids\.LRQ: unknown name 'LRQ'; did you mean 'LQR'\?"),
         (None, {"K": {"error_weight": [1]}}, r"^grids\.K: unknown key 'error_weight'"),
         (None, {"K": {"gain": [1, 2, 1.0]}}, r"^grids\.K\.gain: two values are called 'gain=1'$"),
         (None, {"K": {"gain": list(range(1000)), "hysteresis": list(range(1000))}},
          r"^grids\.K: makes 1,000,000 parameter sets; at most 100,000$"),
         ({"best": {"K": {}}}, {"K": {"gain": [1]}},
-         r"^sets\.best\.K: the law has a grid too; give it sets or a grid$"),
+         r"^parameter_sets\.best\.K: the law has a grid too; give it sets or a grid$"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_named(sets, grids, text):

@@ -171,7 +171,7 @@ def test_a_spec_is_data():
 
 def test_metrics_may_judge_what_the_encoders_gave(tmp_path):
     noisy = {**BASE, "plant": {"kind": "servo", "encoder_resolution": 1e-3}}
-    true, measured = run(noisy), run({**noisy, "judged": "measured"})
+    true, measured = run(noisy), run({**noisy, "metrics_from": "measured"})
     assert same(true, measured)
     assert measured.metrics.joint_path_length == pytest.approx(
         np.linalg.norm(np.diff(measured.record.measured, axis=0), axis=1).sum()
@@ -179,8 +179,8 @@ def test_metrics_may_judge_what_the_encoders_gave(tmp_path):
     assert measured.metrics.hand_acceleration.integral > 3 * true.metrics.hand_acceleration.integral
     loaded = dqc.experiments.load_run(measured.save(tmp_path / "run"))
     assert loaded.metrics.joint_path_length == measured.metrics.joint_path_length
-    with pytest.raises(Error, match="judged"):
-        run({**noisy, "judged": "seen"})
+    with pytest.raises(Error, match="metrics_from"):
+        run({**noisy, "metrics_from": "seen"})
 
 
 def test_a_null_space_of_the_spec_is_that_of_every_law_without_one():

@@ -81,7 +81,7 @@ def test_numbers_take_units():
             "period": "8 ms",
             "reference": circle,
             "plant": {"kind": "servo", "delay": "16 ms"},
-            "settle": "100 ms",
+            "skip_initial": "100 ms",
         }
     )
     assert spec.start == [0, np.radians(-88.6), np.pi / 2, 0, np.pi / 4, 0.1]
@@ -97,7 +97,9 @@ def test_sets_grids_and_sweeps_take_units_too():
     }
     spec, _ = read_spec({**noisy, "grids": {"linear-quadratic-dq": {"horizon_time": ["500 ms", 1]}}})
     assert spec.grids == {"linear-quadratic-dq": {"horizon_time": [0.5, 1]}}
-    spec, _ = read_spec({**noisy, "sets": {"short": {"linear-quadratic-dq": {"horizon_time": "500 ms"}}}})
+    spec, _ = read_spec(
+        {**noisy, "parameter_sets": {"short": {"linear-quadratic-dq": {"horizon_time": "500 ms"}}}}
+    )
     assert spec.variants[0].law.horizon_time == 0.5
     data = {**SPEC, "sweep": {"over": {"plant.delay": ["8 ms", "16 ms"], "start.1": ["-60 deg", -1]}}}
     assert read_sweep(data).sampling.over == {"plant.delay": [0.008, 0.016], "start.1": [np.radians(-60), -1]}
@@ -107,7 +109,7 @@ def test_sets_grids_and_sweeps_take_units_too():
 
 def test_a_wrong_unit_is_refused():
     assert said(period="8 deg") == "spec: period: expected a number in s, got '8 deg'"
-    assert said(settle="1 mm") == "spec: settle: expected a number in s, got '1 mm'"
+    assert said(skip_initial="1 mm") == "spec: skip_initial: expected a number in s, got '1 mm'"
     assert said(repeats="3 s") == "spec: repeats: expected a number without a unit, got '3 s'"
     assert "law.gain: expected a number without a unit, got '4 Hz'" in said(
         law={"kind": "proportional", "gain": "4 Hz"}

@@ -44,7 +44,9 @@ def test_without_noise_repeats_are_equal():
 def test_sets_and_grids_run_with_their_parameters():
     study = dqc.run_study(
         spec(
-            sets={"fast": {"K": {}}, "slow": {"K": {"gain": 4}}}, grids={"K+FF": {"gain": [4, 10]}}, repeats=2
+            parameter_sets={"fast": {"K": {}}, "slow": {"K": {"gain": 4}}},
+            grids={"K+FF": {"gain": [4, 10]}},
+            repeats=2,
         )
     )
     assert labels(study)[::2] == [
@@ -180,7 +182,7 @@ def test_wrong_numbers_of_processes(jobs):
 @pytest.mark.slow
 def test_a_saved_study_is_read_back_and_repeats_itself(tmp_path):
     arrow = pytest.importorskip("pyarrow.parquet")
-    data = spec(sets={"fast": {"K": {}, "K+FF": {}}, "slow": {"K": {"gain": 4}}})
+    data = spec(parameter_sets={"fast": {"K": {}, "K+FF": {}}, "slow": {"K": {"gain": 4}}})
     study = run_study_to(data, tmp_path / "noise")
     assert [path.name for path in tmp_path.iterdir()] == ["noise"]
     names = {path.name for path in (tmp_path / "noise").iterdir()}
@@ -239,7 +241,7 @@ def test_rows_of_several_studies_and_runs_are_joined(tmp_path):
     with pytest.raises(dqc.Error, match="one: given twice"):
         load_rows([tmp_path / "one", tmp_path / "one"])
     with pytest.raises(
-        FileFormatError, match=r"single: is no folder of a study with metrics \(runs.parquet is"
+        FileFormatError, match=r"single: is not the folder of a study with metrics \(runs.parquet is"
     ):
         load_study(tmp_path / "single")
 

@@ -154,14 +154,14 @@ def test_points_that_fail_are_rows_and_have_no_place(tmp_path):
 
 def test_points_that_cannot_run_are_rows_that_say_why(tmp_path):
     """Both keys can have all their values, but not both together."""
-    over = {"settle": [0, 0.15], "duration": [0.2, 0.1]}
+    over = {"skip_initial": [0, 0.15], "duration": [0.2, 0.1]}
     run_sweep_to(study(sweep={"method": "grid", "points": None, "over": over}), tmp_path / "s")
     rows = load_study(tmp_path / "s").rows
     assert len(rows) == 16
     bad = [row for row in rows if str(row["stopped"]).startswith(REFUSED)]
     assert {row["point"] for row in bad} == {3}
     assert len(bad) == 4
-    assert all("settle: must be ≤ the run's 0.1 s" in row["stopped"] for row in bad)
+    assert all("skip_initial: must be ≤ the run's 0.1 s" in row["stopped"] for row in bad)
     assert all(row["error.integral"] is None for row in bad)
 
 

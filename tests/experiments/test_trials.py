@@ -80,7 +80,7 @@ def test_a_process_that_is_killed_is_one_line(monkeypatch):
     group = batches()
     monkeypatch.setattr("dqcontrol.experiments.trials._alone", lambda batch: Deadly())
     with pytest.raises(
-        Error, match=r"^a process of the study was killed, perhaps for want of memory; try fewer jobs"
+        Error, match=r"^a process of the study was killed, possibly out of memory; try fewer jobs"
     ):
         list(outcomes(group, 2))
 

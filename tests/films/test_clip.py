@@ -133,7 +133,7 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
         clip(tmp_path / "run", tmp_path / "run.gif")
     clip(tmp_path / "run", tmp_path / "run.png", width=120, height=90)
     assert image(tmp_path / "run.png").size == (120, 90)
-    with pytest.raises(FileFormatError, match=r"is no folder of a run, but holds runs: give .*run$"):
+    with pytest.raises(FileFormatError, match=r"is not the folder of a run, but holds runs: give .*run$"):
         clip(tmp_path, tmp_path / "other.gif")
 
 

@@ -8,7 +8,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.limits import Supervisor, WorkspaceBox
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
 from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, RESET, STOP
 from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR, supervise
@@ -39,7 +39,7 @@ def drive(
 ):
     """Step through rows of events; write position command, rate, code and whether it rests of each step."""
     n, m = q.shape[0], wanted.shape[1]
-    base = at.MEMORY + n
+    base = layout.MEMORY + n
     nothing = np.zeros(0)
     for k in range(wanted.shape[0]):
         if measured[k] != FROZEN:
@@ -52,15 +52,15 @@ def drive(
             step, kinematics, chain, q, ages[k], elapsed[k], requests[k], wanted[k], nothing, nothing,
             parameters, state, work, out[k, 0:m],
         )  # fmt: skip
-        if status != 0 and status != at.AT_REST:
+        if status != 0 and status != layout.AT_REST:
             return status
         for i in range(m):
             out[k, m + i], out[k, 2 * m + i] = state[base + i], state[base + m + i]
-        out[k, 3 * m], out[k, 3 * m + 1] = state[at.NOW], (1.0 if status == at.AT_REST else 0.0)
-        out[k, 3 * m + 2] = 1.0 if state[at.MODE] == at.STOPPED else 0.0
+        out[k, 3 * m], out[k, 3 * m + 1] = state[layout.NOW], (1.0 if status == layout.AT_REST else 0.0)
+        out[k, 3 * m + 2] = 1.0 if state[layout.MODE] == layout.STOPPED else 0.0
         for i in range(n):  # what is not a number is measured once
             if not abs(q[i]) < 1e5:
-                q[i] = state[at.MEMORY + i]
+                q[i] = state[layout.MEMORY + i]
     return 0
 
 
@@ -213,7 +213,7 @@ class Episode:
                 )
         assert ((codes[stopped] & STOPS) != 0).all(), "a stop without a name"
         assert all(stop_category(code) in (1, 2) for code in np.unique(codes[stopped]))
-        assert not inputs[rests & (self.bounds.head[at.FROM_MEASURED] == 0)].any(), (
+        assert not inputs[rests & (self.bounds.head[layout.FROM_MEASURED] == 0)].any(), (
             "at rest, and told to move"
         )
         self.before, self.rates = positions[-1].copy(), every[-2:].copy()
@@ -225,7 +225,7 @@ class Episode:
     def come_to_rest(self):
         """End in one of the ways, and see that it rests."""
         request = self.rng.choice([STOP, FINISH, END]) if self.ramp else self.rng.choice([STOP, FINISH])
-        rate = np.abs(at.unpack_state(self.state, self.n, self.m, self.window).rate)
+        rate = np.abs(layout.unpack_state(self.state, self.n, self.m, self.window).rate)
         if request == END:  # which may become faster before it slows down
             rate = rate + np.minimum(self.bounds.velocity, self.acceleration * self.ramp)
         count = int((rate / (self.acceleration * self.dt)).max() + self.window + 2 * self.ramp / self.dt + 20)
@@ -237,7 +237,7 @@ class Episode:
 
     @property
     def window(self):
-        return int(self.bounds.head[at.WINDOW])
+        return int(self.bounds.head[layout.WINDOW])
 
 
 def fuzz(seed, steps, robots):

@@ -19,7 +19,7 @@ SPEC = {
     "reference": {"kind": "circle", "radius": 0.05, "duration": 2, "offset": {"translation": [0, 0, 0.02]}},
     "law": {"kind": "proportional-feedforward", "gain": 5},
     "plant": {"kind": "servo", "time_constant": 0.05, "encoder_noise": 1e-5},
-    "settle": 0.5,
+    "skip_initial": 0.5,
 }
 
 

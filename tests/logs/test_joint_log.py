@@ -319,7 +319,7 @@ def test_broken_recordings_are_named(tmp_path):
         path = write(folder, messages())
         file = next(f for f in path.iterdir() if f.suffix in (".db3", ".mcap")) if path.is_dir() else path
         file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-        with pytest.raises(FileFormatError, match=r"is no whole recording|has no topic"):
+        with pytest.raises(FileFormatError, match=r"is not a complete recording|has no topic"):
             read_joint_log(path, ARM)
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileFormatError, match=r"empty: is no ROS 2 bag: it holds no metadata\.yaml"):

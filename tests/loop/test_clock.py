@@ -246,7 +246,8 @@ def test_real_time_scheduling_is_asked_for_and_refusal_is_told(monkeypatch):
     assert not allows_real_time(7)
     with (
         pytest.warns(
-            RealTimeWarning, match=r"priority 7 was refused \(Operation not permitted\); the loop goes on"
+            RealTimeWarning,
+            match=r"priority 7 was refused \(Operation not permitted\); the loop runs without it",
         ),
         Clock(priority=7).running(0.01, 1),
     ):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dqcontrol import algebra
-from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, ToPose
+from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, TwistTarget
 from dqcontrol.references.sample import POSE, TWIST
 
 START = algebra.pose([1, 0, 0, 0], [0.1, 0.2, 0.3])
@@ -20,7 +20,7 @@ def follow(target, steps, hand=None):
 
 
 def test_the_way_to_a_pose_is_straight_and_keeps_both_speeds():
-    target = ToPose(Speeds(linear=0.1, angular=0.5))
+    target = PoseTarget(Speeds(linear=0.1, angular=0.5))
     target.start(START)
     target.goal = algebra.pose(algebra.rotation_from_axis_angle([0, 0, 1], 1.5), [0.3, 0.2, 0.3])
     rows = follow(target, 320)
@@ -34,7 +34,7 @@ def test_the_way_to_a_pose_is_straight_and_keeps_both_speeds():
 
 @pytest.mark.parametrize("of_hand", [False, True])
 def test_a_twist_moves_the_pose_as_its_own_derivative(of_hand):
-    target = ByTwist(Speeds(linear=1.0, angular=1.0), timeout=9.0)
+    target = TwistTarget(Speeds(linear=1.0, angular=1.0), timeout=9.0)
     turned = algebra.pose(algebra.rotation_from_axis_angle([0, 1, 0], 0.5), [0.1, 0.2, 0.3])
     target.start(turned)
     target.ask(0.0, np.array([0.1, -0.05, 0.02]), np.array([0.3, 0.1, -0.2]), of_hand=of_hand)
@@ -48,7 +48,7 @@ def test_a_twist_moves_the_pose_as_its_own_derivative(of_hand):
 
 
 def test_a_twist_counts_only_for_its_time_and_within_the_speeds():
-    target = ByTwist(Speeds(linear=0.1, angular=0.5), timeout=0.1)
+    target = TwistTarget(Speeds(linear=0.1, angular=0.5), timeout=0.1)
     target.start(START)
     target.ask(0.0, np.array([5.0, 0, 0]), np.zeros(3), of_hand=False)
     p = algebra.translation(follow(target, 40)[:, POSE])[:, 0]
@@ -57,7 +57,7 @@ def test_a_twist_counts_only_for_its_time_and_within_the_speeds():
 
 
 def test_the_desired_pose_waits_for_a_hand_that_is_held():
-    target = ByTwist(Speeds(linear=0.5), timeout=9.0)
+    target = TwistTarget(Speeds(linear=0.5), timeout=9.0)
     target.start(START)
     target.ask(0.0, np.array([0.5, 0, 0]), np.zeros(3), of_hand=False)
     p = algebra.translation(follow(target, 300, hand=START)[:, POSE])[:, 0]
@@ -67,6 +67,6 @@ def test_the_desired_pose_waits_for_a_hand_that_is_held():
 def test_a_sampled_reference_gives_the_nearest_sample_and_ends():
     rows = np.zeros((3, 21))
     rows[:, 20] = [0.0, 0.01, 0.02]
-    target = Sampled(rows, DT)
+    target = SampledTarget(rows, DT)
     assert [target.sample(t, START)[20] for t in (0.0, 0.0049, 0.0051, 9.0)] == [0.0, 0.0, 0.01, 0.02]
     assert (target.is_over(0.02), target.is_over(0.03)) == (False, True)

@@ -195,7 +195,7 @@ def test_damaged_files_are_named(tmp_path):
         load_record(tmp_path / "missing.mcap")
     for content in (b"", b"not mcap at all", whole[: len(whole) // 2], whole[:-1]):
         broken.write_bytes(content)
-        with pytest.raises(FileFormatError, match=r"broken\.mcap: is no whole MCAP recording"):
+        with pytest.raises(FileFormatError, match=r"broken\.mcap: is not a complete MCAP file"):
             load_record(broken)
     rng = np.random.default_rng(1)
     for place in rng.integers(0, len(whole), 60):

@@ -11,7 +11,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, FileFormatError
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.recording import RecordStream, load_record
 
 Q0 = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -23,7 +23,7 @@ import numpy as np, dqcontrol as dqc
 from dqcontrol.limits import Supervisor
 from dqcontrol.loop import Clock
 from dqcontrol.recording import RecordStream
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 
 path, seconds, limit = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
 arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -33,7 +33,7 @@ samples = circle.samples(0.005 * np.arange(round(seconds / 0.005)))
 recording = RecordStream(path, arm, "name: killed")
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-record = follow(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
+record = simulate_prepared(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
     recording=recording,
     progress=lambda done, count: print(samples[done - 1, -1], flush=True))
 print("ended", record.stopped, np.abs(record.command[-1]).max(), flush=True)
@@ -51,7 +51,9 @@ def driven(arm, path, **options):
     law = dqc.laws.Proportional(gain=10.0).prepare(arm, circle, T)
     samples = circle.samples(T * np.arange(401))
     with RecordStream(path, arm, "name: test") as recording:
-        return follow(law, dqc.plants.Servo(encoder_noise=1e-4), Q0, samples, recording=recording, **options)
+        return simulate_prepared(
+            law, dqc.plants.Servo(encoder_noise=1e-4), Q0, samples, recording=recording, **options
+        )
 
 
 def test_what_is_streamed_is_what_is_recorded(arm, tmp_path):
@@ -134,7 +136,7 @@ def test_a_full_disk_without_a_supervisor_ends_the_loop(arm, tmp_path, monkeypat
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
         samples = circle.samples(T * np.arange(20_000))
-        record = follow(law, dqc.plants.Servo(), Q0, samples, recording=recording, progress=slowly)
+        record = simulate_prepared(law, dqc.plants.Servo(), Q0, samples, recording=recording, progress=slowly)
         with pytest.raises(Error, match=r"record.mcap: the recording cannot be written: File too large"):
             recording.close(record.stopped)
     finally:

@@ -9,7 +9,7 @@ from dqcontrol import algebra
 from dqcontrol import references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.references.rigid_motion import motion_samples, point_motion
-from dqcontrol.references.s_curve import Limits, progress_at, s_curve
+from dqcontrol.references.s_curve import MotionLimits, progress_at, s_curve
 
 SQUARE = r.Square(START, side=0.1, duration=8.0)
 LIMITS = {"velocity": 0.1, "acceleration": 0.3, "jerk": 2.0}
@@ -42,7 +42,7 @@ def test_least_time_is_that_of_ruckig():
         inputs.target_position, inputs.max_velocity = [length], [speed]
         inputs.max_acceleration, inputs.max_jerk = [acceleration], [jerk]
         assert ruckig.Ruckig(1).calculate(inputs, trajectory) == ruckig.Result.Working
-        pieces, seconds = s_curve(length, Limits(speed, acceleration, jerk))
+        pieces, seconds = s_curve(length, MotionLimits(speed, acceleration, jerk))
         assert seconds == pytest.approx(trajectory.duration, rel=1e-9)
         times = np.linspace(0.0, seconds, 50)
         which = np.clip(np.searchsorted(pieces[:, 0], times, side="right") - 1, 0, None)
@@ -54,7 +54,7 @@ def test_least_time_is_that_of_ruckig():
 
 def test_pieces_join_and_keep_the_limits():
     for length, *values in random_limits(500):
-        limits = Limits(*values)
+        limits = MotionLimits(*values)
         pieces, seconds = s_curve(length, limits)
         ends = np.append(pieces[1:, 0], seconds)
         assert (ends >= pieces[:, 0]).all()

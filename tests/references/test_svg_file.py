@@ -6,7 +6,7 @@ import pytest
 
 from dqcontrol.errors import FileFormatError, MissingExtraError
 from dqcontrol.references.drawing.svg_file import load_svg
-from dqcontrol.references.strokes import Arc, Line, Trace
+from dqcontrol.references.strokes import Arc, Line, PenPath
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def points(pen, count=400):
         )
         for s in pen.strokes
     ]
-    trace = Trace.of(moved)
+    trace = PenPath.of(moved)
     return trace.at(np.linspace(0, trace.times[-1], count))[0] + pen.start, trace
 
 

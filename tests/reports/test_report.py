@@ -7,7 +7,7 @@ from gallery import run
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures import errors, figure_files, path_3d
-from dqcontrol.measures.table_cells import Ratio, Verdict
+from dqcontrol.measures.table_cells import Ratio, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
 
@@ -42,7 +42,7 @@ def written(folder, *arguments, **options):
 
 def test_a_report_holds_everything_and_asks_the_network_for_nothing(tmp_path):
     table = Table([Column("Joint"), Column("Speed", "rad/s")], [["a", 1.5]], "Peaks")
-    verdicts = Table([Column("Question"), Column("Verdict")], [["End", Verdict("succeeded", True)]])
+    verdicts = Table([Column("Question"), Column("Verdict")], [["End", VerdictCell("succeeded", True)]])
     page, text = written(
         tmp_path,
         "Circle",
@@ -91,9 +91,9 @@ def test_texts_are_escaped(tmp_path):
 
 def test_verdicts_have_marks_and_words_beside_their_colours(tmp_path):
     words = [
-        Verdict("kept", True),
-        Verdict("failed", False),
-        Verdict("intervened", None),
+        VerdictCell("kept", True),
+        VerdictCell("failed", False),
+        VerdictCell("intervened", None),
         Ratio(1.05),
         Ratio(0.5),
     ]

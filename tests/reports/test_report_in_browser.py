@@ -6,7 +6,7 @@ import shutil
 import pytest
 from gallery import figures
 
-from dqcontrol.measures.table_cells import Verdict
+from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
 
@@ -24,7 +24,7 @@ def report(tmp_path_factory):
     wide = Table(
         [Column(f"peak speed {i}", "rad/√s") for i in range(12)], [[0.123456] * 12] * 60, "Many runs"
     )
-    verdicts = Table([Column("Question"), Column("Verdict")], [["End", Verdict("failed", False)]])
+    verdicts = Table([Column("Question"), Column("Verdict")], [["End", VerdictCell("failed", False)]])
     draw = figures()
     return write_report(
         tmp_path_factory.mktemp("report"),

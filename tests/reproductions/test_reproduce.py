@@ -81,7 +81,9 @@ def test_the_second_fit_scales_the_robust_laws_only():
     data = second_fit.scaled_spec("spiral", factor=10.0)
     assert set(data["laws"]) == {"HIR scaled", "HIRT scaled"}
     assert data["laws"]["HIR scaled"]["translation_gain"]["values"] == [24.0, 38.0]
-    assert data["sets"]["ln2"]["HIRT scaled"]["orientation_gain"]["values"] == pytest.approx([18.38, 36.76])
+    assert data["parameter_sets"]["ln2"]["HIRT scaled"]["orientation_gain"]["values"] == pytest.approx(
+        [18.38, 36.76]
+    )
     assert data["laws"]["HIR scaled"]["translation_gain"]["times"] == [0, 7.1976]
 
 

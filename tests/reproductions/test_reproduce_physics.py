@@ -110,7 +110,7 @@ def test_one_run_of_each_predicts_the_other_cells():
                 spec
                 | {
                     "laws": {law: spec["laws"][law]},
-                    "sets": {parameters: {law: spec["sets"][parameters][law]}},
+                    "parameter_sets": {parameters: {law: spec["parameter_sets"][parameters][law]}},
                 }
             )
             metrics = measure(execute(setting, setting.cases[0]), case.scene.robot, 0.0, "measured")

@@ -50,7 +50,7 @@ def in_process(path, interface, folder):
         plant.step(control.command)
     recorder.end(Phase.INACTIVE, "duration")
     record = load_record(folder / "record.mcap")
-    return measure(record, loaded.robot, loaded.setting.spec.settle, "measured").position.mean
+    return measure(record, loaded.robot, loaded.setting.spec.skip_initial, "measured").position.mean
 
 
 def compare_with_in_process(start, path, folder, interface):

@@ -7,13 +7,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, Kernel, kernel, types
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
 WRITTEN_TOLERANCE = (
@@ -84,16 +83,16 @@ def apply(operation: Any, size: int, **operands: Array) -> Array:
         out = np.empty(size)
         compiled(*map(np.ascontiguousarray, operands.values()), out)
         return out
-    lead = broadcast_lead(**operands)
+    batch_shape = broadcast_lead(**operands)
     rows = []
     for operand in operands.values():
         width = operand.shape[-1]
-        if operand.size != width and operand.shape[:-1] != lead:
-            operand = np.broadcast_to(operand, (*lead, width))
+        if operand.size != width and operand.shape[:-1] != batch_shape:
+            operand = np.broadcast_to(operand, (*batch_shape, width))
         rows.append(np.ascontiguousarray(operand).reshape(-1, width))
-    out = np.empty((math.prod(lead), size))
+    out = np.empty((math.prod(batch_shape), size))
     _BATCHES[len(rows)](compiled.pointer, *rows, out)
-    return out.reshape(*lead, size)
+    return out.reshape(*batch_shape, size)
 
 
 def broadcast_lead(**operands: Array) -> tuple[int, ...]:

@@ -19,13 +19,13 @@ from dqcontrol.algebra import dual_quaternion_kernels as kernels
 from dqcontrol.algebra.batch import (
     UNIT_TOLERANCE,
     WRITTEN_TOLERANCE,
-    Array,
     apply,
     as_unit,
     broadcast_lead,
     index_of,
 )
 from dqcontrol.algebra.functions import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import NoteWarning, ValueRangeError, as_array
 
 _DEGENERATE = 5e-15  # sine below which the axis of an angle is round-off

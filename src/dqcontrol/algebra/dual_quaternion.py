@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import conversions, functions
-from dqcontrol.algebra.batch import Array
 from dqcontrol.algebra.exponential import exp_screw, log_screw, power, sclerp
 from dqcontrol.algebra.operands import add, as_number, batch_text, close, coefficients, pose_markdown
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array
 
 TOLERANCE = 1e-12  # of comparisons, relative to the largest coefficient where that exceeds 1

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 
-@inlined
+@inline
 def quaternion_product(a, b, out):
     """Write the quaternion product ab."""
     aw, ax, ay, az = a[0], a[1], a[2], a[3]
@@ -22,7 +22,7 @@ def quaternion_product(a, b, out):
     out[3] = aw * bz + ax * by - ay * bx + az * bw
 
 
-@inlined
+@inline
 def multiply(a, b, out):
     """Write ab = P₁P₂ + ε(P₁D₂ + D₁P₂)."""
     quaternion_product(a[0:4], b[0:4], out[0:4])
@@ -35,7 +35,7 @@ def multiply(a, b, out):
     out[7] += aw * bz + ax * by - ay * bx + az * bw
 
 
-@inlined
+@inline
 def conjugate_multiply(a, b, out):
     """Write a*b."""
     for k in range(0, 8, 4):
@@ -53,7 +53,7 @@ def conjugate_multiply(a, b, out):
     out[7] += aw * bz + ax * by - ay * bx + az * bw
 
 
-@inlined
+@inline
 def conjugate(a, out):
     """Write a*."""
     for k in (0, 4):
@@ -63,14 +63,14 @@ def conjugate(a, out):
         out[k + 3] = -a[k + 3]
 
 
-@inlined
+@inline
 def norm(a, out):
     """Write the dual number |a| = |P| + ε⟨P, D⟩/|P|."""
     out[0] = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + a[3] * a[3])
     out[1] = (a[0] * a[4] + a[1] * a[5] + a[2] * a[6] + a[3] * a[7]) / out[0] if out[0] > 0.0 else 0.0
 
 
-@inlined
+@inline
 def inverse(a, out):
     """Write a⁻¹ = a*(1/m − εm'/m²) with aa* = m + εm'."""
     m = a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + a[3] * a[3]
@@ -82,7 +82,7 @@ def inverse(a, out):
         out[i] = out[i] / m
 
 
-@inlined
+@inline
 def renormalise(a, out):
     """Write the unit dual quaternion nearest to a."""
     scale = 1.0 / math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2] + a[3] * a[3])
@@ -93,7 +93,7 @@ def renormalise(a, out):
         out[4 + i] -= along * out[i]
 
 
-@inlined
+@inline
 def short(a, out):
     """Write a or −a, whichever has a primary real part ≥ 0."""
     sign = -1.0 if a[0] < 0.0 else 1.0
@@ -101,7 +101,7 @@ def short(a, out):
         out[i] = sign * a[i]
 
 
-@inlined
+@inline
 def hamilton_plus(a, out):
     """Write H⁺(a), row-major: vec8(ab) = H⁺(a) vec8(b)."""
     for half in range(2):
@@ -117,7 +117,7 @@ def hamilton_plus(a, out):
             out[8 * row + column] = 0.0
 
 
-@inlined
+@inline
 def hamilton_minus(b, out):
     """Write H⁻(b), row-major: vec8(ab) = H⁻(b) vec8(a)."""
     for half in range(2):
@@ -133,7 +133,7 @@ def hamilton_minus(b, out):
             out[8 * row + column] = 0.0
 
 
-@inlined
+@inline
 def rotated(r, v):
     """Return Im(r v r*) for a unit quaternion r and a 3-vector v."""
     w, x, y, z = r[0], r[1], r[2], r[3]
@@ -142,23 +142,31 @@ def rotated(r, v):
     return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
 
 
-@inlined
+@inline
 def rotate(r, v, out):
     """Write Im(r v r*) for a unit quaternion r and a 3-vector v."""
     out[0], out[1], out[2] = rotated(r, v)
 
 
-@inlined
-def translation(x, out):
-    """Write p = 2 Im(D P*), the position in the inertial frame."""
+@inline
+def position(x):
+    """Return p = 2 Im(D P*), the position in the inertial frame."""
     w, i, j, k = x[0], -x[1], -x[2], -x[3]
     dw, di, dj, dk = x[4], x[5], x[6], x[7]
-    out[0] = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    out[1] = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    out[2] = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    return (
+        2.0 * (dw * i + di * w + dj * k - dk * j),
+        2.0 * (dw * j - di * k + dj * w + dk * i),
+        2.0 * (dw * k + di * j - dj * i + dk * w),
+    )
 
 
-@inlined
+@inline
+def translation(x, out):
+    """Write what `position` returns."""
+    out[0], out[1], out[2] = position(x)
+
+
+@inline
 def body_translation(x, out):
     """Write p_b = 2 Im(P* D), the position in the body frame."""
     w, i, j, k = x[0], -x[1], -x[2], -x[3]
@@ -168,7 +176,7 @@ def body_translation(x, out):
     out[2] = 2.0 * (w * dk + i * dj - j * di + k * dw)
 
 
-@inlined
+@inline
 def set_pose(r, p, out):
     """Write x = r + ε½pr from a unit quaternion and a position."""
     w, i, j, k = r[0], r[1], r[2], r[3]
@@ -180,7 +188,7 @@ def set_pose(r, p, out):
     out[7] = pz * w + px * j - py * i
 
 
-@inlined
+@inline
 def adjoint(x, y, out):
     """Write x y x*."""
     multiply(x, y, out)
@@ -188,7 +196,7 @@ def adjoint(x, y, out):
     multiply(y, (x[0], -x[1], -x[2], -x[3], x[4], -x[5], -x[6], -x[7]), out)
 
 
-@inlined
+@inline
 def cross_twist(a, b, out):
     """Write vec6 of (ab − ba)/2: [ω₁×ω₂ ; ω₁×v₂ + v₁×ω₂]."""
     out[0] = a[1] * b[2] - a[2] * b[1]
@@ -199,22 +207,18 @@ def cross_twist(a, b, out):
     out[5] = a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0]
 
 
-@inlined
+@inline
 def adjoint_twist(x, twist, out):
     """Write vec6(x ξ x*) for a unit x: [Rω ; Rv + p × Rω]."""
     rotate(x, twist[0:3], out[0:3])
     rotate(x, twist[3:6], out[3:6])
-    w, i, j, k = x[0], -x[1], -x[2], -x[3]
-    dw, di, dj, dk = x[4], x[5], x[6], x[7]
-    px = 2.0 * (dw * i + di * w + dj * k - dk * j)
-    py = 2.0 * (dw * j - di * k + dj * w + dk * i)
-    pz = 2.0 * (dw * k + di * j - dj * i + dk * w)
+    px, py, pz = position(x)
     out[3] += py * out[2] - pz * out[1]
     out[4] += pz * out[0] - px * out[2]
     out[5] += px * out[1] - py * out[0]
 
 
-@inlined
+@inline
 def adjoint_matrix(x, out):
     """Write Ad6(x) = [R 0 ; p×R R], row-major, for a unit x."""
     w, i, j, k = x[0], x[1], x[2], x[3]

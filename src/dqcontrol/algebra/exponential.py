@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import Array, apply, as_unit, index_of
+from dqcontrol.algebra.batch import apply, as_unit, index_of
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array
 
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.batch import Array, as_unit, broadcast_lead
+from dqcontrol.algebra.batch import as_unit, broadcast_lead
 from dqcontrol.algebra.conversions import as_unit_quaternion, matrix_from_pose, pose, rotation_from_matrix
 from dqcontrol.algebra.functions import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError, ShapeError, as_array
 
 

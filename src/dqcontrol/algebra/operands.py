@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra.batch import Array, broadcast_lead
+from dqcontrol.algebra.batch import broadcast_lead
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, as_array
 
 _SHOWN_AS_ZERO = 5e-13

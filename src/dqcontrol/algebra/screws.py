@@ -12,12 +12,12 @@ from dqcontrol.algebra.elementary import (
     set_pose,
     translation,
 )
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 _SERIES_BELOW = 0.3  # rad; beyond it the closed forms of V and V⁻¹ lose fewer than three digits
 
 
-@inlined
+@inline
 def half_angle(r, out):
     """Write a(r) with r = cos|a| + sin|a| a/|a|, |a| ≤ π; not by acos, which loses half the digits near 0."""
     s = math.sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
@@ -32,7 +32,7 @@ def half_angle(r, out):
     out[2] = scale * r[3]
 
 
-@inlined
+@inline
 def exp_quaternion(a, out):
     """Write exp of a pure quaternion: cos|a| + sinc|a| a."""
     square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2]
@@ -44,7 +44,7 @@ def exp_quaternion(a, out):
     out[3] = sinc * a[2]
 
 
-@inlined
+@inline
 def _combine(phi, v, first, second, out):
     """Write v + first φ×v + second φ×(φ×v)."""
     cx = phi[1] * v[2] - phi[2] * v[1]
@@ -55,7 +55,7 @@ def _combine(phi, v, first, second, out):
     out[2] = v[2] + first * cz + second * (phi[0] * cy - phi[1] * cx)
 
 
-@inlined
+@inline
 def left_jacobian(phi, v, out):
     """Write V(φ) v, the translation reached by the screw (φ, v)."""
     u = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
@@ -69,7 +69,7 @@ def left_jacobian(phi, v, out):
     _combine(phi, v, first, second, out)
 
 
-@inlined
+@inline
 def inverse_left_jacobian(phi, v, out):
     """Write V(φ)⁻¹ v."""
     u = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
@@ -85,7 +85,7 @@ def inverse_left_jacobian(phi, v, out):
     _combine(phi, v, -0.5, second, out)
 
 
-@inlined
+@inline
 def exp_screw(g, out):
     """Write the group exponential: the pose that the constant twist 2g reaches in one second."""
     rotation = out[0:4]
@@ -97,7 +97,7 @@ def exp_screw(g, out):
     set_pose((out[0], out[1], out[2], out[3]), (out[5], out[6], out[7]), out)
 
 
-@inlined
+@inline
 def log_screw(x, out):
     """Write the group logarithm [a ; ½V⁻¹(2a)p]."""
     half_angle(x, out[0:3])
@@ -107,14 +107,14 @@ def log_screw(x, out):
     inverse_left_jacobian(phi, p, out[3:6])
 
 
-@inlined
+@inline
 def exp_body(g, out):
     """Write P + εP g_D with P = exp(g_P)."""
     exp_quaternion(g[0:3], out[0:4])
     quaternion_product((out[0], out[1], out[2], out[3]), (0.0, g[3], g[4], g[5]), out[4:8])
 
 
-@inlined
+@inline
 def log_body(x, out):
     """Write [a ; ½p_b]."""
     half_angle(x, out[0:3])
@@ -123,14 +123,14 @@ def log_body(x, out):
         out[i] *= 0.5
 
 
-@inlined
+@inline
 def exp_inertial(g, out):
     """Write P + εg_D P with P = exp(g_P)."""
     exp_quaternion(g[0:3], out[0:4])
     quaternion_product((0.0, g[3], g[4], g[5]), (out[0], out[1], out[2], out[3]), out[4:8])
 
 
-@inlined
+@inline
 def log_inertial(x, out):
     """Write [a ; ½p]."""
     half_angle(x, out[0:3])
@@ -139,7 +139,7 @@ def log_inertial(x, out):
         out[i] *= 0.5
 
 
-@inlined
+@inline
 def power(x, exponent, out):
     """Write x^t = exp_screw(t log_screw x); exponent is an array of one."""
     t = exponent[0]
@@ -148,7 +148,7 @@ def power(x, exponent, out):
     exp_screw((t * g[0], t * g[1], t * g[2], t * g[3], t * g[4], t * g[5]), out)
 
 
-@inlined
+@inline
 def sclerp(x, y, t, out):
     """Write x short(x*y)^t, the screw from x (t = 0) to y (t = 1) the short way; t is an array of one."""
     conjugate_multiply(x, y, out)

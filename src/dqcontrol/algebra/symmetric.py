@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 _SWEEPS = 12  # cyclic Jacobi on 8 × 8 converges in 5 or 6
 
 
-@inlined
+@inline
 def cholesky(gram, m):
     """Factor the lower triangle in place; return False if it is not positive definite."""
     for j in range(m):
@@ -28,7 +28,7 @@ def cholesky(gram, m):
     return True
 
 
-@inlined
+@inline
 def cholesky_solve(factor, m, y):
     """Solve in place with the factor that has reciprocal pivots."""
     for i in range(m):
@@ -43,7 +43,7 @@ def cholesky_solve(factor, m, y):
         y[i] = value * factor[i, i]
 
 
-@inlined
+@inline
 def inverse_trace(factor, m, column):
     """Return tr G⁻¹ = ‖L⁻¹‖², an upper bound of 1/σ²min."""
     total = 0.0
@@ -59,7 +59,7 @@ def inverse_trace(factor, m, column):
     return total
 
 
-@inlined
+@inline
 def diagonalise(gram, m, vectors):
     """Diagonalise a symmetric matrix in place by cyclic Jacobi rotations; columns of vectors are eigenvectors."""
     for i in range(m):

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.browser.run_view_model import Track
-
-Array = NDArray[np.float64]
 
 _MOMENTS = 12  # of a run that are looked at
 _BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path

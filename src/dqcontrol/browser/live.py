@@ -1,4 +1,4 @@
-"""Runs that go on: their recordings are read as they grow, whoever writes them."""
+"""Runs in progress: their recordings are read as they grow, whoever writes them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
@@ -20,8 +20,6 @@ from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 _FIELDS = {STATES: "position", MEASURED: "position", COMMAND: "velocity", SAMPLE: "data"}
 _POLL = 0.05  # s
@@ -82,7 +80,7 @@ class GrowingRecording:
         return record
 
     def record(self) -> Record | None:
-        """Return all samples so far; None if there are none. ``stopped`` is empty while it goes on."""
+        """Return all samples so far; None if there are none. ``stopped`` is empty while it runs."""
         count = min(map(len, self._new.values()))
         for topic, rows in self._new.items():
             new = np.array(rows[:count], dtype=np.float64)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.run_view_model import Track
@@ -19,13 +19,11 @@ from dqcontrol.browser.shapes import Colour, robot_shapes, tinted
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.figures.style import COLOURS, DESIRED
 
-Array = NDArray[np.float64]
-
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 SPEEDS = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")
 
 _TICK = 1 / 30  # s
-_NEWS = 0.2  # s between looks for new samples of a run that goes on
+_NEWS = 0.2  # s between looks for new samples of a run in progress
 _GHOST = 0.35  # opacity of all but the first of runs in one place
 
 
@@ -55,7 +53,7 @@ class Page:
     port
         Of this machine; the next free one if it is taken.
     news
-        Called some times a second while runs go on: gives their tracks longer records and tells whether they still go.
+        Called some times a second while runs last: gives their tracks longer records and tells whether they still go.
 
     Raises
     ------

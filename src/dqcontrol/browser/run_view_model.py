@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.poses import pose7
-
-Array = NDArray[np.float64]
 
 _PIECES = 800  # of a path, at most
 _DASH = 0.02  # m
@@ -38,7 +36,7 @@ class Reading(NamedTuple):
 
 
 class Track:
-    """One run on a robot, to be looked at; a run that goes on gives it ever longer records.
+    """One run on a robot, to be looked at; a run in progress gives it ever longer records.
 
     Parameters
     ----------

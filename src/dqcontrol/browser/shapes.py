@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.whole_body import base_coordinates, placed
+from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
-Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 SHELL, JOINT, DARK, TYRE = (236, 238, 241), (213, 94, 0), (64, 69, 77), (32, 33, 36)
@@ -53,7 +53,7 @@ def robot_shapes(robot: Robot) -> list[Shape]:
     """
     drawn: list[tuple[int, Any, Colour]] = []
     own: set[int] = set()  # joints whose links have meshes
-    for first, part in placed(robot.parts if isinstance(robot, WholeBody) else [robot]):
+    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot]):
         if isinstance(part, SerialArm) and part.urdf is not None:
             found = urdf_shapes(*part.urdf, part)
             mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
@@ -122,7 +122,7 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
     import trimesh
 
     row = robot.configuration_size + 1
-    for first, part in placed(robot.parts if isinstance(robot, WholeBody) else ()):
+    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else ()):
         carrier = first + 2
         mount = robot.chain[min(first + 3, robot.configuration_size), 4:7]
         if isinstance(part, DifferentialDrive):

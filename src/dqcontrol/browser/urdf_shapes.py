@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import SerialArm
@@ -19,7 +19,6 @@ from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.urdf_xml import CheckedXml
 
-Array = NDArray[np.float64]
 Drawn = tuple[int, Any, tuple[int, int, int]]
 
 _PLAIN = (200, 203, 208)

@@ -43,12 +43,12 @@ def compare(
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
     from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
-    from dqcontrol.experiments.results_folder import MARK, new_folder
+    from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
     from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
     from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
-    from dqcontrol.reports.provenance import AGAIN, command, origins
+    from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
@@ -62,7 +62,7 @@ def compare(
         table = summary(runs, "comparison")
     if out is not None:
         with new_folder(out, force=force) as new:
-            (new / MARK).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
+            (new / SPEC_FILE).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
             write_table(table, new, "table")
             records = {label: run.record for label, run in runs.items()}
             unit = unit_of_way(run.robot for run in runs.values())
@@ -72,7 +72,7 @@ def compare(
                 new,
                 "Comparison",
                 facts=", ".join(map(str, folders)),
-                command=command("compare", *places, by=by, where=where, best_per=best_per, out=AGAIN),
+                command=command("compare", *places, by=by, where=where, best_per=best_per, out=RERUN_FOLDER),
                 tables=[table],
                 figures=figures,
                 origins=origins({}),

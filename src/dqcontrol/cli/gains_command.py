@@ -47,7 +47,7 @@ def gains(
     tip_link
         Of a URDF file.
     """
-    from dqcontrol.experiments.gains import advise_gains
+    from dqcontrol.experiments.gain_advice import advise_gains
 
     advice = advise_gains(robot, period, delay, lag, tip_link=tip_link)
     print_table(advice.table)

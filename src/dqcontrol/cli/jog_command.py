@@ -41,7 +41,7 @@ def jog(
     angular_speed
         The fastest that it turns, rad/s.
     out
-        New folder for a recording of the motion, which `dqcontrol view` shows while it goes on.
+        New folder for a recording of the motion, which `dqcontrol view` shows while it runs.
     force
         Replace an earlier folder of results.
     """

@@ -52,7 +52,7 @@ def controller(
     autostart
         Start with the first joint states; end when the reference has ended or the robot was stopped.
     out
-        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
     force
         Replace an earlier folder of results.
     """
@@ -141,7 +141,7 @@ def pereira2016(
     plant
         What the Meka is; in physics it has its force sensor.
     out
-        New folder for recordings of the motions, which `dqcontrol view` shows while they go on.
+        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
     force
         Replace an earlier folder of results.
     """

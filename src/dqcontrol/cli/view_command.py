@@ -21,7 +21,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     Parameters
     ----------
     runs
-        Folders of runs, also of those that go on, or of studies for all their runs; or recordings (.mcap).
+        Folders of runs, also of those in progress, or of studies for all their runs; or recordings (.mcap).
     live
         A spec of one run, which is run in real time meanwhile and not saved.
     port
@@ -72,7 +72,7 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
 
 
 def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
-    """Add the track of a run that goes on here."""
+    """Add the track of a run in progress here."""
     from dqcontrol.browser import GrowingRecording, Track
 
     growing = GrowingRecording(running.path, running.robot)

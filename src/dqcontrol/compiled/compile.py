@@ -3,7 +3,7 @@
 A *kernel* is a function on plain float64 arrays with one declared signature. It is compiled on its first use,
 not when it is imported, and its machine code is cached. From Python it is called like a function; other
 compiled code receives it as a `pointer`, so that a loop is compiled once for all laws and plants, and the
-interpreted loop runs the very same machine code. Small functions that kernels share are marked `inlined`.
+interpreted loop runs the very same machine code. Small functions that kernels share are marked `inline`.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from numba.extending import register_jitable
 
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.errors import InterpretedWarning
+from dqcontrol.moved import names_moved_from
 
 # Kernels allocate nothing, so they do without Numba's reference counts (`_nrt=False`), which would cost a third of
 # their time; a user's own function may allocate.
@@ -51,7 +52,7 @@ def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) 
     return dispatcher
 
 
-class _Part(JITCodeLibrary):
+class _KernelPart(JITCodeLibrary):
     """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
 
     def _optimize_final_module(self) -> None:
@@ -68,16 +69,14 @@ class _Part(JITCodeLibrary):
 
 
 class _PartCompiler(Compiler):
-    """Compile a function into a `_Part`; otherwise every caller would optimise all below it again."""
+    """Compile a function into a `_KernelPart`; otherwise every caller would optimise all below it again."""
 
     def define_pipelines(self) -> list[Any]:
-        self.state.library = _Part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library = _KernelPart(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
 
-def inlined(
-    function: Callable[..., Any], fastmath: set[str] | bool = FAST, *, everywhere: bool = True
-) -> Any:
+def inline(function: Callable[..., Any], fastmath: set[str] | bool = FAST, *, everywhere: bool = True) -> Any:
     """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python."""
     return register_jitable(
         fastmath=fastmath,
@@ -89,14 +88,14 @@ def inlined(
     )(function)
 
 
-def attached(function: Callable[..., Any]) -> Any:
+def shared(function: Callable[..., Any]) -> Any:
     """Mark a large function that kernels call seldom: each has it once, however often it calls, and compiles fast."""
-    return inlined(function, everywhere=False)
+    return inline(function, everywhere=False)
 
 
-def strictly_inlined(function: Callable[..., Any]) -> Any:
+def inline_ieee(function: Callable[..., Any]) -> Any:
     """Mark a small function whose sums may not be taken in another order, whatever its callers allow."""
-    return inlined(function, fastmath=False)
+    return inline(function, fastmath=False)
 
 
 class Kernel:
@@ -210,8 +209,8 @@ def compile_own(
     """
     try:
         compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
-        own = Kernel(guarded(compiled), signature, strict=True, cached=False)
-        _ = own.compiled
+        compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
+        _ = compiled_kernel.compiled
     except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
@@ -222,4 +221,7 @@ def compile_own(
             stacklevel=4,
         )
         return InterpretedKernel(checked(function), reason)
-    return own
+    return compiled_kernel
+
+
+__getattr__ = names_moved_from(__name__)

@@ -12,7 +12,7 @@ from typing import Any
 
 from dqcontrol.errors import DivergedError, StabilityWarning
 from dqcontrol.experiments.feasibility import task_remarks
-from dqcontrol.experiments.prepared_experiment import Case, Names, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.limits import CommandLimits
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
@@ -28,7 +28,7 @@ from dqcontrol.measures.stability import (
     with_lag,
     with_mean,
 )
-from dqcontrol.measures.table_cells import Verdict as Words
+from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
@@ -305,10 +305,10 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
     ]
 
 
-def judged(row: LoopCheck) -> Words:
+def judged(row: LoopCheck) -> VerdictCell:
     """Return the verdict as a cell of a table."""
     good = {"good": True, "stable": True, "unstable": False, "unstable for large errors": False}
-    return Words(row.verdict, good.get(row.verdict))
+    return VerdictCell(row.verdict, good.get(row.verdict))
 
 
 def check(source: str | Path | dict[str, Any]) -> Checks:
@@ -347,7 +347,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))
 
 
-def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
+def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:
     """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
     checks = list(loop_checks(setting))
     unstable = [row for row in checks if row.verdict.startswith("unstable")]
@@ -357,7 +357,7 @@ def warn_unstable(setting: Setting, *, stacklevel: int) -> list[LoopCheck]:
     return checks
 
 
-def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
+def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
     """Give what is to be expected of each combination of a prepared spec."""
     period = setting.spec.period
     plants: dict[tuple[str, str], tuple[LinearModel | None, float, Known]] = {}
@@ -380,7 +380,7 @@ def loop_checks(setting: Setting) -> Iterator[LoopCheck]:
             yield LoopCheck(case.names, period, loops, "", acceleration)
 
 
-def _numeric_check(setting: Setting, case: Case, model: LinearModel) -> LoopCheck:
+def _numeric_check(setting: PreparedExperiment, case: Combination, model: LinearModel) -> LoopCheck:
     """Return what is to be expected of a law whose gains are unknown, as it is at the start."""
     period, loop, unknown = setting.spec.period, None, ""
     try:
@@ -396,7 +396,7 @@ def _numeric_check(setting: Setting, case: Case, model: LinearModel) -> LoopChec
     return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop)
 
 
-def _driven(setting: Setting, case: Case) -> tuple[LinearModel | None, float]:
+def _driven(setting: PreparedExperiment, case: Combination) -> tuple[LinearModel | None, float]:
     """Return what a law drives, plant and supervisor, and the least acceleration that the latter allows."""
     robot, period = case.scene.robot, setting.spec.period
     model = case.plant.linear_model(robot, case.scene.start, period)

@@ -8,17 +8,15 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import CollisionWarning
 from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 
 def hand_clearance(robot: Robot, q: Array, position: Array) -> Array:

@@ -92,7 +92,7 @@ def on_cluster(client: Client, function: Callable[[T], R], items: Iterable[T]) -
             send()
             yield result
     except KilledWorker:
-        raise Error("several workers died at the same trials, perhaps for want of memory") from None
+        raise Error("several workers died at the same trials, possibly out of memory") from None
     except (CancelledError, OSError):
         raise Error("scheduler: the connection was lost") from None
     except ImportError as error:

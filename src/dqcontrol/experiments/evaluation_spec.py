@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec
+from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -28,7 +29,7 @@ class EvaluationSpec(Part, frozen=True, kw_only=True):
     angles: Literal["rad", "deg"] | None = None
     start: Annotated[float, Meta(ge=0, description="s")] = 0.0
     duration: Annotated[float, Meta(gt=0, description="s")] | None = None
-    settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
 
 
 class _SavedEvaluation(Part, frozen=True, kw_only=True):
@@ -44,6 +45,8 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
         If the file is none of an evaluation.
     """
     text = read_text(spec)
-    what = convert(spec, parse_yaml(spec, text), _SavedEvaluation).evaluation
+    data = parse_yaml(spec, text)
+    rename_old_keys(str(spec), data)
+    what = convert(spec, data, _SavedEvaluation).evaluation
     robot = what.robot.load()
-    return Run(text, robot, record, what.settle, Path(what.log).stem)
+    return Run(text, robot, record, what.skip_initial, Path(what.log).stem)

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.prepared_experiment import Case, Scene, Setting
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
 from dqcontrol.laws import Law, ManipulabilityAscent, OpenLoop, PartialProportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.task_range import lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
@@ -22,8 +21,6 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away
@@ -56,7 +53,7 @@ class PathDemand:
     time: float
 
 
-def path_demand(scene: Scene) -> PathDemand | None:
+def path_demand(scene: PreparedRobot) -> PathDemand | None:
     """Return what a reference asks of an arm; None of robots with a mobile base, which cannot move sideways.
 
     The motion is followed with feed-forward from the configuration nearest to its first pose, so no transient of a
@@ -74,8 +71,8 @@ def path_demand(scene: Scene) -> PathDemand | None:
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
     try:
-        arrived = follow(law, Integrator(), start, held).q[-1]
-        record = follow(law, Integrator(), arrived, samples)
+        arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
+        record = simulate_prepared(law, Integrator(), arrived, samples)
     except DivergedError:
         return None
     speeds = np.abs(np.diff(record.q, axis=0)) / period / robot.limits.velocity
@@ -88,7 +85,7 @@ def path_demand(scene: Scene) -> PathDemand | None:
     return PathDemand(left, float(speeds[k, joint]), robot.joint_names[joint], float(samples[k, -1]))
 
 
-def task_remarks(setting: Setting) -> Iterator[str]:
+def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
     """Give what speaks against each robot's doing what is asked, and what helps, in a line each."""
     whole = [case for case in setting.cases if not isinstance(case.variant.law, PartialProportional)]
     for label, scene in setting.scenes.items():
@@ -106,7 +103,7 @@ def way_out(law: Law) -> str:
     return "start elsewhere, or leave it with null_space: {kind: manipulability, gain: 1}"
 
 
-def _of_singular_start(case: Case) -> Iterator[str]:
+def _of_singular_start(case: Combination) -> Iterator[str]:
     """Say if a law would stand still at its start, as no joint can move the hand towards the first pose beyond it."""
     scene, law = case.scene, case.variant.law
     if isinstance(law, OpenLoop) or isinstance(law.null_space, ManipulabilityAscent):
@@ -122,7 +119,7 @@ def _of_singular_start(case: Case) -> Iterator[str]:
         )
 
 
-def _of_path(scene: Scene) -> Iterator[str]:
+def _of_path(scene: PreparedRobot) -> Iterator[str]:
     demand, robot = path_demand(scene), scene.robot
     if demand is None:
         return
@@ -146,7 +143,7 @@ def _of_path(scene: Scene) -> Iterator[str]:
         )
 
 
-def _of_first_command(setting: Setting, case: Case) -> Iterator[str]:
+def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
     """Say if the first command is beyond the velocity limits, where that is a velocity."""
     robot, law = case.scene.robot, case.variant.law
     if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop):

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.files.yaml_file import parse_yaml, read_text
@@ -24,8 +24,6 @@ from dqcontrol.recording import load_record
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 _STEPS = 100_000  # of noise drawn; then it repeats
 _TRIES = 500
@@ -84,13 +82,13 @@ def recorded_jog(
     )
 
 
-def _setting(source: str) -> Setting:
+def _setting(source: str) -> PreparedExperiment:
     setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
     setting.only_case(source, "keys drive one")
     return setting
 
 
-def _start(setting: Setting, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
+def _start(setting: PreparedExperiment, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
     (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
     law = case.variant.law.prepare(robot, None, spec.period, case.limits, lagging_mode(plant))

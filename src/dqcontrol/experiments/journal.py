@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 
 from dqcontrol.errors import FileFormatError
-from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.experiments.row_file import Row, read_rows, write_rows
-from dqcontrol.experiments.trials import Outcome, Trial
+from dqcontrol.experiments.trials import Trial, TrialOutcome
 from dqcontrol.experiments.working_folder import WorkingFolder
 
 _EVERY = 2.0  # s between parts
@@ -25,7 +25,7 @@ class Journal(WorkingFolder):
         The study.
     """
 
-    def __init__(self, folder: Path, setting: Setting, *, force: bool = False) -> None:
+    def __init__(self, folder: Path, setting: PreparedExperiment, *, force: bool = False) -> None:
         self._pending: list[Row] = []
         self._written = time.monotonic()
         super().__init__(folder, setting.text, setting.fingerprint(), force=force)
@@ -49,7 +49,7 @@ class Journal(WorkingFolder):
                 ) from None
         return rows
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: TrialOutcome) -> None:
         """Note a finished trial; it reaches the disk within two seconds, or when the journal is closed."""
         self._pending.append(outcome.row)
         if time.monotonic() - self._written > _EVERY:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.experiments.evaluation_spec import saved_evaluation
-from dqcontrol.experiments.results_folder import MARK
+from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import read_data, read_spec
@@ -26,22 +26,22 @@ def load_run(folder: str | Path) -> Run:
         If the folder holds no run.
     """
     path = Path(folder)
-    if not (path / MARK).is_file() or not (path / "record.mcap").is_file():
+    if not (path / SPEC_FILE).is_file() or not (path / "record.mcap").is_file():
         raise FileFormatError(_why_no_run(path))
-    text = read_text(path / MARK)
+    text = read_text(path / SPEC_FILE)
     if "evaluation:" in text.splitlines():
-        return saved_evaluation(path / MARK, load_record(path / "record.mcap"))
-    spec, _ = read_spec(path / MARK)
+        return saved_evaluation(path / SPEC_FILE, load_record(path / "record.mcap"))
+    spec, _ = read_spec(path / SPEC_FILE)
     if not spec.is_single:
-        raise FileFormatError(f"{path / MARK}: describes several runs")
+        raise FileFormatError(f"{path / SPEC_FILE}: describes several runs")
     (robot,), (law,), (plant,) = spec.robot_by_label.values(), spec.law_by_label, spec.plant_by_label
     return Run(
         text,
         robot.load(),
         load_record(path / "record.mcap"),
-        spec.settle,
+        spec.skip_initial,
         f"{law} · {plant}",
-        spec.judged,
+        spec.metrics_from,
     )
 
 
@@ -49,10 +49,11 @@ def _why_no_run(path: Path) -> str:
     if not path.exists():
         return f"{path}: does not exist"
     if runs := [run.name for run in _run_folders(path) if run != path]:
-        return f"{path}: is no folder of a run, but holds runs: give {path / runs[0]}" + " or another" * (
-            len(runs) > 1
+        return (
+            f"{path}: is not the folder of a run, but holds runs: give {path / runs[0]}"
+            + " or another" * (len(runs) > 1)
         )
-    return f"{path}: is no folder of a run ({MARK} and record.mcap are missing or incomplete)"
+    return f"{path}: is not the folder of a run ({SPEC_FILE} and record.mcap are missing or incomplete)"
 
 
 def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
@@ -132,7 +133,7 @@ def is_study(folder: str | Path) -> bool:
 
 def is_sweep(folder: str | Path) -> bool:
     """Tell whether a folder holds a parameter study."""
-    return is_study(folder) and "sweep:" in read_text(Path(folder) / MARK).splitlines()
+    return is_study(folder) and "sweep:" in read_text(Path(folder) / SPEC_FILE).splitlines()
 
 
 def load_study(folder: str | Path) -> Study:
@@ -146,8 +147,8 @@ def load_study(folder: str | Path) -> Study:
         If pyarrow is not installed.
     """
     path = Path(folder)
-    for name in (MARK, ROWS):
+    for name in (SPEC_FILE, ROWS):
         if not (path / name).is_file():
-            raise FileFormatError(f"{path}: is no folder of a study with metrics ({name} is missing)")
-    _, data, _ = read_data(path / MARK)
-    return Study(str(data["name"]), read_text(path / MARK), {}, read_rows(path / ROWS))
+            raise FileFormatError(f"{path}: is not the folder of a study with metrics ({name} is missing)")
+    _, data, _ = read_data(path / SPEC_FILE)
+    return Study(str(data["name"]), read_text(path / SPEC_FILE), {}, read_rows(path / ROWS))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.text_file import read_text
 from dqcontrol.laws import LinearQuadraticDQ
@@ -21,10 +22,8 @@ from dqcontrol.references import Sequence as InSequence
 from dqcontrol.references.drawing.drawing_file import parse_drawing
 from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
 from dqcontrol.references.plane import Plane, plane_axes
-from dqcontrol.references.strokes import Arc, Stroke, Trace
+from dqcontrol.references.strokes import Arc, PenPath, Stroke
 from dqcontrol.robots import Robot, load_robot
-
-Array = NDArray[np.float64]
 
 PERIOD = 0.01  # s
 START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)  # of the Panda: the hand points forward, along y
@@ -159,7 +158,7 @@ def _relative(pen: PenStroke, origin: Array, scale: float, pace: float) -> tuple
 
 
 def _box(pens: Sequence[PenStroke]) -> tuple[Array, Array]:
-    boxes = [Trace.of(_relative(pen, np.array(pen.start), 1.0, 1.0)).box() + pen.start for pen in pens]
+    boxes = [PenPath.of(_relative(pen, np.array(pen.start), 1.0, 1.0)).box() + pen.start for pen in pens]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     if (high - low).max() < 1e-6:
         raise FileFormatError("drawing: has no size")
@@ -197,7 +196,7 @@ def _fitting(
 def _reached(arm: Robot, q: Array, axes: Array, pens: Sequence[PenStroke]) -> bool:
     points = []
     for pen in pens:
-        trace = Trace.of(pen.strokes)
+        trace = PenPath.of(pen.strokes)
         points.append(trace.at(np.linspace(0.0, trace.times[-1], 8))[0] + pen.start)
     flat = np.concatenate(points)
     flat = flat[np.unique(np.linspace(0, len(flat) - 1, _POSES).astype(int))]
@@ -218,7 +217,7 @@ def _motion(hand: Array, axes: Array, pens: Sequence[PenStroke], pace: float) ->
             now += parts[-1].duration
         parts.append(_part(hand, axes, begin, pen.strokes, pace))
         switched += [now, now := now + parts[-1].duration]
-        pen_at = begin + Trace.of(pen.strokes).ends()[0][-1]
+        pen_at = begin + PenPath.of(pen.strokes).ends()[0][-1]
     return InSequence(parts), np.array(switched)
 
 

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 from msgspec import UNSET
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, naming
+from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
@@ -44,7 +44,6 @@ from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
@@ -53,7 +52,7 @@ _MOST_KNOWN = 16  # robots and scenes
 
 
 @dataclass(frozen=True)
-class Scene:
+class PreparedRobot:
     """A robot where it starts, and the motion that it is to follow, sampled."""
 
     robot: Robot
@@ -77,7 +76,7 @@ class Names(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Case:
+class Combination:
     """One combination of robot, law, parameter set and plant.
 
     Attributes
@@ -93,7 +92,7 @@ class Case:
     """
 
     names: Names
-    scene: Scene
+    scene: PreparedRobot
     variant: Variant[AnyLaw]
     plant: AnyPlant
     limits: CommandLimits
@@ -112,20 +111,20 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Setting:
+class PreparedExperiment:
     """A spec, the folder of its relative file names, and all that it combines, in the order that it runs in."""
 
     spec: Spec
     folder: Path
-    scenes: dict[str, Scene]
-    cases: tuple[Case, ...]
+    scenes: dict[str, PreparedRobot]
+    cases: tuple[Combination, ...]
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> PreparedRobot:
         """The first robot's."""
         return next(iter(self.scenes.values()))
 
-    def only_case(self, source: object, otherwise: str) -> Case:
+    def only_case(self, source: object, otherwise: str) -> Combination:
         """Return the case of a spec of one run; ``otherwise`` says why there may not be several."""
         if not self.spec.is_single:
             raise ShapeError(f"{source}: describes several runs ({self.spec.several}); {otherwise}")
@@ -136,7 +135,7 @@ class Setting:
         """The spec as YAML with all defaults."""
         return spec_text(self.spec, self.folder)
 
-    def single_text(self, case: Case, repeat: int) -> str:
+    def single_text(self, case: Combination, repeat: int) -> str:
         """Return the spec of one trial as YAML."""
         chosen = self.spec.robot_by_label[case.names.robot]
         robot = self.spec.robot if self.spec.robots is UNSET else chosen.without_start()
@@ -147,7 +146,7 @@ class Setting:
             robots=UNSET,
             law=case.variant.law,
             laws=UNSET,
-            sets=None,
+            parameter_sets=None,
             grids=None,
             plant=case.plant,
             plants=UNSET,
@@ -196,7 +195,7 @@ def program() -> str:
     return " ".join(found)
 
 
-def prepare(source: str | Path | dict[str, Any]) -> Setting:
+def prepare(source: str | Path | dict[str, Any]) -> PreparedExperiment:
     """Load everything that a spec names and check that it fits together, before anything moves.
 
     Raises
@@ -205,11 +204,11 @@ def prepare(source: str | Path | dict[str, Any]) -> Setting:
         If something is missing, malformed, does not fit or is out of reach.
     """
     spec, folder = read_spec(source)
-    with nullcontext() if isinstance(source, dict) else naming(str(source)):
+    with nullcontext() if isinstance(source, dict) else error_prefix(str(source)):
         return prepare_spec(spec, folder, {})
 
 
-def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
+def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedExperiment:
     """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again."""
     variants, plants = spec.variants, spec.plant_by_label
     robots = spec.robot_by_label
@@ -225,8 +224,8 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
     folder_names(each.label for each in names)
     scenes, cases = {}, []
     for label, robot in robots.items():
-        with naming(f"robots.{label}") if label else nullcontext():
-            parts = spec.reference, spec.period, spec.duration, spec.settle, robot
+        with error_prefix(f"robots.{label}") if label else nullcontext():
+            parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
@@ -237,9 +236,11 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> Setting:
                 place = Names(label, variant.label, variant.set, name)
                 law = versions[limits[name].velocity]
                 cases.append(
-                    Case(place, scenes[label], variant, plant, limits[name], compiled[name], law, gains)
+                    Combination(
+                        place, scenes[label], variant, plant, limits[name], compiled[name], law, gains
+                    )
                 )
-    return Setting(spec, folder, scenes, tuple(cases))
+    return PreparedExperiment(spec, folder, scenes, tuple(cases))
 
 
 def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
@@ -252,20 +253,22 @@ def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
     return known[text]
 
 
-def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> Scene:
+def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> PreparedRobot:
     robot = _once(known, [str(folder), chosen.without_start()], lambda: chosen.load(folder))
     start = _start(chosen.start, robot)
     reference = spec.reference.build(robot.fkm(start), folder)
     reference = spec.reference.of_robot(reference, robot, start)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
-    if spec.settle > samples[-1, -1]:
-        raise ValueRangeError(f"settle: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.settle:g}")
+    if spec.skip_initial > samples[-1, -1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.skip_initial:g}"
+        )
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
-    return Scene(robot, start, reference, samples)
+    return PreparedRobot(robot, start, reference, samples)
 
 
 def _start(given: Start, robot: Robot) -> Array:
@@ -287,12 +290,15 @@ def _start(given: Start, robot: Robot) -> Array:
 
 
 def _prepared_laws(
-    spec: Spec, variants: list[Variant[AnyLaw]], scene: Scene, different: dict[bool | None, CommandLimits]
+    spec: Spec,
+    variants: list[Variant[AnyLaw]],
+    scene: PreparedRobot,
+    different: dict[bool | None, CommandLimits],
 ) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
     """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
     room = _KEPT_BYTES
     for variant in variants:
-        with naming(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
+        with error_prefix(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
             first = variant.law.prepare(
                 scene.robot, scene.reference, spec.period, next(iter(different.values()))
             )
@@ -304,13 +310,13 @@ def _prepared_laws(
         yield kept, loop_gains(variant.law, first)
 
 
-def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: Scene) -> dict[str, bool]:
+def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: PreparedRobot) -> dict[str, bool]:
     """Check that every plant can start, and tell which are compiled."""
     compiled = {}
     for label, plant in plants.items():
         if supervisor := spec.supervisor_of(plant):
             supervisor.prepare(scene.robot, spec.period).start(scene.start)
-        with naming(f"plant {label}"):
+        with error_prefix(f"plant {label}"):
             live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
             if spec.disturbance is not None:
                 check_disturbed(live)

@@ -52,7 +52,7 @@ def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> I
         yield from cast(Iterator[R], pool(delayed(function)(item) for item in items))
     except BrokenProcessPool:
         raise Error(
-            "a process of the study was killed, perhaps for want of memory; try fewer jobs (--jobs)"
+            "a process of the study was killed, possibly out of memory; try fewer jobs (--jobs)"
         ) from None
 
 

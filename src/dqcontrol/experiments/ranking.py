@@ -192,7 +192,7 @@ def rank(
 def _read(arrow: Any, folder: Path, numbers: Sequence[str], *, several: bool) -> pyarrow.Table:
     path = folder / ROWS
     if not path.is_file():
-        raise FileFormatError(f"{folder}: is no folder of a study with metrics ({ROWS} is missing)")
+        raise FileFormatError(f"{folder}: is not the folder of a study with metrics ({ROWS} is missing)")
     try:
         names = arrow.parquet.read_schema(path).names
         labels = [n for n in names if n in LABELS or n == "point" or n.startswith(_PARAMETER)]

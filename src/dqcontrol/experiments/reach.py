@@ -5,16 +5,14 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody, describe
-from dqcontrol.robots.whole_body import base_coordinates, placed
-
-Array = NDArray[np.float64]
+from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
 _POSES = 200  # of the reference, evenly spaced
 _RESTARTS = 100
@@ -85,7 +83,7 @@ def _check_length(robot: Robot, samples: Array) -> None:
 def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
     """Return q0 for each pose, a base that stands on the floor driven as far as the hand has to go."""
     starts = np.tile(q0, (len(poses), 1))
-    first = next(placed(robot.parts))[0] if isinstance(robot, WholeBody) else 0
+    first = next(parts_with_offsets(robot.parts))[0] if isinstance(robot, WholeBody) else 0
     if base_coordinates(robot)[first]:
         way = algebra.translation(poses) - algebra.translation(robot.fkm(q0))
         starts[:, first : first + 2] += way[:, :2]

@@ -14,8 +14,8 @@ from pathlib import Path
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
 from dqcontrol.files.whole_file import whole_file
 
-MARK = "spec.yaml"  # every folder of results holds what it came from
-OUTSIDE = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
+SPEC_FILE = "spec.yaml"  # every folder of results holds what it came from
+PARENT = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
 _LONGEST = 200  # bytes of a name; file systems take 255
 _CONTENTS = ".dqcontrol-results"  # and the list of all that was written
 _SAVING = ".saving"  # in it, while something is added
@@ -36,7 +36,7 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     if not target.exists() and not target.is_symlink():
         near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
         if not near.is_dir() or not os.access(near, os.W_OK | os.X_OK):
-            raise Error(f"{target}: cannot be written: {near} is no folder that may be written")
+            raise Error(f"{target}: cannot be written: {near} is not writable")
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")

@@ -11,23 +11,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.clearance import least_clearance
-from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import OUTSIDE, new_folder
+from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
-from dqcontrol.experiments.spec import AnyLaw, AnyPlant, Judged, Spec, read_spec
+from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, evaluate
@@ -38,7 +38,6 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
 from dqcontrol.robots import Robot
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 
@@ -71,7 +70,7 @@ class Run:
     record: Record
     settle: float
     label: str
-    judged: Judged = "true"
+    judged: MetricsFrom = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
 
@@ -186,7 +185,7 @@ class Run:
         table = summary({self.label: self})
         return {"text/plain": repr(self.label), "text/markdown": f"{table.markdown()}\n{html}"}
 
-    def write(self, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
+    def write(self, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
         result_pages().write_run(self, folder, outside, figures=figures)
@@ -206,7 +205,7 @@ def units_of(robot: Robot) -> dict[str, list[str]]:
     return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
 
 
-def as_judged(record: Record, robot: Robot, judged: Judged) -> Record:
+def as_judged(record: Record, robot: Robot, judged: MetricsFrom) -> Record:
     """Return a run as it is judged: with the true joint angles, or with those that the encoders gave."""
     if judged == "true":
         return record
@@ -217,7 +216,7 @@ def measure(
     record: Record,
     robot: Robot,
     settle: float,
-    judged: Judged = "true",
+    judged: MetricsFrom = "true",
     law: Law | None = None,
     plant: Plant | None = None,
 ) -> Metrics:
@@ -231,8 +230,8 @@ def measure(
 
 
 def execute(
-    setting: Setting,
-    case: Case,
+    setting: PreparedExperiment,
+    case: Combination,
     repeat: int = 0,
     *,
     interpreted: bool = False,
@@ -250,7 +249,7 @@ def execute(
         If the very first command fails.
     """
     spec, scene = setting.spec, case.scene
-    record = follow(
+    record = simulate_prepared(
         case.prepare_law(spec),
         case.plant,
         scene.start,
@@ -272,10 +271,12 @@ def execute(
     return with_certificate(scene.robot, record, case.variant.law, case.plant)
 
 
-def as_run(setting: Setting, case: Case, repeat: int, record: Record) -> Run:
+def as_run(setting: PreparedExperiment, case: Combination, repeat: int, record: Record) -> Run:
     """Return the record of a trial with the spec that repeats it."""
     text = setting.single_text(case, repeat)
-    return Run(text, case.scene.robot, record, setting.spec.settle, case.names.label, setting.spec.judged)
+    return Run(
+        text, case.scene.robot, record, setting.spec.skip_initial, case.names.label, setting.spec.metrics_from
+    )
 
 
 def run(

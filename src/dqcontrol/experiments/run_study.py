@@ -10,7 +10,7 @@ from typing import Any
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.journal import Journal
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.experiments.run import Run
@@ -42,7 +42,7 @@ def run_study(
     progress
         Called with the number of trials done, with parts of the one that runs, and of trials in all.
     journal
-        Working folder that keeps finished trials, so that the same call goes on after an interruption; it stays there
+        Working folder that keeps finished trials, so that the same call resumes after an interruption; it stays there
         when the study is complete. Needs pyarrow.
 
     Raises
@@ -80,7 +80,7 @@ def run_study_to(
     computed: Callable[[Study], None] | None = None,
     drawing: Callable[[int, int], None] | None = None,
 ) -> Study:
-    """Run a study and save it; after an interruption the same call goes on with the trials that are left.
+    """Run a study and save it; after an interruption the same call resumes with the trials that are left.
 
     Finished trials are kept in ``.NAME.part`` beside the folder NAME until the study is complete; only a study that
     keeps all records of single runs does without.
@@ -129,7 +129,7 @@ def run_study_to(
 
 
 def _run(
-    setting: Setting, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
+    setting: PreparedExperiment, jobs: int | None, progress: StudyProgress | None, journal: Journal | None
 ) -> Study:
     expected = {check.names: check for check in warn_unstable(setting, stacklevel=3)}
     spec = setting.spec

@@ -15,13 +15,13 @@ from dqcontrol.experiments.prepared_experiment import program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import MARK, check_new, new_folder
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
-from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, rehearse
+from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
 from dqcontrol.measures.metric_tables import number_column
 
@@ -86,7 +86,7 @@ def run_sweep_to(
     """Run a parameter study, and write ``spec.yaml``, ``runs.parquet``, a table and a figure of its best points.
 
     The same spec gives the same rows to the last bit, whatever the number of jobs or workers. Finished parts are kept
-    in ``.NAME.part`` beside the folder NAME until all are there: after an interruption the same call goes on.
+    in ``.NAME.part`` beside the folder NAME until all are there: after an interruption the same call resumes it.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def run_sweep_to(
     ):
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
         with new_folder(target, force=force) as new:
-            (new / MARK).write_text(sweep.text, encoding="utf-8")
+            (new / SPEC_FILE).write_text(sweep.text, encoding="utf-8")
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")
@@ -161,7 +161,7 @@ def _workers(sweep: Sweep, jobs: int | None, scheduler: str | None) -> Iterator[
     if jobs == 1 or sweep.parts == 1:
         yield lambda tasks: map(Task.run, tasks)
         return
-    rehearse([Batch(setting, case, (0,), None) for setting in sweep.ends() for case in setting.cases])
+    precompile([Batch(setting, case, (0,), None) for setting in sweep.ends() for case in setting.cases])
     yield lambda tasks: in_processes(Task.run, tasks, jobs)
 
 

@@ -32,7 +32,7 @@ class SamplingTime:
 
     @property
     def mean(self) -> float:
-        """Of the measured periods, s."""
+        """Mean of the measured periods, s."""
         return float(self.timing.periods.mean())
 
     @property

@@ -9,7 +9,7 @@ from typing import Any
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
 from dqcontrol.experiments.clearance import went_through
 from dqcontrol.experiments.feasibility import way_out
-from dqcontrol.experiments.prepared_experiment import Case
+from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
     ClassicProportional,
     DecoupledProportional,
@@ -35,7 +35,7 @@ _OFTEN = 0.1  # of the samples at a velocity limit
 _AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
 
 
-def warn_of_shortfalls(cases: Sequence[tuple[Case, Trials]], *, stacklevel: int) -> None:
+def warn_of_shortfalls(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
     """Warn of what fell short in runs: of the first, and how many more there are, for each kind.
 
     Parameters
@@ -82,7 +82,7 @@ def beyond_velocities(label: str, trials: Trials) -> str:
     )
 
 
-def not_done(case: Case, trials: Trials) -> str:
+def not_done(case: Combination, trials: Trials) -> str:
     """Say what is left of the task of one case, and what helps; nothing if all repeats did it."""
     short = [trial for trial in trials if str(trial["task"]).startswith("not ")]
     if not short:
@@ -92,7 +92,7 @@ def not_done(case: Case, trials: Trials) -> str:
     return f"{case.names.label}: {worst['task']}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
 
 
-def _remedies(case: Case, trial: Mapping[str, Any]) -> Iterator[str]:
+def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     robot, law, task = case.scene.robot, case.variant.law, str(trial["task"])
     if robot.input_size < 6 and not isinstance(law, PartialProportional):
         yield (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.errors import writing
-from dqcontrol.experiments.results_folder import MARK, added_files, check_new, new_folder, note_contents
+from dqcontrol.experiments.results_folder import SPEC_FILE, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.record import Record
 from dqcontrol.recording.black_box_folder import FOLDER, save_last_seconds
@@ -45,7 +45,7 @@ class StreamedRun:
 
     @property
     def path(self) -> Path:
-        """Of the last recording."""
+        """Path of the last recording."""
         return self.folder / RECORD
 
     def record(self) -> RecordStream:
@@ -59,7 +59,7 @@ class StreamedRun:
         with writing(self.folder):
             if not self._count:
                 with new_folder(self.folder, force=self._force) as new:
-                    (new / MARK).write_text(self._spec, encoding="utf-8")
+                    (new / SPEC_FILE).write_text(self._spec, encoding="utf-8")
             else:
                 self.path.rename(self.folder / f"record-{self._count}.mcap")
             self._count += 1

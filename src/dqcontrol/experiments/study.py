@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError, LimitWarning
 from dqcontrol.experiments.noise import noise_model
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import MARK, OUTSIDE, folder_names, new_folder
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, folder_names, new_folder
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
@@ -133,7 +133,7 @@ class Study:
             If the folder exists (and holds no results, with ``force``).
         """
         with new_folder(folder, force=force) as new:
-            (new / MARK).write_text(self.spec, encoding="utf-8")
+            (new / SPEC_FILE).write_text(self.spec, encoding="utf-8")
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
             self._write_runs({label: new / name for label, name in names.items()}, figures, jobs, progress)
             if not names:
@@ -192,7 +192,7 @@ class Study:
             write_table(table, new, name)
         return list(tables.values())
 
-    def setting(self) -> Setting:
+    def setting(self) -> PreparedExperiment:
         """Return the spec made ready once more, without the warnings that were given before."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LimitWarning)
@@ -217,7 +217,7 @@ class _Page(NamedTuple):
 
 def _write_page(page: _Page) -> None:
     page.folder.mkdir()
-    page.run.write(page.folder, f"{OUTSIDE}/{OUTSIDE}", figures=page.figures)
+    page.run.write(page.folder, f"{PARENT}/{PARENT}", figures=page.figures)
 
 
 def by_label(rows: Iterable[Row]) -> dict[str, list[Row]]:

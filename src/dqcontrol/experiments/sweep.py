@@ -19,7 +19,7 @@ import msgspec
 import yaml
 
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.experiments.prepared_experiment import Setting, prepare_spec
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
 from dqcontrol.experiments.spec import as_spec, quantities_at, read_data
@@ -30,7 +30,7 @@ from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
 REFUSED = "refused: "
 _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point
-_MARKED = {"sets", "grids"}
+_MARKED = {"parameter_sets", "grids"}
 _TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
 _PART = 1.0  # s of work in a part
 _MOST_IN_PART = 500  # trials
@@ -60,7 +60,7 @@ class Sweep:
 
     @property
     def name(self) -> str:
-        """Of the spec."""
+        """Name in the spec."""
         return self.first.spec.name
 
     @property
@@ -74,7 +74,7 @@ class Sweep:
         return yaml.safe_dump({**data, "sweep": sampling}, sort_keys=False, allow_unicode=True)
 
     @cached_property
-    def first(self) -> Setting:
+    def first(self) -> PreparedExperiment:
         """The first point."""
         return self.setting(next(self.sampling.points_between(0, 1)))
 
@@ -111,7 +111,7 @@ class Sweep:
         """Return how many trials a part has."""
         return len(self.runs_of(part)) * len(self.first.cases)
 
-    def setting(self, point: Point) -> Setting:
+    def setting(self, point: Point) -> PreparedExperiment:
         """Return the study at a point, made ready.
 
         Raises
@@ -124,7 +124,7 @@ class Sweep:
             _put(data, key, value)
         return prepare_spec(as_spec(self.where, data, self.folder), self.folder, self._known)
 
-    def ends(self) -> Iterator[Setting]:
+    def ends(self) -> Iterator[PreparedExperiment]:
         """Return the studies at the ends of all ranges and at all values of lists, one key at a time.
 
         Raises
@@ -230,7 +230,7 @@ def _sweep(where: str, data: dict[str, Any], folder: Path) -> Sweep:
         for key in sampling.over:
             head = key.partition(".")[0]
             if key in _FIXED or head in _MARKED:
-                raise FileFormatError(f"sweep.over.{key}: cannot vary; vary what is in it, or let it be")
+                raise FileFormatError(f"sweep.over.{key}: cannot vary; vary a key inside it")
     except Error as error:
         raise type(error)(f"{where}: {error}") from None
     return Sweep(where, data, folder, sampling)

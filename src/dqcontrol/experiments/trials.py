@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.prepared_experiment import Case, Names, Setting
+from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.row_file import Row
@@ -49,7 +49,7 @@ class Trial(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TrialOutcome:
     """What came of a trial: a row of the study's table, and the run where records are kept in memory."""
 
     trial: Trial
@@ -71,8 +71,8 @@ class Batch:
         Where their recordings go; None keeps them in memory. See `trial_folder`.
     """
 
-    setting: Setting
-    case: Case
+    setting: PreparedExperiment
+    case: Combination
     repeats: Sequence[int]
     folder: Path | None
 
@@ -93,30 +93,30 @@ class Batch:
         for first in range(0, len(self.repeats), size):
             yield replace(self, repeats=self.repeats[first : first + size])
 
-    def outcomes(self, progress: Steps | None = None) -> Iterator[Outcome]:
+    def outcomes(self, progress: Steps | None = None) -> Iterator[TrialOutcome]:
         """Run one trial after the other; ``progress`` is told each one's steps done and its steps in all."""
         case = replace(self.case, prepared=self.case.prepare_law(self.setting.spec))
         for repeat in self.repeats:
             yield self._outcome(case, repeat, progress)
 
-    def _outcome(self, case: Case, repeat: int, progress: Steps | None) -> Outcome:
+    def _outcome(self, case: Combination, repeat: int, progress: Steps | None) -> TrialOutcome:
         trial, spec = Trial(case.names, repeat), self.setting.spec
         try:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
-            return Outcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
+            return TrialOutcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
         metrics = measure(
-            record, case.scene.robot, spec.settle, spec.judged, case.variant.law, case.plant
+            record, case.scene.robot, spec.skip_initial, spec.metrics_from, case.variant.law, case.plant
         ).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
-        return Outcome(trial, self._row(repeat, record.stopped, metrics), run)
+        return TrialOutcome(trial, self._row(repeat, record.stopped, metrics), run)
 
     def _row(self, repeat: int, stopped: str, metrics: Mapping[str, float | int | str | None]) -> Row:
         parameters = {f"parameter.{key}": value for key, value in self.case.variant.point.items()}
         trial: Row = {"repeat": repeat, "seed": self.setting.spec.seed + repeat, "stopped": stopped}
         return {**self.case.names._asdict(), **trial, **parameters, **metrics}
 
-    def _kept(self, case: Case, repeat: int, record: Record) -> Run | None:
+    def _kept(self, case: Combination, repeat: int, record: Record) -> Run | None:
         run = as_run(self.setting, case, repeat, record)
         if self.folder is None:
             return run
@@ -142,7 +142,7 @@ def sensible_jobs(batches: Sequence[Batch]) -> int:
     return joblib.cpu_count() if sum(batch.seconds for batch in batches) > WORTH_PROCESSES else 1
 
 
-def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[Outcome]:
+def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[TrialOutcome]:
     """Run batches, and give each outcome as soon as it is there; in processes, in any order.
 
     Raises
@@ -155,19 +155,19 @@ def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None)
         for batch in batches:
             yield from batch.outcomes(progress)
         return
-    rehearse(batches)
+    precompile(batches)
     results = in_processes(_in_process, map(_alone, parts), min(jobs, len(parts)))
     for some in results:
         yield from map(_received, some)
 
 
-def _in_process(batch: Batch) -> list[Outcome]:
+def _in_process(batch: Batch) -> list[TrialOutcome]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the main process has said it, or says it once for all trials
         return list(batch.outcomes())
 
 
-def _received(outcome: Outcome) -> Outcome:
+def _received(outcome: TrialOutcome) -> TrialOutcome:
     """Return an outcome that came from a process with a record that cannot be changed, as it was there."""
     run = outcome.run
     return outcome if run is None else replace(outcome, run=replace(run, record=replace(run.record)))
@@ -180,7 +180,7 @@ def _alone(batch: Batch) -> Batch:
     return replace(batch, setting=setting, case=case)
 
 
-def rehearse(batches: Sequence[Batch]) -> None:
+def precompile(batches: Sequence[Batch]) -> None:
     """Run two samples of every kind of trial, so that what has to be compiled is compiled once, not in each process."""
     kinds = {}
     for batch in batches:

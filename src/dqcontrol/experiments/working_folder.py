@@ -1,4 +1,4 @@
-"""The hidden folder of a study that runs: what is finished stays in it, so that an interrupted study can go on."""
+"""The hidden folder of a study that runs: what is finished stays in it, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from types import TracebackType
 from typing import Self
 
 from dqcontrol.errors import Error, ExistsError, writing
-from dqcontrol.experiments.results_folder import MARK
+from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.files.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
 _DRAFT = f".{_FINGERPRINT}.tmp"
 _LOCK = "lock"
-_FIRST = {_LOCK, MARK, _DRAFT}  # what is there before the fingerprint
+_FIRST = {_LOCK, SPEC_FILE, _DRAFT}  # what is there before the fingerprint
 
 
 class WorkingFolder:
@@ -65,21 +65,21 @@ class WorkingFolder:
         if mark.exists() and (reason := self._differs()):
             if not force:
                 raise ExistsError(
-                    f"{self.folder}: holds finished trials of {reason}; run that to go on with them, or discard them "
+                    f"{self.folder}: holds finished trials of {reason}; run that to resume it, or discard them "
                     "with --force (force=True)"
                 )
             self._empty()
         for path in (*self.folder.glob(".*.tmp"), *self.recordings.glob("*/.*")):
             shutil.rmtree(path) if path.is_dir() else path.unlink()
         if not mark.exists():
-            (self.folder / MARK).write_text(self._text, encoding="utf-8")
+            (self.folder / SPEC_FILE).write_text(self._text, encoding="utf-8")
             draft = self.folder / _DRAFT
             draft.write_text(self._fingerprint, encoding="utf-8")
             draft.replace(mark)
 
     def _differs(self) -> str:
         """Say what the folder belongs to, if not to this study."""
-        if read_text(self.folder / MARK) != self._text:
+        if read_text(self.folder / SPEC_FILE) != self._text:
             return "another spec"
         if read_text(self.folder / _FINGERPRINT) != self._fingerprint:
             return "another version of dqcontrol, or of a file that the spec names"
@@ -100,7 +100,7 @@ class WorkingFolder:
         return {int(path.stem.partition("-")[2]): path for path in sorted(self.folder.glob("part-*.parquet"))}
 
     def close(self) -> None:
-        """Let others in."""
+        """Release the lock."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

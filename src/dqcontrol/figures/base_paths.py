@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 from dqcontrol.figures.tilted_base import recorded_frames
@@ -17,12 +18,11 @@ from dqcontrol.loop.record import Record
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.whole_body import WholeBody, placed
+from dqcontrol.robots.whole_body import WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _LARGEST, _WIDEST, _TALLEST = (
     1.15,
@@ -172,7 +172,7 @@ def _bases(robot: Robot) -> list[tuple[int, float]]:
     parts = robot.parts if isinstance(robot, WholeBody) else ()
     return [
         (first, 1.15 * part.half_track if isinstance(part, DifferentialDrive) else _RADIUS)
-        for first, part in placed(parts)
+        for first, part in parts_with_offsets(parts)
         if not isinstance(part, SerialArm)
     ]
 

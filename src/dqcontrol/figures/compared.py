@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.pose_panels import pose_panels
 from dqcontrol.figures.style import (
@@ -26,8 +26,6 @@ from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @styled

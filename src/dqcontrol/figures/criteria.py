@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import (
     DESIRED,
@@ -28,7 +28,6 @@ from dqcontrol.loop.record import Record, row_norms
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _DECADES = 5  # of the criteria below their peak that are shown
 

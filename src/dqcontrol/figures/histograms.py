@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure, panels_across, styled
 from dqcontrol.measures.statistics import mean_of
@@ -15,7 +16,6 @@ from dqcontrol.measures.statistics import mean_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _BINS = 40
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import (
     DESIRED,
@@ -25,7 +25,6 @@ from dqcontrol.loop.record import Record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 _FLAT = 0.05  # a path counts as planar if it is this many times thinner than long
 _NAMES = "xyz"

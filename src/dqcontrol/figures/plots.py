@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.figures.pose_panels import pose_panels
 from dqcontrol.figures.style import (
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 UNITS = ("m", "rad")
 _DECADES = 12  # of the error below its peak that are shown

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.experiments.parameter_units import with_unit
 from dqcontrol.figures.style import DOUBLE, PANE, new_figure, panels_across, styled
@@ -16,8 +17,6 @@ from dqcontrol.measures.repeats import Repeats, Row
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @styled

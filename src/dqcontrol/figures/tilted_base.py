@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.loop.record import Record
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 def recorded_frames(robot: Robot, record: Record, samples: NDArray[np.int_] | slice) -> Array:

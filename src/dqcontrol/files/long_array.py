@@ -9,11 +9,9 @@ import tempfile
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
-
-Array = NDArray[np.float64]
 
 _IN_MEMORY = 32 << 20  # bytes of an array
 BLOCK = 1 << 16  # rows that are worked on at once

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.films.framing import Room
+from dqcontrol.films.framing import Framing
 from dqcontrol.films.offscreen import offscreen, renderer
-from dqcontrol.films.scene_background import add_stage
+from dqcontrol.films.scene_background import add_scene_background
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco
 
 Pixels = NDArray[np.uint8]
@@ -43,7 +43,7 @@ class Film:
     """
 
     spec: Any
-    room: Room
+    framing: Framing
     configurations: Callable[[Any], NDArray[np.float64]]
     azimuth: float
     elevation: float
@@ -67,8 +67,8 @@ def frames(
         If mujoco is not installed, or this machine has no OpenGL.
     """
     mujoco = import_mujoco()
-    room, towards = film.room, film.azimuth if azimuth is None else azimuth
-    add_stage(mujoco, film.spec, room.reach, room.floor, towards, (width, height))
+    framing, towards = film.framing, film.azimuth if azimuth is None else azimuth
+    add_scene_background(mujoco, film.spec, framing.reach, framing.floor, towards, (width, height))
     quality = film.spec.visual.quality
     quality.shadowsize, quality.numslices, quality.numstacks = _SHADOWS, _SLICES, _STACKS
     if width * height > _SMOOTHED:
@@ -79,7 +79,7 @@ def frames(
     scene = mujoco.MjvScene(model, maxgeom=2 * model.ngeom + 100 + film.decorations)
     options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
     options.geomgroup[4] = 0
-    camera.lookat[:], camera.distance = room.middle, room.distance
+    camera.lookat[:], camera.distance = framing.middle, framing.distance
     camera.azimuth, camera.elevation = towards, film.elevation if elevation is None else elevation
     everything = mujoco.mjtCatBit.mjCAT_ALL.value
     with offscreen(width, height), renderer(model, width, height) as draw:

@@ -10,7 +10,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.film import Film
-from dqcontrol.films.framing import room_of_arm
+from dqcontrol.films.framing import framing_of_arm
 from dqcontrol.plants.compliant import CompliantPlant
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
@@ -40,18 +40,18 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
     mujoco = import_mujoco()
     desired, actual = translation(record.desired[:, :8]), translation(record.pose)
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
-    room = room_of_arm(robot, record.q[some], np.vstack([desired, actual]))
+    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]))
     obstacles = plant.obstacles if isinstance(plant, CompliantPlant) else []
 
     def decorate(scene: Any, k: int) -> None:
         for obstacle in obstacles:
             _add_ball(mujoco, scene, obstacle, float(record.time[k]))
-        add_desired(mujoco, scene, desired, room.reach, _PIECES)
-        add_actual(mujoco, scene, actual[: k + 1], room.reach, _PIECES)
+        add_desired(mujoco, scene, desired, framing.reach, _PIECES)
+        add_actual(mujoco, scene, actual[: k + 1], framing.reach, _PIECES)
 
     return Film(
         skeleton(robot),
-        room,
+        framing,
         lambda _: record.q,
         azimuth=130.0,
         elevation=-18.0,

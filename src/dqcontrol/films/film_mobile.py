@@ -11,7 +11,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.films.film import Film
-from dqcontrol.films.framing import Room
+from dqcontrol.films.framing import Framing
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
@@ -36,14 +36,14 @@ def film_mobile(robot: Robot, plant: MobilePlant, record: Record) -> Film:
     """
     return Film(
         plant.picture_model(robot),
-        _room(robot, plant, record),
+        _framing(robot, plant, record),
         lambda model: _configurations(robot, plant, record, model),
         azimuth=-110.0,
         elevation=-38.0,
     )
 
 
-def _room(robot: Robot, plant: MobilePlant, record: Record) -> Room:
+def _framing(robot: Robot, plant: MobilePlant, record: Record) -> Framing:
     """Return the room that holds the robot on its whole way, its goals, and the things around it."""
     things = [[*thing.position, 0.0] for thing in (*plant.scene.cubes, *plant.scene.baskets)]
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
@@ -54,7 +54,7 @@ def _room(robot: Robot, plant: MobilePlant, record: Record) -> Room:
     lower[2] = min(lower[2], 0.0)
     extent = float(np.linalg.norm(upper - lower))
     height = float(upper[2] - lower[2])
-    return Room(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent + 0.6 * height)
+    return Framing(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent + 0.6 * height)
 
 
 def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any) -> NDArray[np.float64]:

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
-class Room:
+class Framing:
     """Where to look, and how large everything is.
 
     Attributes
@@ -38,11 +36,11 @@ class Room:
     distance: float
 
 
-def room_of_arm(robot: Robot, q: Array, points: Array) -> Room:
+def framing_of_arm(robot: Robot, q: Array, points: Array) -> Framing:
     """Return the room of an arm at configurations (N, n), rad or m, and of points (M, 3), m."""
     reach = float(np.linalg.norm(robot.chain[:, 4:7], axis=1).sum()) or 1.0
     everything = np.vstack([points, translation(robot.frames(q).reshape(-1, 8)), [np.zeros(3)]])
     lower, upper = everything.min(axis=0), everything.max(axis=0)
     floor = min(0.0, lower[2] - 0.06 * reach) if lower[2] < -0.01 * reach else 0.0
     distance = 1.45 * float(np.linalg.norm(upper - lower)) + 0.2 * reach
-    return Room(reach, floor, 0.5 * (lower + upper), distance)
+    return Framing(reach, floor, 0.5 * (lower + upper), distance)

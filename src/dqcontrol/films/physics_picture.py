@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_path import add_actual, add_desired
-from dqcontrol.films.framing import room_of_arm
+from dqcontrol.films.framing import framing_of_arm
 from dqcontrol.films.offscreen import offscreen, render
 from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.films.scene_background import add_stage
+from dqcontrol.films.scene_background import add_scene_background
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 _GHOST = 0.16  # opacity
 _SUPERSAMPLING = 2
@@ -132,9 +132,9 @@ def _picture(
     mujoco = import_mujoco()
     spec = skeleton(robot)
     shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
-    room = room_of_arm(robot, shown, np.vstack([actual, desired]))
-    reach = room.reach
-    add_stage(mujoco, spec, reach, room.floor, azimuth, (width, height))
+    framing = framing_of_arm(robot, shown, np.vstack([actual, desired]))
+    reach = framing.reach
+    add_scene_background(mujoco, spec, reach, framing.floor, azimuth, (width, height))
     model = compiled(spec)
     data = mujoco.MjData(model)
     scene = mujoco.MjvScene(model, maxgeom=2 * _PIECES + (ghosts + 2) * (model.ngeom + 4))
@@ -147,7 +147,7 @@ def _picture(
 
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     pose_arm(rows[-1])
-    camera.lookat[:], camera.distance = room.middle, room.distance
+    camera.lookat[:], camera.distance = framing.middle, framing.distance
     camera.azimuth, camera.elevation = azimuth, elevation
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):

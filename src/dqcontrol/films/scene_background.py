@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 
-def add_stage(
+def add_scene_background(
     mujoco: Any, spec: Any, reach: float, floor: float, azimuth: float, size: tuple[int, int]
 ) -> None:
     """Add a chequered floor, three lights and a pale sky to a model that is to be drawn.

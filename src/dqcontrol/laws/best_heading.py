@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
 
 
-@inlined
+@inline
 def _gram_without(twist_jacobian, left_out, center, gram):
     """Write the lower triangle of Σ ξξᵀ over all columns but one, moved to a center, slightly regularised."""
     ox, oy, oz = center
@@ -39,7 +39,7 @@ def _gram_without(twist_jacobian, left_out, center, gram):
         gram[i, i] += _REGULAR * trace
 
 
-@inlined
+@inline
 def turn_to_best_heading(twist_jacobian, j, work):
     """Return the angle, −π/2 … π/2, from the heading of the drive with input v at j to the best one.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
 
-@inlined
-def follow(q, i, virtual, rates, j, sideways, displacement, gain, period, out):
+@inline
+def track_virtual_base(q, i, virtual, rates, j, sideways, displacement, gain, period, out):
     """Write v and ω with which the displaced point follows that of a virtual base, and move the virtual base."""
     c, s = math.cos(q[i + 2]), math.sin(q[i + 2])
     ahead_c, ahead_s = math.cos(virtual[2]), math.sin(virtual[2])
@@ -53,7 +53,7 @@ def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, w
         out[i] = rates[i]
     for k in range(drives.shape[0]):
         j = int(drives[k, 0])
-        follow(
+        track_virtual_base(
             q,
             j + k,
             virtual[3 * k : 3 * k + 3],

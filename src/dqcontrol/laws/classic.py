@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import multiply
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots import Robot
 
 
-@inlined
+@inline
 def _hand_twist(rate, pose):
     """Return the hand's twist [ω ; ṗ] that moves its pose nearest to a wanted rate."""
     (ax, ay, az), (bx, by, bz), (dx, dy, dz) = nearest_twist(rate, pose)
@@ -33,13 +33,13 @@ def _hand_twist(rate, pose):
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    rate = own[0:8]
-    alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(alike, parameters[HYSTERESIS], state)
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    rate = scratch[0:8]
+    dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
+    sign = short_sign(dot, parameters[HYSTERESIS], state)
     for i in range(8):
         rate[i] = parameters[GAIN + i] * (sign * sample[i] - pose[i])
-    twist = add_integral(_hand_twist(rate, pose), pose, sample, parameters, state, own[8:24])
+    twist = add_integral(_hand_twist(rate, pose), pose, sample, parameters, state, scratch[8:24])
     return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 
@@ -48,8 +48,8 @@ def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state,
     """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d."""
     n = pose_jacobian.shape[1]
     rate, half_twist, rest = work[n : n + 8], work[n + 8 : n + 16], work[n + SCRATCH :]
-    alike = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(alike, 0.0, state)
+    dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
+    sign = short_sign(dot, 0.0, state)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
         half_twist[1 + i] = 0.5 * sign * sample[8 + i]

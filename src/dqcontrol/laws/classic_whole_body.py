@@ -20,7 +20,7 @@ _DRIVES = GAIN + 8
 def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write F N⁺ K vec8(e), N with a sideways column for each drive."""
     m = out.shape[0]
-    own, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
+    scratch, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
     drives = as_matrix(parameters[_DRIVES:], (parameters.shape[0] - _DRIVES) // 2, 2)
     n = m + drives.shape[0]
     twist_columns = as_matrix(rest[0 : 6 * n], 6, n)
@@ -29,7 +29,7 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     for i in range(n):
         inner[i] = work[i] if i < m else 0.0
 
-    error, target = own[0:8], own[8:16]
+    error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]

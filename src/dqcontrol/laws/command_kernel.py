@@ -11,14 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
+from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
 from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.laws.null_space import PREFERENCE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kinematics_kernels import call_chain, position, split
+from dqcontrol.robots.kinematics_kernels import call_chain, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
 
@@ -33,7 +34,7 @@ _PARTS = 10
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 
 
-def plan_of(
+def memory_layout(
     addresses: Sequence[int],
     coordinates: int,
     rows: int,
@@ -47,9 +48,9 @@ def plan_of(
     )
 
 
-@inlined
+@inline
 def unpack(plan, memory):
-    """Return addresses and parts, as `ask` takes them."""
+    """Return addresses and parts, as `compute_command` takes them."""
     at = plan[_PARTS:]
     rows, n = plan[_ROWS], plan[_COORDINATES]
     parameters = memory[at[3] : at[4]]
@@ -66,8 +67,8 @@ def unpack(plan, memory):
     )
 
 
-@inlined
-def ask(prepared, q, sample, k, state, out):
+@inline
+def compute_command(prepared, q, sample, k, state, out):
     """Write the command for sample number k."""
     addresses, chain, preferring, rows, work, buffer, limiting_positions, limits, _ = prepared
     kinematics, preference, law, position_limit, limit = addresses
@@ -104,7 +105,7 @@ def ask(prepared, q, sample, k, state, out):
     return OK
 
 
-@inlined
+@inline
 def note_sent(prepared, state, command):
     """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
     delivered, sent = prepared[8]
@@ -116,7 +117,7 @@ def note_sent(prepared, state, command):
             state[sent + i] = command[i]
 
 
-@inlined
+@inline
 def note_delivered(pose, twist_jacobian, command, out):
     """Write the hand's twist [ω ; ṗ] under a command."""
     for k in range(6):
@@ -138,7 +139,7 @@ def step(plan, memory, q, sample, k, period, state, out):
         return WRONG_SIZE
     if k < 0:
         k = max(round(sample[TIME] / period), 0)
-    return ask(unpack(plan, memory), q, sample, k, state, out)
+    return compute_command(unpack(plan, memory), q, sample, k, state, out)
 
 
 # plan, memory, state, command

@@ -10,7 +10,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
-from dqcontrol.compiled.compile import Kernel, inlined, kernel
+from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots import Robot
 
 
-@inlined
+@inline
 def _velocity_rows(position, twist_jacobian, out):
     """Write J_p with ṗ = J_p u into three rows."""
     px, py, pz = position[0], position[1], position[2]
@@ -38,7 +38,7 @@ def _velocity_rows(position, twist_jacobian, out):
         out[2, c] = twist_jacobian[5, c] - (px * y - py * x)
 
 
-@inlined
+@inline
 def _rotation_error(pose, desired, hysteresis, state, relative, error):
     """Write r_e = short(r*r_d) and 1 − r_e, and return the sign given to r_d."""
     quaternion_product((pose[0], -pose[1], -pose[2], -pose[3]), desired[0:4], relative)
@@ -50,36 +50,36 @@ def _rotation_error(pose, desired, hysteresis, state, relative, error):
     return sign
 
 
-@inlined
-def _angular_velocity(pose, relative, target, scratch, out):
+@inline
+def _angular_velocity(pose, relative, target, product, out):
     """Write the ω that solves −½ω_b r_e = −target nearest: ω_b = Im(−2 target r_e*), turned to inertial axes."""
-    quaternion_product(target, (relative[0], -relative[1], -relative[2], -relative[3]), scratch)
-    rotate(pose, (-2.0 * scratch[1], -2.0 * scratch[2], -2.0 * scratch[3]), out)
+    quaternion_product(target, (relative[0], -relative[1], -relative[2], -relative[3]), product)
+    rotate(pose, (-2.0 * product[1], -2.0 * product[2], -2.0 * product[3]), out)
 
 
 @kernel(LAW)
 def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N_d⁺ K e + J⁺ k_I ∫ε dt with e = [p_d − p ; vec4(1 − r*r_d)]."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, relative, here, there, omega, scratch = (
-        own[0:4],
-        own[4:8],
-        own[8:11],
-        own[11:14],
-        own[14:17],
-        own[17:21],
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    error, relative, here, there, omega, product = (
+        scratch[0:4],
+        scratch[4:8],
+        scratch[8:11],
+        scratch[11:14],
+        scratch[14:17],
+        scratch[17:21],
     )
     _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, error)
     for i in range(4):
         error[i] *= parameters[GAIN + 4 + i]
-    _angular_velocity(pose, relative, error, scratch, omega)
+    _angular_velocity(pose, relative, error, product, omega)
     translation(pose, here)
     translation(sample, there)
     for i in range(3):
         there[i] = parameters[GAIN + 1 + i] * (there[i] - here[i])
     twist = omega[0], omega[1], omega[2], there[0], there[1], there[2]
-    twist = add_integral(twist, pose, sample, parameters, state, own[21:37])
+    twist = add_integral(twist, pose, sample, parameters, state, scratch[21:37])
     return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 
@@ -134,8 +134,8 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
 def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J_p⁺ k (p_d − p)."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, position, desired_position = own[0:3], own[4:7], own[8:11]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, position, desired_position = scratch[0:3], scratch[4:7], scratch[8:11]
     translation(pose, position)
     translation(sample, desired_position)
     for i in range(3):
@@ -149,12 +149,12 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
 def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J_ω⁺ ω with the ω nearest to k (1 − r*r_d)."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, relative, scratch, omega = own[0:4], own[4:8], own[8:12], own[12:15]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, relative, product, omega = scratch[0:4], scratch[4:8], scratch[8:12], scratch[12:15]
     _rotation_error(pose, sample, 0.2, state, relative, target)
     for i in range(4):
         target[i] *= parameters[HEAD]
-    _angular_velocity(pose, relative, target, scratch, omega)
+    _angular_velocity(pose, relative, target, product, omega)
     matrix = as_matrix(rest[0 : 3 * n], 3, n)
     for i in range(3):
         for c in range(n):
@@ -163,7 +163,7 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     return solve(matrix, omega, work[0:n], parameters, rest[3 * n :], out)
 
 
-@inlined
+@inline
 def _turn(axis, desired, spare, out):
     """Write θ n × l, the way on the sphere from an axis l to the desired one; half a turn goes about ``spare``."""
     x = axis[1] * desired[2] - axis[2] * desired[1]
@@ -185,8 +185,8 @@ def _turn(axis, desired, spare, out):
 def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J_l⁺ k θ n × l for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, axis, desired_axis, spare = own[0:3], own[4:7], own[8:11], own[12:15]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    target, axis, desired_axis, spare = scratch[0:3], scratch[4:7], scratch[8:11], scratch[12:15]
     rotate(pose, parameters[HEAD + 1 : HEAD + 4], axis)
     rotate(sample, parameters[HEAD + 1 : HEAD + 4], desired_axis)
     rotate(pose, parameters[HEAD + 4 : HEAD + 7], spare)

@@ -15,8 +15,8 @@ from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) + J⁺ k_I ∫ε dt with ẋ_d = ½ξ_d x_d."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, target, velocity, half_twist = own[0:8], own[8:16], own[16:24], own[24:32]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    error, target, velocity, half_twist = scratch[0:8], scratch[8:16], scratch[16:24], scratch[24:32]
     sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
@@ -27,7 +27,7 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i] - target[i]
     twist = left_error_twist(target, error, pose)
-    twist = add_integral(twist, pose, sample, parameters, state, own[16:32])
+    twist = add_integral(twist, pose, sample, parameters, state, scratch[16:32])
     return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 

@@ -37,8 +37,8 @@ _ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
 def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the inertial twist [−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d with x_e = x x_d*."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, opposite, twist, moved = own[0:8], own[8:16], own[16:22], own[22:28]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, opposite, twist, desired_twist = scratch[0:8], scratch[8:16], scratch[16:22], scratch[22:28]
     conjugate(sample, opposite)
     multiply(pose, opposite, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)
@@ -47,9 +47,9 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
         twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
         twist[3 + i] *= -parameters[_TRANSLATION]
     if parameters[_TRACKING] != 0.0:
-        adjoint_twist(relative, sample[8:14], moved)
+        adjoint_twist(relative, sample[8:14], desired_twist)
         for i in range(6):
-            twist[i] += moved[i]
+            twist[i] += desired_twist[i]
     return solve_hand_twist(pose, twist_jacobian, at_hand(twist, pose), work[0:n], parameters, rest, out)
 
 
@@ -57,8 +57,8 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
 def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the body twist [−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b with x_l = x_d* x."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, body_twist = own[0:8], own[8:14]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, body_twist = scratch[0:8], scratch[8:14]
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)
     body_translation(relative, body_twist[3:6])

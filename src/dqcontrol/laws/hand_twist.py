@@ -5,15 +5,15 @@ Solved at the hand, in the measure |[ℓω ; ṗ]|, so that nothing depends on w
 
 from __future__ import annotations
 
-from dqcontrol.algebra.dual_quaternion_kernels import rotated
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.inverses import BY_MANIPULABILITY, DAMPED, LENGTH, finite, solve
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kinematics_kernels import hand_jacobian, position
+from dqcontrol.robots.kinematics_kernels import hand_jacobian
 
 
-@inlined
+@inline
 def weigh(row, y, i, length):
     """Let a row of ω, and what is asked for it, count in metres."""
     for c in range(row.shape[0]):
@@ -21,7 +21,7 @@ def weigh(row, y, i, length):
     y[i] *= length
 
 
-@inlined
+@inline
 def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse, work, out):
     """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
 
@@ -47,7 +47,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse, work,
     return solve(matrix, y, preferred, inverse, work[6 * n + 6 :], out)
 
 
-@inlined
+@inline
 def at_hand(twist, pose):
     """Return the hand's [ω ; ṗ] of an inertial twist ξ = ω + εv: ṗ = v + ω × p."""
     px, py, pz = position(pose)
@@ -55,7 +55,7 @@ def at_hand(twist, pose):
     return a, b, c, twist[3] + b * pz - c * py, twist[4] + c * px - a * pz, twist[5] + a * py - b * px
 
 
-@inlined
+@inline
 def in_inertial_axes(body_twist, pose):
     """Return the hand's [ω ; ṗ] of a body twist, which is that in the hand's axes."""
     ax, ay, az = rotated(pose, (body_twist[0], body_twist[1], body_twist[2]))
@@ -63,7 +63,7 @@ def in_inertial_axes(body_twist, pose):
     return ax, ay, az, bx, by, bz
 
 
-@inlined
+@inline
 def solve_left_twist(body_twist, tracking, pose, twist_jacobian, sample, preferred, inverse, work, out):
     """Write out = z + J⁺ (t − J z) for a body twist, and ξ_d = Ad(x) Ad(x_l*) ξ_d,b unless ``tracking`` is 0."""
     a, b, c, d, e, f = in_inertial_axes(body_twist, pose)

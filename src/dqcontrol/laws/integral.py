@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated, translation
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_law import GAIN, PoseLaw
@@ -25,7 +25,7 @@ INTEGRAL = GAIN + 8  # parameters: k_I T, T/T_t, bounds on ω and ṗ
 _SUM, _ASKED, DELIVERED, _END = 1, 7, 13, 19
 
 
-@inlined
+@inline
 def add_integral(twist, pose, sample, parameters, state, scratch):
     """Return the hand's twist [ω ; ṗ] with k_I ∫ε dt added, ε = [2 Im r ; p] of short(x*x_d), in the hand's axes.
 
@@ -67,7 +67,7 @@ def add_integral(twist, pose, sample, parameters, state, scratch):
     return a, b, c, u, v, w
 
 
-@inlined
+@inline
 def _summed(value, excess, bound):
     """Return one number of the integral: less the excess, but not through 0, and within its bound."""
     if value * excess > 0.0:

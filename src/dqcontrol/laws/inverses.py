@@ -7,7 +7,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
-from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, attached, inlined
+from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
 
@@ -103,7 +103,7 @@ def work_size() -> int:
     return 2 * _SQUARE + 2 * _MOST_ROWS
 
 
-@inlined
+@inline
 def _gram(matrix, rows, n, by_columns, gram):
     """Write the lower triangle of JᵀJ or JJᵀ."""
     if by_columns:
@@ -122,7 +122,7 @@ def _gram(matrix, rows, n, by_columns, gram):
                 gram[i, j] = value
 
 
-@inlined
+@inline
 def _filtered_solve(gram, m, y, inverse, vectors, scratch):
     """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ)), through the eigenvalues of G."""
     diagonalise(gram, m, vectors)
@@ -142,7 +142,7 @@ def _filtered_solve(gram, m, y, inverse, vectors, scratch):
         y[i] = value
 
 
-@inlined
+@inline
 def _manipulability_damping(factor, m, inverse):
     """Return λ² from a Cholesky factor with reciprocal pivots: m = 1/Π(1/lᵢᵢ), without the ℓ of three rows."""
     product = inverse[LENGTH] * inverse[LENGTH] * inverse[LENGTH]
@@ -152,7 +152,7 @@ def _manipulability_damping(factor, m, inverse):
     return inverse[2] * inverse[2] * shortfall * shortfall if shortfall > 0.0 else 0.0
 
 
-@inlined
+@inline
 def finite(command):
     """Return the status of a command, which may have overflowed."""
     check = 0.0
@@ -161,7 +161,7 @@ def finite(command):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@attached
+@shared
 def solve(matrix, y, preferred, inverse, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most six rows; y is overwritten.
 

@@ -11,10 +11,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.laws.command_kernel import LAW_FAILED, note_delivered, plan_of, sent, step
+from dqcontrol.laws.command_kernel import LAW_FAILED, memory_layout, note_delivered, sent, step
 from dqcontrol.laws.inverses import work_size
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
@@ -27,7 +28,6 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-Array = NDArray[np.float64]
 CommandMode = Literal["integrated", "measured"]
 
 SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
@@ -152,23 +152,23 @@ class PreparedLaw:
         self.dt = dt
         self._law, self._limits = law, limits
         self._command_mode: CommandMode = command_mode
-        none, m, position = np.zeros(0), robot.input_size, limits.position
-        own, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
+        empty, m, position = np.zeros(0), robot.input_size, limits.position
+        law_memory, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
         self._memory_size = memory
-        self.state_size: int = own + memory
-        self._feedback = law.delivered_at, own + memory - m if memory else 0
+        self.state_size: int = law_memory + memory
+        self._feedback = law.delivered_at, law_memory + memory - m if memory else 0
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
         self._limit = limit if limit is not unlimited else None
         parts = (
             robot.chain,
-            law.null_space.parameters(robot) if law.null_space else none,
+            law.null_space.parameters(robot) if law.null_space else empty,
             np.zeros(WORK_SIZE),
             parameters,
             np.zeros(law.work_size(robot)),
             np.zeros(8 + 14 * m),
-            position.parameters(robot, dt, command_mode, limit_parameters) if position else none,
+            position.parameters(robot, dt, command_mode, limit_parameters) if position else empty,
             np.zeros(2 * m + self.state_size),
             limit_parameters,
         )
@@ -211,7 +211,7 @@ class PreparedLaw:
         """Where compiled code finds the law's stages and sizes."""
         stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
-        return plan_of(addresses, *self._sizes)
+        return memory_layout(addresses, *self._sizes)
 
     def initial_state(self, q: ArrayLike) -> Array:
         """Return the state before the first sample.
@@ -312,7 +312,7 @@ class PreparedLaw:
         state: Array,
         out: Array,
     ) -> int:
-        """Do in Python, for a law that is not compiled, what `ask` does."""
+        """Do in Python, for a law that is not compiled, what `compute_command` does."""
         self._check(state, out)
         _, preferring, scratch, _, work, buffer, limiting_positions, room, limits = self._views
         if status := twist_kinematics(self.robot.chain, q, buffer):

@@ -18,7 +18,8 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     multiply,
     translation,
 )
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
 
-Array = np.ndarray
 Weight = Annotated[
     float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),
@@ -128,8 +128,8 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 @kernel(LAW)
 def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ R⁻¹ (P e + ξ)."""
-    own = work[pose_jacobian.shape[1] :]
-    error, target = own[0:8], own[8:16]
+    scratch = work[pose_jacobian.shape[1] :]
+    error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         value = parameters[_GAIN + 64 + i]
@@ -224,7 +224,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         return solution, offset
 
 
-@inlined
+@inline
 def _tangent(relative, sign, is_logarithm, error):
     """Write the orientation part of y, 2 a(r) or 2 Im r."""
     for i in range(8):
@@ -238,7 +238,7 @@ def _tangent(relative, sign, is_logarithm, error):
         error[i] *= 2.0
 
 
-@inlined
+@inline
 def _subtract_feedback(parameters, error, twist):
     """Subtract R⁻¹P y."""
     for i in range(6):
@@ -250,8 +250,8 @@ def _subtract_feedback(parameters, error, twist):
 def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, opposite, twist, error = own[0:8], own[8:16], own[16:22], own[22:28]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, opposite, twist, error = scratch[0:8], scratch[8:16], scratch[16:22], scratch[22:28]
     conjugate(sample, opposite)
     multiply(pose, opposite, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)
@@ -266,8 +266,8 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
 def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, twist, error = own[0:8], own[16:22], own[22:28]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    relative, twist, error = scratch[0:8], scratch[16:22], scratch[22:28]
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)
     _tangent(relative, sign, parameters[_GAIN + 42] != 0.0, error)

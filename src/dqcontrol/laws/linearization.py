@@ -12,7 +12,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     log_body,
     log_inertial,
 )
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
@@ -32,7 +32,7 @@ REALISED, COMMANDED, REALISED_UNCONSTRAINED = range(3)
 _GIVEN_UP = 0.5
 
 
-@inlined
+@inline
 def spring(relative, error_twist, stiffness, damping, inertial, out):
     """Write k_p log x̃ of the body logarithm with k_p = k̄/2, or of the inertial one as far as V then decreases.
 
@@ -62,7 +62,7 @@ def spring(relative, error_twist, stiffness, damping, inertial, out):
         out[i] *= gain
 
 
-@inlined
+@inline
 def apply(jacobian, inputs, out):
     """Write the twist J u."""
     for k in range(6):
@@ -71,7 +71,7 @@ def apply(jacobian, inputs, out):
             out[k] += jacobian[k, i] * inputs[i]
 
 
-@inlined
+@inline
 def is_fixed(jacobian, i):
     """Return whether an input has been taken out of the Jacobian, at a limit."""
     size = 0.0
@@ -80,7 +80,7 @@ def is_fixed(jacobian, i):
     return size < 100.0 * FIXED
 
 
-@inlined
+@inline
 def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
     """Write the rates z + J⁺ (ξ_b + T U − J z), and remember the twist that they give the hand.
 
@@ -88,14 +88,14 @@ def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
     could move sideways: their speeds to the side are the last of the rates.
     """
     m, n = twist_jacobian.shape[1], rates.shape[0]
-    own, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
+    scratch, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
     period = parameters[PERIOD]
     drives = as_matrix(parameters[DRIVES:], (parameters.shape[0] - DRIVES) // 2, 2)
     memory, last = state[1:7], state[7:]
 
-    opposite, relative = own[0:8], own[8:16]
-    twist, body_twist, desired, error_twist = own[16:22], own[22:28], own[28:34], own[34:40]
-    product = own[40:46]
+    opposite, relative = scratch[0:8], scratch[8:16]
+    twist, body_twist, desired, error_twist = scratch[16:22], scratch[22:28], scratch[28:34], scratch[34:40]
+    product = scratch[40:46]
     conjugate(pose, opposite)
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], parameters[HYSTERESIS], state)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 
-@inlined
+@inline
 def nearest_twist(rate, x):
     """Return ω and v of the twist ξ = ω + εv that minimises |vec8(½ξx − rate)|, and d = D P* of x = P + εD.
 

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
-from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import turn_to_best_heading
@@ -132,9 +132,9 @@ def away_from_limits(q, twist_jacobian, parameters, work, out):
     """Write z = −α ∇H, no joint faster than allowed."""
     n = out.shape[0]
     lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
-    moved = parameters[2 + 2 * n : 2 + 3 * n]
+    input_coordinates = parameters[2 + 2 * n : 2 + 3 * n]
     for i in range(n):
-        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[int(moved[i])], lower[i], upper[i])
+        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[int(input_coordinates[i])], lower[i], upper[i])
         out[i] = min(max(-parameters[0] * gradient, -parameters[1]), parameters[1])
     return OK
 
@@ -166,7 +166,7 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
         return np.concatenate([[gain, fastest], position_limits("null_space", robot)])
 
 
-@inlined
+@inline
 def _carried(twist_jacobian, row, i, j):
     """Return (ξᵢ × ξⱼ)·row, the change of column j along input i where that carries it."""
     a, b, c = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
@@ -188,7 +188,7 @@ _BESIDE = (
 )
 
 
-@inlined
+@inline
 def _column(twist_jacobian, j, before, beside, out):
     """Write ξⱼ where all inputs are moved by ``beside``: ξⱼ + beside (Σ_{i<j} ξᵢ) × ξⱼ; add ξⱼ to the sum before it."""
     a, b, c = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
@@ -210,7 +210,7 @@ def _column(twist_jacobian, j, before, beside, out):
     )
 
 
-@inlined
+@inline
 def _factored_gram(twist_jacobian, beside, gram, row, before):
     """Write the Cholesky factor of J_wJ_wᵀ; return False where it has none."""
     for i in range(6):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compiled.compile import inlined, kernel
+from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import Error, as_positive
 from dqcontrol.laws.law import LAW, check_steps
@@ -28,7 +28,7 @@ _STEERING = 4.0  # 1/m²: how sharply a drive beside its line turns towards it
 _HANDOVER = 1.0  # s
 
 
-@inlined
+@inline
 def along_plan(q, planned, inputs, pull, drives, out):
     """Write what drives and joints add to their planned inputs so as to come back to their plan."""
     i, k = 0, 0

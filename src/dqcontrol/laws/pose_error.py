@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist
 
 
-@inlined
+@inline
 def short_sign(real_part, hysteresis, state):
     """Return the sign that takes the short way round, with hysteresis; state[0] remembers it, 0 at the start."""
     if state[0] == 0.0:
@@ -19,7 +19,7 @@ def short_sign(real_part, hysteresis, state):
     return state[0]
 
 
-@inlined
+@inline
 def left_error(pose, desired, hysteresis, state, error):
     """Write e = 1 − short(x*x_d) and return the sign given to x_d. [P16 2.23]"""
     conjugate_multiply(pose, desired, error)
@@ -30,7 +30,7 @@ def left_error(pose, desired, hysteresis, state, error):
     return sign
 
 
-@inlined
+@inline
 def left_error_twist(target, error, pose):
     """Return the hand's [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes."""
     e = error
@@ -41,7 +41,7 @@ def left_error_twist(target, error, pose):
     return -ax, -ay, -az, -bx, -by, -bz
 
 
-@inlined
+@inline
 def solve_left_error(target, error, pose, twist_jacobian, inverse, work, out):
     """Write out = z + N⁺ (target − N z) with the preferred motion z."""
     n = twist_jacobian.shape[1]

@@ -14,13 +14,13 @@ from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ K vec8(e) + J⁺ k_I ∫ε dt."""
     n = pose_jacobian.shape[1]
-    own, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, target = own[0:8], own[8:16]
+    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
+    error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
     twist = left_error_twist(target, error, pose)
-    twist = add_integral(twist, pose, sample, parameters, state, own[16:32])
+    twist = add_integral(twist, pose, sample, parameters, state, scratch[16:32])
     return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
 
 

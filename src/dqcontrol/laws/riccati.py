@@ -9,10 +9,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inlined, kernel, types
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 _LARGEST_WEIGHT = 1e100
 _SMALLEST_WEIGHT = 1e-100
@@ -95,7 +94,7 @@ def weight_pieces(field: str, weight: Any, size: int, *, definite: bool) -> tupl
     return times, np.array(matrices)
 
 
-def at_times(pieces: tuple[Array, Array], times: Array) -> Array:
+def at_times(pieces: tuple[NDArray[Any], NDArray[Any]], times: Array) -> Array:
     """Return the matrix that holds at each time."""
     starts, matrices = pieces
     return matrices[np.clip(np.searchsorted(starts, times + 1e-9, side="right") - 1, 0, None)]
@@ -163,7 +162,7 @@ SIZE = 8  # of the tracking problem; fixed, so that the compiler unrolls its swe
 WORK_SIZE = 7 * SIZE * SIZE + 6 * SIZE
 
 
-@inlined
+@inline
 def _slope(p, xi, a, c, q, r_inverse, scratch, dp, dxi):
     """Write −Ṗ and −ξ̇ of the tracking problem ė = A e + u + c: backwards in time both decay.
 

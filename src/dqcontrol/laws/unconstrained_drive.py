@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.robots import Robot
 
 
@@ -23,7 +23,7 @@ def drive_table(robot: Robot) -> NDArray[np.float64]:
     return np.array([[first - k, drive[0]] for k, (first, *drive) in enumerate(drives)]).reshape(-1, 2)
 
 
-@inlined
+@inline
 def twist_jacobian_with_sideways(drives, twist_jacobian, out):
     """Write the twist Jacobian, 6 × (m + k): each sideways column is [0 ; axis of turning × heading]."""
     m = twist_jacobian.shape[1]
@@ -40,7 +40,7 @@ def twist_jacobian_with_sideways(drives, twist_jacobian, out):
         out[5, m + k] = ax * hy - ay * hx
 
 
-@inlined
+@inline
 def feasible_inputs(drives, rates, out):
     """Write the m inputs that follow m + k rates as far as the drives can."""
     m = out.shape[0]
@@ -50,7 +50,7 @@ def feasible_inputs(drives, rates, out):
         out[int(drives[k, 0]) + 1] += rates[m + k] / drives[k, 1]
 
 
-@inlined
+@inline
 def turn_rates(drives, inputs, period, rates):
     """Turn (v, s) of each drive into the axes that it has a period later, so that ẋ and ẏ stay what they were."""
     m = inputs.shape[0]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.compiled.compile import OK, inlined, kernel
+from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
@@ -33,7 +33,7 @@ _OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 
 
-@inlined
+@inline
 def _block(i, twist_jacobian, preferred):
     """Take joint i out of the Jacobian and of the preferred motion."""
     for k in range(6):
@@ -41,7 +41,7 @@ def _block(i, twist_jacobian, preferred):
     preferred[i] = 0.0
 
 
-@inlined
+@inline
 def _fix(i, value, twist_jacobian, preferred):
     """Let the law reckon with a joint that moves at a given speed."""
     for k in range(6):
@@ -49,13 +49,13 @@ def _fix(i, value, twist_jacobian, preferred):
     preferred[i] = value / FIXED
 
 
-@inlined
-def _follow_lags(memory, q, moved, period, longest):
+@inline
+def _follow_lags(memory, q, input_coordinates, period, longest):
     """Add to each joint's lag behind its target what was sent, less what the joint went."""
-    n = moved.shape[0]
+    n = input_coordinates.shape[0]
     lag, last, sent = memory[1 : 1 + n], memory[1 + n : 1 + 2 * n], memory[1 + 2 * n :]
     for i in range(n):
-        angle = q[int(moved[i])]
+        angle = q[int(input_coordinates[i])]
         if memory[0] != 0.0:
             lag[i] = min(max(lag[i] + period * sent[i] - (angle - last[i]), -longest[i]), longest[i])
         last[i] = angle
@@ -85,13 +85,16 @@ def modified_clamping(
     n = out.shape[0]
     period, tolerance = parameters[0], parameters[1]
     lower, upper = parameters[_HEAD : _HEAD + n], parameters[_HEAD + n : _HEAD + 2 * n]
-    moved, longest = parameters[_HEAD + 2 * n : _HEAD + 3 * n], parameters[_HEAD + 3 * n : _HEAD + 4 * n]
+    input_coordinates, longest = (
+        parameters[_HEAD + 2 * n : _HEAD + 3 * n],
+        parameters[_HEAD + 3 * n : _HEAD + 4 * n],
+    )
     velocity = parameters[_HEAD + 4 * n :]
     is_held, value, state_before = work[0:n], work[n : 2 * n], work[2 * n :]
     law_size = state.shape[0]
     if parameters[2] != 0.0:
         law_size -= 1 + 3 * n
-        _follow_lags(state[law_size:], q, moved, period, longest)
+        _follow_lags(state[law_size:], q, input_coordinates, period, longest)
     for i in range(n):
         is_held[i] = 0.0
     for i in range(law_size):
@@ -120,7 +123,7 @@ def modified_clamping(
             if is_held[i] != 0.0:
                 out[i] = value[i]
                 continue
-            angle = q[int(moved[i])]
+            angle = q[int(input_coordinates[i])]
             lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
             above, below = angle + max(lag, 0.0), angle + min(lag, 0.0)
             if (out[i] > 0.0 and above >= upper[i] - tolerance) or (
@@ -148,7 +151,7 @@ def modified_clamping(
             for k in range(6):
                 twist_jacobian[k, i] /= FIXED
             law_work[i] = 0.0  # as it stays where nothing is preferred
-        angle = q[int(moved[i])]
+        angle = q[int(input_coordinates[i])]
         lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
         fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
         least = max(min((lower[i] - (angle + min(lag, 0.0))) / period * _JUST_SHORT, 0.0), -fastest)
@@ -220,15 +223,15 @@ def original_clamping(
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
-    lower, upper, moved = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
+    lower, upper, input_coordinates = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
     for i in range(n):
-        if not lower[i] <= q[int(moved[i])] <= upper[i]:
+        if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)
     status = call_law(
         law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
     )
     for i in range(n):
-        if not lower[i] <= q[int(moved[i])] <= upper[i]:
+        if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             out[i] = 0.0
     return status
 

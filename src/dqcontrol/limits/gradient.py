@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 # The gradient grows without bound towards a limit; nearer than this share of R, and beyond, it is what it is there.
 NEAREST = 1e-5
 
 
-@inlined
+@inline
 def repulsion(q, lower, upper):
     """Return ∂H/∂qᵢ = R² (2q − qmax − qmin)/(4 (qmax − q)² (q − qmin)²), 1/rad; 0 without both limits."""
     span = upper - lower

@@ -71,7 +71,9 @@ def position_limits(field: str, robot: Robot) -> NDArray[np.float64]:
     ValueRangeError
         If no joint has limits.
     """
-    lower, upper, moved = robot.limits.lower, robot.limits.upper, robot.input_coordinates
+    lower, upper, input_coordinates = robot.limits.lower, robot.limits.upper, robot.input_coordinates
     if not (np.isfinite(lower) | np.isfinite(upper)).any():
         raise ValueRangeError(f"{field}: {robot.name} has no joint limits to keep")
-    return np.concatenate([lower[moved], upper[moved], moved.astype(np.float64)])
+    return np.concatenate(
+        [lower[input_coordinates], upper[input_coordinates], input_coordinates.astype(np.float64)]
+    )

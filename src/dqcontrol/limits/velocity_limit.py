@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inlined, kernel
+from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.driving import drive_speeds
 
@@ -16,7 +16,7 @@ def unlimited(q, parameters, command):
     return OK
 
 
-@inlined
+@inline
 def velocity_scale(q, parameters, command):
     """Return min(1, min u_max/|u|), wheel rims among the u.
 
@@ -37,7 +37,7 @@ def velocity_scale(q, parameters, command):
     return scale
 
 
-@inlined
+@inline
 def scale_down(q, parameters, command):
     """Scale the whole command to its limits: it keeps its direction."""
     scale = velocity_scale(q, parameters, command)

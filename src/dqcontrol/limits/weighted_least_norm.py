@@ -37,7 +37,7 @@ def weighted_least_norm(
 ):
     """Ask the law with J W^(−1/2) and W^(−1/2) z, w = 1 + |∂H| of joints that it drives towards a limit, else 1."""
     n = out.shape[0]
-    lower, upper, moved = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
+    lower, upper, input_coordinates = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
     scale, state_before = work[0:n], work[n:]
     for i in range(n):
         scale[i] = 1.0
@@ -53,7 +53,7 @@ def weighted_least_norm(
         again = False
         for i in range(n):
             out[i] *= scale[i]
-            slope = repulsion(q[int(moved[i])], lower[i], upper[i])
+            slope = repulsion(q[int(input_coordinates[i])], lower[i], upper[i])
             if scale[i] == 1.0 and slope * out[i] > 0.0:
                 scale[i] = 1.0 / math.sqrt(1.0 + abs(slope))
                 for k in range(6):

@@ -12,11 +12,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.spec import RobotSpec, Spec, Start, read_spec, start_configuration
+from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
+from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -28,8 +30,6 @@ from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 STOPPED = "end of the log"
 _SNAP = 1e-9  # s; a sample this little before the start belongs to it
@@ -136,7 +136,7 @@ def evaluate_log(
     q = data.q[kept]
     if settle is not None and as_positive("settle", settle, zero_allowed=True) > time[-1]:
         raise ValueRangeError(f"settle: must be ≤ the {time[-1]:g} s that are judged, got {settle:g}")
-    own_settle = float(about.get("settle", 0.0))
+    own_settle = float(about.get("skip_initial", 0.0))
     if poses is not None:
         desired = poses.reference.samples(time + (begin - poses.begin if file is None else 0.0))
     elif file is not None:
@@ -163,10 +163,10 @@ def evaluate_log(
         angles=angles,
         start=start,
         duration=duration,
-        settle=own_settle if settle is None else settle,
+        skip_initial=own_settle if settle is None else settle,
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)
-    return Run(text, arm, record, spec.settle, path.stem)
+    return Run(text, arm, record, spec.skip_initial, path.stem)
 
 
 @dataclass(frozen=True)
@@ -183,6 +183,8 @@ def about_log(path: Path) -> dict[str, Any]:
     data = parse_yaml(path, load_metadata(path)["spec"]) if is_own(path) else None
     if not isinstance(data, dict):
         return {}
+    rename_old_keys(str(path), data)
+    rename_old_keys(str(path), data)
     data = data.get("evaluation", data)
     return data | {
         "robot": {"source": data["robot"]} if isinstance(data.get("robot"), str) else data.get("robot")
@@ -247,9 +249,10 @@ def _short_form(file: Path, data: Any) -> ReferenceFile:
 
 def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
+    rename_old_keys(str(file), data)
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
-    spec: Spec | ReferenceFile = read_spec(file)[0] if whole else _short_form(file, data)
+    folder = file.resolve().parent
+    spec: Spec | ReferenceFile = as_spec(str(file), data, folder) if whole else _short_form(file, data)
     if spec.start is not None:
         q0 = start_configuration(spec.start, robot, f"{file}: start")
-    folder = file.resolve().parent
-    return spec.reference.build(robot.fkm(q0), folder), spec.settle if isinstance(spec, Spec) else None
+    return spec.reference.build(robot.fkm(q0), folder), spec.skip_initial if isinstance(spec, Spec) else None

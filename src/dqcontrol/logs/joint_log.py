@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.logs.joint_table import Angles, read_joint_table
 from dqcontrol.loop import Record
 from dqcontrol.recording import load_metadata, load_record
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

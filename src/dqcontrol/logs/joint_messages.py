@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
-from dqcontrol.recording.mcap_reader import Messages as Raw
-from dqcontrol.recording.mcap_reader import read_records
+from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 
-Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 JOINTS, POSE, NUMBERS = "sensor_msgs/JointState", "geometry_msgs/PoseStamped", "std_msgs/Float64MultiArray"
@@ -26,7 +25,7 @@ _USUAL = "/joint_states"
 _MOST_LAYOUTS = 32  # of messages of one topic in a chunk: who publishes more kinds is read message by message
 
 
-class Messages(NamedTuple):
+class OpenRecording(NamedTuple):
     """An open recording.
 
     Attributes
@@ -95,7 +94,7 @@ def held(stamps: Stamps, values: Array, at: Stamps) -> Array:
 
 
 @contextmanager
-def open_messages(path: Path) -> Iterator[Messages]:
+def open_messages(path: Path) -> Iterator[OpenRecording]:
     """Open a recording; whatever reading a damaged one raises becomes a `FileFormatError`."""
     opened = (
         _open_mcap if path.suffix.lower() == ".mcap" and not path.is_dir() and path.exists() else _open_bag
@@ -114,11 +113,11 @@ def open_messages(path: Path) -> Iterator[Messages]:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # decoders of damaged bytes raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise FileFormatError(f"{path}: is no whole recording ({reason:.200})") from None
+        raise FileFormatError(f"{path}: is not a complete recording ({reason:.200})") from None
 
 
 @contextmanager
-def _open_mcap(path: Path) -> Iterator[Messages]:
+def _open_mcap(path: Path) -> Iterator[OpenRecording]:
     from mcap_ros2.decoder import DecoderFactory
 
     channels, schemas = _channels(path)
@@ -139,7 +138,7 @@ def _open_mcap(path: Path) -> Iterator[Messages]:
                 found.append((time, decode(part.data[first : first + size].tobytes())))
         yield from sorted(found, key=lambda each: each[0])
 
-    yield Messages(types, read)
+    yield OpenRecording(types, read)
 
 
 def _channels(path: Path) -> tuple[dict[int, Any], dict[int, Any]]:
@@ -157,11 +156,11 @@ def _channels(path: Path) -> tuple[dict[int, Any], dict[int, Any]]:
     return channels, {each.id: each for each in records if isinstance(each, Schema)}
 
 
-def _messages(path: Path, channels: dict[int, Any], topic: str) -> Iterator[Raw]:
+def _messages(path: Path, channels: dict[int, Any], topic: str) -> Iterator[ChunkMessages]:
     """Yield the messages of a topic, chunk by chunk."""
     with open_regular(path) as stream:
         for part in read_records(stream):
-            if isinstance(part, Raw) and channels[part.channel].topic == topic:
+            if isinstance(part, ChunkMessages) and channels[part.channel].topic == topic:
                 yield part
 
 
@@ -193,7 +192,7 @@ def _numbers_by_name(
     return times[order], values[order]
 
 
-def _part_by_name(part: Raw, names: Sequence[str], field: str) -> tuple[Stamps, Array] | None:
+def _part_by_name(part: ChunkMessages, names: Sequence[str], field: str) -> tuple[Stamps, Array] | None:
     """Return stamps and values of some messages, in the order of the file."""
     stamps, values = np.zeros(len(part.times), dtype=np.int64), np.zeros((len(part.times), len(names)))
     left, kept = np.ones(len(part.times), dtype=bool), np.zeros(len(part.times), dtype=bool)
@@ -221,7 +220,7 @@ def _part_by_name(part: Raw, names: Sequence[str], field: str) -> tuple[Stamps, 
 
 
 @contextmanager
-def _open_bag(path: Path) -> Iterator[Messages]:
+def _open_bag(path: Path) -> Iterator[OpenRecording]:
     if not path.exists():
         raise FileFormatError(
             f"{path}: no such file{suggest(path.name, [p.name for p in path.parent.glob('*')])}"
@@ -244,7 +243,7 @@ def _open_bag(path: Path) -> Iterator[Messages]:
             for connection, stamp, data in reader.messages(chosen):
                 yield stamp, reader.deserialize(data, connection.msgtype)
 
-        yield Messages({c.topic: _short(c.msgtype) for c in reader.connections}, read)
+        yield OpenRecording({c.topic: _short(c.msgtype) for c in reader.connections}, read)
 
 
 def _short(name: str) -> str:
@@ -278,7 +277,7 @@ def _choose(path: Path, types: dict[str, str], topic: str | None, field: str, wa
 def _series(
     path: Path,
     topic: str,
-    messages: Messages,
+    messages: OpenRecording,
     values: Callable[[Any], list[float] | None],
     *,
     increasing: bool = False,

@@ -12,13 +12,12 @@ from typing import BinaryIO, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.text_file import as_number, read_text
 
-Array = NDArray[np.float64]
 Angles = Literal["rad", "deg"]
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 SECONDS = 20.0
 _MOST_ROWS = 20_000

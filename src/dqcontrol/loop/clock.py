@@ -16,9 +16,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, RealTimeWarning, ValueRangeError, unknown_name
-
-Array = NDArray[np.float64]
 
 Overrun = Literal["catch up", "skip", "stop"]
 
@@ -82,7 +81,7 @@ class Clock:
         they keep their deadlines again. ``"skip"``: the periods that were missed are left out and all deadlines move by
         them (a step that is woken late is still followed by a period up to a tenth shorter). ``"stop"``: the loop ends.
     priority
-        1 … 99: asks for real-time scheduling (SCHED_FIFO) while the loop runs; warns and goes on where that is refused.
+        1 … 99: asks for real-time scheduling (SCHED_FIFO) while the loop runs; warns and runs without it if refused.
     now, sleep
         Time in s from any origin, and what waits for some s.
 
@@ -225,7 +224,7 @@ def real_time(priority: int, threads: Sequence[int] = (0,)) -> Iterator[None]:
     except (AttributeError, OSError) as error:
         warnings.warn(
             f"real-time scheduling with priority {priority} was refused "
-            f"({getattr(error, 'strerror', None) or 'this system has none'}); the loop goes on without. "
+            f"({getattr(error, 'strerror', None) or 'this system has none'}); the loop runs without it. "
             "On Linux allow it with 'ulimit -r 99', or run with the capability CAP_SYS_NICE",
             RealTimeWarning,
             stacklevel=4,

@@ -7,8 +7,8 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
@@ -27,7 +27,6 @@ from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.robots import kinematics_kernels as kernels
 
-Array = NDArray[np.float64]
 _PROGRESS_EVERY = 50  # steps
 _SUPERVISOR = "the supervisor"
 _LOST = "the measured configuration is not finite"
@@ -78,7 +77,7 @@ def close_loop(
     -------
     Trace
         Configurations before, and command at, each sample done; with supervision until the robot rests. A run that
-        leaves the finite numbers ends there and says so in ``stopped``; so does one that the supervisor halted, and one
+        produces NaN or infinity ends there and says so in ``stopped``; so does one that the supervisor halted, and one
         whose plant switched its motors off.
 
     Raises
@@ -133,7 +132,7 @@ def _stop_array(stop: Stop | None) -> Array:
 def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop | None) -> Trace:
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
-    none, count = np.zeros(0), len(steps.samples)
+    empty, count = np.zeros(0), len(steps.samples)
     realised = steps.realised[:count] if disturbance else np.zeros((1, 6))
     done = np.zeros(10)
     status = compiled.rollout(
@@ -146,13 +145,13 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         law.plan,
         law.memory,
         steps.law_state,
-        supervision.supervisor.parameters if supervision else none,
-        supervision.state if supervision else none,
-        supervision.supervisor.work if supervision else none,
-        supervision.codes[:count] if supervision else none,
+        supervision.supervisor.parameters if supervision else empty,
+        supervision.state if supervision else empty,
+        supervision.supervisor.work if supervision else empty,
+        supervision.codes[:count] if supervision else empty,
         disturbance.rows if disturbance else np.zeros((0, ROW)),
-        disturbance.parameters if disturbance else none,
-        disturbance.work if disturbance else none,
+        disturbance.parameters if disturbance else empty,
+        disturbance.work if disturbance else empty,
         plant.parameters,
         plant.state,
         plant.noise,
@@ -170,7 +169,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
-        failure = "the plant left the finite numbers"
+        failure = "the plant produced NaN or infinity"
         steps.done -= 1
     elif status >= compiled.LAW_FAILED:
         failure = status_text(status - compiled.LAW_FAILED)

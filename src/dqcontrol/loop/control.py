@@ -6,12 +6,12 @@ import math
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import EMERGENCY, SOFT_STOP, stop_category
 from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
@@ -19,8 +19,6 @@ from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 _FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, however late that is
 _NOTHING: Array = np.zeros(0)
@@ -245,7 +243,7 @@ class Control:
             cause = [f"emergency stop: {self._cause}"] if self._cause else []
             self.reason, self.phase = ", ".join(cause or words), Phase.STOPPING
             if rests:
-                self.is_commanding = self._state[at.FAULT] != SOFT_STOP
+                self.is_commanding = self._state[layout.FAULT] != SOFT_STOP
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
 
 

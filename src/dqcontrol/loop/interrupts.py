@@ -1,4 +1,4 @@
-"""Ctrl-C and the like as a request to stop a robot, not a place where its program dies."""
+"""Turn Ctrl-C, SIGTERM and SIGHUP into a stop request, so that the robot comes to rest before the program ends."""
 
 from __future__ import annotations
 

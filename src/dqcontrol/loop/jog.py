@@ -6,9 +6,9 @@ import time
 from contextlib import suppress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FallenError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
@@ -17,11 +17,9 @@ from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
-from dqcontrol.loop.targets import ByTwist, Speeds
+from dqcontrol.loop.targets import Speeds, TwistTarget
 from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
 from dqcontrol.references.points_writer import PointsWriter
-
-Array = NDArray[np.float64]
 
 # Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
 MOVES = {
@@ -97,7 +95,7 @@ class Jog:
         steps: int = 100_000,
     ) -> None:
         self.speeds, self._poses, self._plant, self._steps = speeds or Speeds(), poses, plant, steps
-        self._target = ByTwist(self.speeds, timeout=_HOLD)
+        self._target = TwistTarget(self.speeds, timeout=_HOLD)
         self._control = Control(law, self._target, supervisor)
         self._control.activate(plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt
@@ -108,7 +106,7 @@ class Jog:
 
     @property
     def period(self) -> float:
-        """Of `step`, s."""
+        """Control period of `step`, s."""
         return self._dt
 
     @property

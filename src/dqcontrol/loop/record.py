@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.files.long_array import long_array, row_by_row
@@ -23,8 +24,6 @@ from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 if TYPE_CHECKING:
     from dqcontrol.measures.metrics import Metrics
-
-Array = NDArray[np.float64]
 
 
 @kernel(types.void(READ2, READ2, WRITE2))
@@ -49,7 +48,7 @@ FAILURES = ("diverged", "faulted", "halted", "toppled", "slipped")
 
 
 def has_failed(stopped: str) -> bool:
-    """Return whether a run that ended so left the finite numbers, was halted, switched its motors off, or fell over."""
+    """Return whether a run that ended so diverged, was halted, switched its motors off, or fell over."""
     return stopped.startswith(FAILURES)
 
 

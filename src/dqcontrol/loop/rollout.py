@@ -7,7 +7,7 @@ import math
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
-from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, ask, note_sent, unpack
+from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
 from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, DT, GO, NOW
 from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
@@ -104,7 +104,7 @@ def rollout(
         for i in range(n):
             q_record[k, i] = q[i]
             measured_record[k, i] = measured[i]
-        status = ask(law, measured, samples[k], k, law_state, command_record[k])
+        status = compute_command(law, measured, samples[k], k, law_state, command_record[k])
         if status != OK:
             if not supervising:
                 return status

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law, PreparedLaw
@@ -23,8 +24,6 @@ from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000_000
 
@@ -109,7 +108,7 @@ def simulate(
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
-    return follow(
+    return simulate_prepared(
         law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),
         plant,
         q0,
@@ -123,7 +122,7 @@ def simulate(
     )
 
 
-def follow(
+def simulate_prepared(
     law: PreparedLaw,
     plant: Plant,
     start: Array,
@@ -208,7 +207,7 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
     """
     seconds = duration if duration is not None else reference.duration
     if not np.isfinite(seconds):
-        raise ValueRangeError("duration: a set-point lasts for ever; say how many seconds the run shall last")
+        raise ValueRangeError("duration: a set-point has no duration; give 'duration'")
     if not seconds / period < _MOST_STEPS:
         raise ValueRangeError(
             f"duration: {seconds:g} s are {seconds / period:.9g} periods; at most 10 million"

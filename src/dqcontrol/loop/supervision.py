@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
 from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.plant import AgedPlant, EffortPlant, LivePlant, WrenchPlant
 
-Array = NDArray[np.float64]
 Watch = Callable[[float, tuple[str, ...]], None]
 
 _NOTHING: Array = np.zeros(0)
@@ -38,9 +38,9 @@ class Senses:
         bounds = supervisor.bounds
         for field, limit, measures in (
             ("effort", bounds.effort.min(initial=np.inf), self._effort),
-            ("contact_effort", bounds.head[at.CONTACT_EFFORT], self._effort),
-            ("contact_force", bounds.head[at.CONTACT_FORCE], self._wrench),
-            ("contact_torque", bounds.head[at.CONTACT_TORQUE], self._wrench),
+            ("contact_effort", bounds.head[layout.CONTACT_EFFORT], self._effort),
+            ("contact_force", bounds.head[layout.CONTACT_FORCE], self._wrench),
+            ("contact_torque", bounds.head[layout.CONTACT_TORQUE], self._wrench),
         ):
             if np.isfinite(limit) and measures is None:
                 what = "effort" if "effort" in field else "wrench"
@@ -50,7 +50,7 @@ class Senses:
 
     @property
     def age(self) -> float:
-        """Of the measurement, s; 0 if the plant says nothing of it."""
+        """Age of the measurement, s; 0 if the plant does not report it."""
         return self._aged.age if self._aged else 0.0
 
     @property
@@ -90,7 +90,7 @@ class Supervision:
         self.state: Array = supervisor.start(q)
         self.request: int = GO
         self.codes: Array = np.zeros(0)
-        self.period = float(supervisor.parameters[at.DT])
+        self.period = float(supervisor.parameters[layout.DT])
         self.black_box = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
 
@@ -99,7 +99,7 @@ class Supervision:
         """How many periods braking may take; no more are waited for."""
         bounds = self.supervisor.bounds
         braking = (bounds.velocity / (bounds.acceleration * self.period)).max(initial=0.0)
-        return int(min(braking + bounds.head[at.WINDOW] + 10.0, _MOST_STEPS))
+        return int(min(braking + bounds.head[layout.WINDOW] + 10.0, _MOST_STEPS))
 
     def begin(self, count: int) -> None:
         """Make room for so many samples."""
@@ -143,7 +143,7 @@ class Supervision:
     @property
     def stopped_softly(self) -> bool:
         """Whether it is stopped because it was asked to end, and for nothing else."""
-        return int(self.state[at.FAULT]) == SOFT_STOP
+        return int(self.state[layout.FAULT]) == SOFT_STOP
 
     @property
     def is_stopped(self) -> bool:

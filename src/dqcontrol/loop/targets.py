@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST
-
-Array = NDArray[np.float64]
 
 # How far the desired pose may be ahead of the hand before it waits: a hand that is held must not jump when let go.
 _LEAD, _ANGULAR_LEAD = 0.05, 0.3  # m, rad
@@ -46,7 +44,7 @@ class Speeds:
         return min(1.0, self.linear / max(linear, 1e-12), self.angular / max(angular, 1e-12))
 
 
-class Sampled:
+class SampledTarget:
     """A reference sampled once a period, shape (N, 21)."""
 
     def __init__(self, samples: Array, period: float) -> None:
@@ -64,7 +62,7 @@ class Sampled:
         return round(time / self._period) >= len(self._samples)
 
 
-class Moving:
+class MovingTarget:
     """A desired pose that moves while it is not too far ahead of the hand."""
 
     def __init__(self, speeds: Speeds) -> None:
@@ -86,14 +84,14 @@ class Moving:
         return self._row
 
     def is_over(self, time: float) -> bool:
-        """Return False: it goes on until somebody ends it."""
+        """Return False: it runs until somebody ends it."""
         return False
 
     def _advance(self, time: float, dt: float) -> None:
         raise NotImplementedError
 
 
-class ToPose(Moving):
+class PoseTarget(MovingTarget):
     """The way to the last pose asked for, on a straight line with limited speeds."""
 
     def __init__(self, speeds: Speeds) -> None:
@@ -115,7 +113,7 @@ class ToPose(Moving):
             self._row[POSE] = algebra.pose(r / np.linalg.norm(r), start + share * (end - start))
 
 
-class ByTwist(Moving):
+class TwistTarget(MovingTarget):
     """The way that a twist leads; without a new one in time the desired pose rests.
 
     Attributes

@@ -7,13 +7,12 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
-Array = NDArray[np.float64]
 FARTHEST = 1e4  # rad or m: no robot goes there
 
 
@@ -41,7 +40,7 @@ class Trace:
 
 
 def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
-    """Return room for configurations, measured configurations and commands."""
+    """Return empty arrays for configurations, measured configurations and commands."""
     n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
     return long_array(size, n), long_array(size, n), long_array(size, m)
 

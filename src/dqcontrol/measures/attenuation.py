@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.laws import FilteredInverse, HInfinity
 from dqcontrol.laws.law import Law
@@ -19,7 +20,6 @@ from dqcontrol.plants import Disturbance, Integrator
 from dqcontrol.references import Reference, SetPoint
 from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 Pair = tuple[float, float]
 
 _NOTHING = 1e-9  # a disturbance below it has no such part: its error would be divided by round-off

@@ -8,9 +8,10 @@ from itertools import cycle, islice, product
 import numpy as np
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import as_count
 from dqcontrol.laws import FilteredInverse, HInfinity, HInfinityTracking
-from dqcontrol.measures.attenuation import Array, Attenuation, Gammas, PremiseError, attenuation
+from dqcontrol.measures.attenuation import Attenuation, Gammas, PremiseError, attenuation
 from dqcontrol.plants import BandLimitedTwist, ConstantTwist, Disturbance, SinusoidalTwist, WorstCase
 from dqcontrol.references import ViaPoints
 from dqcontrol.robots.load import load_robot

@@ -8,12 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.measures.stability import first_failure
 from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
-
-Array = NDArray[np.float64]
 
 _CALLS = 200  # in which a law at rest comes to rest itself
 _AT_REST = 1e-12

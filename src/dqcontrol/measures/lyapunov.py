@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.laws import FeedbackLinearization, FilteredInverse, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
@@ -15,8 +15,6 @@ from dqcontrol.measures.task_range import task_range
 from dqcontrol.plants import Integrator, Plant
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 from dqcontrol.robots import Robot, WholeBody
-
-Array = NDArray[np.float64]
 
 LYAPUNOV = "lyapunov"  # among the readings of a record: V, then these parts
 _PARTS = (

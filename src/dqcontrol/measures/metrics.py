@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
@@ -30,7 +30,6 @@ from dqcontrol.robots.limits import Limits
 if TYPE_CHECKING:
     from dqcontrol.measures.tables import Table
 
-Array = NDArray[np.float64]
 
 SETTLED_FRACTION = 0.02
 _ROUNDING = 1e-9  # as a share of a velocity limit
@@ -38,7 +37,7 @@ _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overs
 
 
 @dataclass(frozen=True)
-class Signal:
+class SignalNorms:
     """A non-negative quantity f over time, in its own unit U.
 
     Attributes
@@ -66,7 +65,7 @@ class Deviation:
     Attributes
     ----------
     mean, rms, peak
-        Over the whole run, as for `Signal`.
+        Over the whole run, as for `SignalNorms`.
     final
         At the last sample.
     settled_mean, settled_rms, settled_peak
@@ -151,13 +150,13 @@ class Metrics:
 
     duration: float
     samples: int
-    error: Signal
-    settled_error: Signal
+    error: SignalNorms
+    settled_error: SignalNorms
     final_error: float
-    control: Signal
-    joint_step: Signal
-    hand_speed: Signal
-    hand_acceleration: Signal
+    control: SignalNorms
+    joint_step: SignalNorms
+    hand_speed: SignalNorms
+    hand_acceleration: SignalNorms
     position: Deviation
     orientation: Deviation
     joint_path_length: float
@@ -308,27 +307,27 @@ def _acceleration(position: Array, time: Array) -> Array:
     return row_norms(np.diff(_velocity(position, time), axis=0) / between[:, None])
 
 
-def _continuous(time: Array, value: Array) -> Signal:
+def _continuous(time: Array, value: Array) -> SignalNorms:
     """Summarise samples joined linearly."""
     duration = float(time[-1] - time[0])
     if duration == 0:
-        return Signal(0.0, math.nan, math.nan, float(value.max()))
+        return SignalNorms(0.0, math.nan, math.nan, float(value.max()))
     integral = float(np.trapezoid(value, time))
     a, b = value[:-1], value[1:]
     square = float(
         np.sum(np.diff(time) * (a * a + a * b + b * b)) / 3
     )  # exact for the straight lines between samples
-    return Signal(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
+    return SignalNorms(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
 
 
-def _held(value: Array, intervals: Array) -> Signal:
+def _held(value: Array, intervals: Array) -> SignalNorms:
     """Summarise values held over intervals."""
     if not len(value):
-        return Signal(0.0, math.nan, math.nan, math.nan)
+        return SignalNorms(0.0, math.nan, math.nan, math.nan)
     duration = float(intervals.sum())
     integral = float(np.sum(value * intervals))
     rms = math.sqrt(np.sum(value**2 * intervals) / duration)
-    return Signal(integral, integral / duration, rms, float(value.max()))
+    return SignalNorms(integral, integral / duration, rms, float(value.max()))
 
 
 def _deviation(time: Array, value: Array, start: int) -> Deviation:

@@ -54,7 +54,7 @@ class PlusMinus:
         return Column("").show(self)
 
 
-class Verdict(str):
+class VerdictCell(str):
     """A cell in words that says, too, whether it is good: pages mark it.
 
     Parameters
@@ -73,7 +73,7 @@ class Verdict(str):
 
     good: bool | None
 
-    def __new__(cls, words: str, good: bool | None) -> Verdict:
+    def __new__(cls, words: str, good: bool | None) -> VerdictCell:
         """Make a text that knows."""
         self = super().__new__(cls, words)
         self.good = good

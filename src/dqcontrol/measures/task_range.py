@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.files import long_array
 from dqcontrol.laws import FilteredInverse, Law
 from dqcontrol.laws.inverses import Inverse
@@ -18,7 +19,6 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
 from dqcontrol.robots import Robot, WholeBody
 
-Array = NDArray[np.float64]
 Part = Literal["pose", "position", "rotation", "axis"]
 
 RANGE = "range_condition"  # among the readings of a record

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
@@ -16,7 +17,6 @@ from dqcontrol.measures.task_range import lost_share
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
-Array = NDArray[np.float64]
 Outcome = Literal["reached", "not reached", "followed", "not followed", "failed"]
 
 POSITION, ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is there, for inverse kinematics too

@@ -10,10 +10,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.channels import Channel
-
-Array = NDArray[np.float64]
 
 CAMERA_CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))  # of plants with one
 

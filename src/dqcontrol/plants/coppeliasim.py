@@ -8,15 +8,13 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from msgspec import Meta
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.plants.plant import Plant, as_command, start_configuration
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _STOPPED = 0  # sim.simulation_stopped
 _MOST_WAITS = 1000  # steps of the simulator until it has stopped

@@ -7,13 +7,12 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 Three = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
@@ -22,7 +21,7 @@ LINES = 64  # sines that a band-limited disturbance is made of
 _CHUNK = 4096  # times at once
 
 
-class Source(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class DisturbanceSource(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A twist over time."""
 
     def values(self, times: Array, seed: list[int]) -> Array:
@@ -34,7 +33,7 @@ class Source(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown
         return "", 0.0
 
 
-class ConstantTwist(Source, frozen=True, kw_only=True, tag="constant"):
+class ConstantTwist(DisturbanceSource, frozen=True, kw_only=True, tag="constant"):
     """The same twist all the time.
 
     Parameters
@@ -53,7 +52,7 @@ class ConstantTwist(Source, frozen=True, kw_only=True, tag="constant"):
         return np.tile(np.asarray(self.value, dtype=np.float64), (len(times), 1))
 
 
-class SinusoidalTwist(Source, frozen=True, kw_only=True, tag="sinusoidal"):
+class SinusoidalTwist(DisturbanceSource, frozen=True, kw_only=True, tag="sinusoidal"):
     """amplitude · sin(2π frequency t + phase).
 
     Parameters
@@ -85,7 +84,7 @@ class SinusoidalTwist(Source, frozen=True, kw_only=True, tag="sinusoidal"):
         return "frequency", self.frequency
 
 
-class BandLimitedTwist(Source, frozen=True, kw_only=True, tag="band-limited"):
+class BandLimitedTwist(DisturbanceSource, frozen=True, kw_only=True, tag="band-limited"):
     """Noise with a flat spectrum up to the bandwidth, and nothing above.
 
     Each of the six numbers is a sum of 64 sines of equal amplitude, with random phases and one random frequency in each

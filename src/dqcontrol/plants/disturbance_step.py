@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dqcontrol.algebra.dual_quaternion_kernels import rotated
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.errors import DivergedError
@@ -14,8 +14,6 @@ from dqcontrol.laws.inverses import HEAD, FilteredInverse, work_size
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
 from dqcontrol.robots.kinematics_kernels import call_chain
-
-Array = NDArray[np.float64]
 
 # A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds.
 _INVERSE = FilteredInverse(threshold=0.02, damping=0.05, characteristic_length=1.0)
@@ -31,18 +29,14 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     n = q.shape[0] - int(chain[q.shape[0], 7])  # inputs
     buffer = work[0 : 8 + 14 * n]
     velocity = work[8 + 14 * n : 8 + 15 * n]
-    none = work[8 + 15 * n : 8 + 16 * n]
+    no_preference = work[8 + 15 * n : 8 + 16 * n]
     hand = work[8 + 16 * n : 14 + 16 * n]
     rest = work[14 + 16 * n :]
     status = call_chain(kinematics, chain, q, buffer)
     if status != OK:
         return status
     twist_jacobian = as_matrix(buffer[8 + 8 * n : 8 + 14 * n], 6, n)
-    w, x, y, z = buffer[0], buffer[1], buffer[2], buffer[3]
-    dw, dx, dy, dz = buffer[4], buffer[5], buffer[6], buffer[7]
-    px = 2.0 * (-dw * x + dx * w - dy * z + dz * y)
-    py = 2.0 * (-dw * y + dx * z + dy * w - dz * x)
-    pz = 2.0 * (-dw * z - dx * y + dy * x + dz * w)
+    px, py, pz = position(buffer)
     ax, ay, az = rotated(buffer, row[6:9])
     vx, vy, vz = rotated(buffer, row[9:12])
     hand[0], hand[1], hand[2] = row[0] + ax, row[1] + ay, row[2] + az
@@ -50,7 +44,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
     hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
     inverse = parameters[1 : 1 + HEAD]
-    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, none, inverse, rest, velocity)
+    status = solve_hand_twist(buffer[0:8], twist_jacobian, hand, no_preference, inverse, rest, velocity)
     if status != OK:
         return status
     for i in range(6):
@@ -93,4 +87,4 @@ class LiveDisturbance:
         """
         row = self.rows[min(k, len(self.rows) - 1)]
         if self.kernel(kernels.twist_kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
-            raise DivergedError("the plant left the finite numbers")
+            raise DivergedError("the plant produced NaN or infinity")

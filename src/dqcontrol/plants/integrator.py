@@ -7,11 +7,12 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_each, as_positive
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
+from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.driving import advance
 from dqcontrol.robots.robot import Robot
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from dqcontrol.arrays import Array
 
 _EACH = 24  # periods of a horizon that are looked at one by one, and again as many spread over the rest
 _LEAST = 1e-10  # of the largest Hankel singular value

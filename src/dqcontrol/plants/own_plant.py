@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import as_array, as_count, as_positive
 from dqcontrol.extensions.user_code import function_at
 from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, Plant, start_configuration
+from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.robot import Robot
 
 _PERIODS = 200  # in which a plant without a command comes to rest

@@ -9,8 +9,9 @@ from typing import ClassVar, Literal, Protocol, runtime_checkable
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.limits.command_limits import CommandLimits
@@ -18,8 +19,6 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
@@ -54,7 +53,7 @@ class AgedPlant(Protocol):
 
     @property
     def age(self) -> float:
-        """Of the present measurement, s."""
+        """Age of the present measurement, s."""
         ...
 
 
@@ -64,7 +63,7 @@ class EffortPlant(Protocol):
 
     @property
     def effort(self) -> Array:
-        """Of each input, shape (m,), N·m or N."""
+        """Effort of each input, shape (m,), N·m or N."""
         ...
 
 
@@ -267,9 +266,9 @@ class CompiledPlant:
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:
-            raise DivergedError("the plant left the finite numbers")
+            raise DivergedError("the plant produced NaN or infinity")
         self._step += 1
 
     def rewind(self) -> None:
-        """Use the noise again from its start, for a plant that goes on for longer than it was started for."""
+        """Use the noise again from its start, for a plant that runs longer than it was started for."""
         self._step = 0

@@ -32,19 +32,18 @@ from pathlib import Path
 from typing import IO, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, FileFormatError
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording.cdr import Layout, layout_of
-from dqcontrol.recording.mcap_reader import Messages, read_records
+from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 from dqcontrol.recording.mcap_topics import COMMAND, DISTURBANCE, MEASURED, NUMBERS, READINGS, SAMPLE, STATES
 from dqcontrol.recording.mcap_writer import END, FORMAT, METADATA, SampleWriter, about
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 
@@ -133,7 +132,7 @@ def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool =
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except Exception as error:  # parsing damaged bytes raises anything
         raise FileFormatError(
-            f"{path}: is no whole MCAP recording ({type(error).__name__}: {error})"
+            f"{path}: is not a complete MCAP file ({type(error).__name__}: {error})"
         ) from None
 
 
@@ -158,7 +157,7 @@ class _Contents:
         self.is_cut_off, streamed = False, False
         try:
             for record in records:
-                if isinstance(record, Messages):
+                if isinstance(record, ChunkMessages):
                     self._take(record)
                 elif isinstance(record, Channel):
                     self._topics[record.id] = record.topic
@@ -181,7 +180,7 @@ class _Contents:
             raise FileFormatError(f"has record format {self._about['format']}, this version reads {FORMAT}")
         return self._about
 
-    def _take(self, messages: Messages) -> None:
+    def _take(self, messages: ChunkMessages) -> None:
         """Keep the numbers of messages of one topic."""
         topic = self._topics[messages.channel]
         kind, field = _FIELDS.get(topic, (NUMBERS, "data") if topic.startswith(READINGS) else ("", ""))

@@ -30,7 +30,7 @@ _BYTES = types.Array(types.uint8, 1, "C", readonly=True)
 _TABLE = types.Array(types.int64, 2, "C")
 
 
-class Messages(NamedTuple):
+class ChunkMessages(NamedTuple):
     """Messages of one channel out of one chunk, in the order of the file.
 
     Attributes
@@ -51,7 +51,7 @@ class Messages(NamedTuple):
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
-    def chosen(self, which: NDArray[np.bool_]) -> Messages:
+    def chosen(self, which: NDArray[np.bool_]) -> ChunkMessages:
         """Return some of the messages, (k,)."""
         return self._replace(times=self.times[which], starts=self.starts[which], sizes=self.sizes[which])
 
@@ -107,7 +107,7 @@ def _scan(data, found):
 
 
 def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
-    """Yield the schemas, channels and metadata of an MCAP file, as the library has them, and `Messages`.
+    """Yield the schemas, channels and metadata of an MCAP file, as the library has them, and `ChunkMessages`.
 
     Parameters
     ----------
@@ -125,14 +125,14 @@ def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
     """
     size = os.fstat(stream.fileno()).st_size
     if stream.read(8) != _MAGIC:
-        raise FileFormatError("is no whole MCAP recording: it does not begin as one")
+        raise FileFormatError("is not a complete MCAP file: it does not begin as one")
     while True:
         head = stream.read(9)
         if len(head) < 9:
-            raise EOFError("is no whole MCAP recording: it has no end")
+            raise EOFError("is not a complete MCAP file: it has no end")
         opcode, length = struct.unpack("<BQ", head)
         if length > size - stream.tell():
-            raise EOFError("is no whole MCAP recording: its last record is cut off")
+            raise EOFError("is not a complete MCAP file: its last record is cut off")
         if opcode == _CHUNK and messages:
             yield from _chunk(stream.read(length))
         elif opcode in (_SCHEMA, _CHANNEL, _METADATA):
@@ -143,7 +143,7 @@ def read_records(stream: IO[bytes], *, messages: bool = True) -> Iterator[Any]:
             stream.seek(length, os.SEEK_CUR)
         if opcode == _FOOTER:
             if stream.read(8) != _MAGIC:
-                raise EOFError("is no whole MCAP recording: its end is cut off")
+                raise EOFError("is not a complete MCAP file: its end is cut off")
             return
 
 
@@ -155,7 +155,7 @@ def _chunk(content: bytes) -> Iterator[Any]:
     chunk = Chunk.read(ReadDataStream(io.BytesIO(content)))
     data = _uncompressed(chunk)
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise FileFormatError("is no whole MCAP recording: a chunk's checksum is wrong")
+        raise FileFormatError("is not a complete MCAP file: a chunk's checksum is wrong")
     yield from _records(np.frombuffer(data, dtype=np.uint8))
 
 
@@ -187,7 +187,7 @@ def _records(data: Bytes) -> Iterator[Any]:
     """Yield the schemas and channels in some bytes, then the messages, channel by channel."""
     count = _scan(data, np.empty((0, 5), dtype=np.int64))
     if count < 0:
-        raise FileFormatError("is no whole MCAP recording: a record in a chunk is cut off")
+        raise FileFormatError("is not a complete MCAP file: a record in a chunk is cut off")
     found = np.zeros((count, 5), dtype=np.int64)
     _scan(data, found)
     for opcode, _, _, start, size in found[np.isin(found[:, 0], (_SCHEMA, _CHANNEL))].tolist():
@@ -197,7 +197,7 @@ def _records(data: Bytes) -> Iterator[Any]:
     for rows in np.split(order, np.flatnonzero(np.diff(messages[order, 1])) + 1):
         if len(rows):
             _, channels, times, starts, sizes = messages[rows].T
-            yield Messages(int(channels[0]), times, data, starts, sizes)
+            yield ChunkMessages(int(channels[0]), times, data, starts, sizes)
 
 
 def _record(opcode: int, content: bytes) -> Any:

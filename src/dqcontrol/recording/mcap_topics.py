@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.loop.record import Record
 from dqcontrol.recording.cdr import Bytes, cdr
 from dqcontrol.references.sample import TWIST, TWIST_RATE
-
-Array = NDArray[np.float64]
 
 STATES, MEASURED, COMMAND, DISTURBANCE, SAMPLE = (
     "/joint_states",

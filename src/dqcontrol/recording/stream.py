@@ -11,16 +11,14 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ExistsError
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record, part_of, pose_errors
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
 _CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of which the library keeps 1 kB of index in memory

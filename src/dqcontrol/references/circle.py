@@ -14,7 +14,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Axis, Plane, plane_across, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Trace
+from dqcontrol.references.strokes import PenPath
 from dqcontrol.references.yaml_form import Metres, Positive, Seconds
 
 
@@ -127,11 +127,11 @@ class Spiral(PlanarReference):
         self._place(trace, start, axes, advance=advance)
 
 
-def _around(radius: float, duration: float, turns: float, clockwise: bool) -> Trace:
+def _around(radius: float, duration: float, turns: float, clockwise: bool) -> PenPath:
     """Return the trace that starts at the top of a circle."""
     radius, duration = as_positive("radius", radius), as_positive("duration", duration)
     rate = 2 * math.pi * as_positive("turns", turns) / duration
     heading = np.array([0.0 if clockwise else math.pi])
     turn_rate = np.array([-rate if clockwise else rate])
     speed, times = np.array([rate * radius]), np.array([0.0, duration])
-    return Trace(np.zeros((1, 2)), heading, speed, turn_rate, heading, turn_rate, times)
+    return PenPath(np.zeros((1, 2)), heading, speed, turn_rate, heading, turn_rate, times)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array, as_positive
-from dqcontrol.references.reference import NO_CORNERS, SMOOTH, Array, Reference
+from dqcontrol.references.reference import NO_CORNERS, SMOOTH, Reference
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import TWIST, as_pose
 

@@ -13,10 +13,11 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.references.path_length import PathLength, speeds
-from dqcontrol.references.reference import NO_CORNERS, SNAP, Array, Reference
-from dqcontrol.references.s_curve import Limits, progress_at, s_curve
+from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
+from dqcontrol.references.s_curve import MotionLimits, progress_at, s_curve
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 
 _EVEN = 1e-9  # speeds that differ by no more than this fraction are constant
@@ -41,9 +42,9 @@ class JerkLimited(Reference):
         Of finite duration. It must not slow down to rest by itself other than at corners and in pauses: give
         it without `StartRamp` or `CornerStops`.
     velocity, acceleration, jerk
-        Limits along the path, m/s, m/s², m/s³.
+        MotionLimits along the path, m/s, m/s², m/s³.
     angular_velocity, angular_acceleration, angular_jerk
-        Limits of turning, rad/s, rad/s², rad/s³: all or none. Needed where the reference turns on the spot.
+        MotionLimits of turning, rad/s, rad/s², rad/s³: all or none. Needed where the reference turns on the spot.
         On a path whose turn per metre changes (`ViaPoints`), both speed limits hold, but acceleration and
         jerk are limited of √(s² + λ²θ²), λ the largest of the three ratios of the limits, m/rad.
 
@@ -80,7 +81,7 @@ class JerkLimited(Reference):
     _lengths: dict[int, PathLength] = field(init=False, repr=False)  # of uneven stretches
 
     def __post_init__(self) -> None:
-        linear = Limits(*(_limit(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
+        linear = MotionLimits(*(_limit(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
         angular = self._angular()
         if not np.isfinite(self.reference.duration):
             raise ValueRangeError("reference: never ends, so it has no pace to change")
@@ -156,7 +157,7 @@ class JerkLimited(Reference):
         out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist
         return out
 
-    def _angular(self) -> Limits | None:
+    def _angular(self) -> MotionLimits | None:
         names = ("angular_velocity", "angular_acceleration", "angular_jerk")
         given = [name for name in names if getattr(self, name) is not None]
         if not given:
@@ -164,7 +165,7 @@ class JerkLimited(Reference):
         for name in names:
             if name not in given:
                 raise ShapeError(f"{name}: missing: give all of {', '.join(names)} or none")
-        return Limits(*(_limit(name, getattr(self, name)) for name in names))
+        return MotionLimits(*(_limit(name, getattr(self, name)) for name in names))
 
 
 def _limit(field: str, value: float) -> float:
@@ -180,7 +181,9 @@ def _is_even(rates: Array) -> NDArray[np.bool_]:
     return rates.max(axis=1) - rates.min(axis=1) <= _EVEN * rates.max(axis=1)
 
 
-def _own_time(linear: Limits, angular: Limits | None, running: float, turning: float) -> Limits:
+def _own_time(
+    linear: MotionLimits, angular: MotionLimits | None, running: float, turning: float
+) -> MotionLimits:
     """Return the limits of σ̇, σ̈ and its rate, for a reference that runs and turns at these speeds."""
     pairs = [(linear, running), (angular, turning)]
     scaled = [
@@ -188,10 +191,10 @@ def _own_time(linear: Limits, angular: Limits | None, running: float, turning: f
         for each, speed in pairs
         if each and speed
     ]
-    return Limits(*np.min(scaled, axis=0).tolist())
+    return MotionLimits(*np.min(scaled, axis=0).tolist())
 
 
-def _joint(linear: Limits, angular: Limits | None) -> tuple[Limits, float]:
+def _joint(linear: MotionLimits, angular: MotionLimits | None) -> tuple[MotionLimits, float]:
     """Return the limits of the joint length √(s² + λ²θ²), and λ, m/rad."""
     if angular is None:
         return linear, 0.0

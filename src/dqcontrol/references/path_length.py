@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.rigid_motion import point_motion
-
-Array = NDArray[np.float64]
 
 _SLOWEST = 1e-6  # of the greatest speed; who is slower rests
 

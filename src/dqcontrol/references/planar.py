@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.rigid_motion import motion_samples, turned
 from dqcontrol.references.sample import TWIST
-from dqcontrol.references.strokes import Trace
-
-Array = NDArray[np.float64]
+from dqcontrol.references.strokes import PenPath
 
 
 class PlanarReference(Reference):
@@ -23,14 +21,14 @@ class PlanarReference(Reference):
         The strokes over time, in paper coordinates.
     """
 
-    trace: Trace
+    trace: PenPath
     _start: Array
     _axes: Array
     _follow: bool
     _advance: Array
 
     def _place(
-        self, trace: Trace, start: Array, axes: Array, *, follow: bool = False, advance: Array | None = None
+        self, trace: PenPath, start: Array, axes: Array, *, follow: bool = False, advance: Array | None = None
     ) -> None:
         """Hold the paper's origin at the start pose (8,); advance (3,), m/s, moves the paper meanwhile."""
         values = {

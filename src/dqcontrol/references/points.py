@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import adjoint_twist, as_unit, conjugate, exp_screw, log_screw, multiply, renormalise
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.references.reference import Array, Reference, corners_between
+from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 
 

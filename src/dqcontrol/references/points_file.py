@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import pose, renormalise
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.points import Points
-from dqcontrol.references.reference import Array
 from dqcontrol.references.sample import as_pose
 
 POSITION = ("x", "y", "z")

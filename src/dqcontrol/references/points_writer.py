@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from dqcontrol.algebra import rotation, translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, ValueRangeError, writing
 from dqcontrol.references.points_file import POSITION, QUATERNION
-from dqcontrol.references.reference import Array
 
 _LEAST = 1e-3  # s of way between two poses, less is none
 

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
-
-Array = NDArray[np.float64]
 
 SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner

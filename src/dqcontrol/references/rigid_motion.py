@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import adjoint_twist, multiply, translation
 from dqcontrol.algebra.conversions import as_unit_quaternion
 from dqcontrol.algebra.elementary import set_pose
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
-
-Array = NDArray[np.float64]
 
 
 @kernel(types.void(READ2, READ2, READ2, READ2, READ2, READ2, WRITE2), strict=True)

@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dqcontrol.arrays import Array
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """How fast progress may be made: greatest speed, acceleration and jerk, in units per s, s², s³."""
 
     speed: float
@@ -24,7 +23,7 @@ class Limits:
     jerk: float
 
 
-def phases(length: float, limits: Limits) -> tuple[float, float, float]:
+def phases(length: float, limits: MotionLimits) -> tuple[float, float, float]:
     """Return how long jerk lasts (each of four times), full acceleration (each of two), and cruising, s.
 
     Parameters
@@ -36,7 +35,7 @@ def phases(length: float, limits: Limits) -> tuple[float, float, float]:
 
     Examples
     --------
-    >>> phases(1.0, Limits(speed=0.5, acceleration=1.0, jerk=4.0))
+    >>> phases(1.0, MotionLimits(speed=0.5, acceleration=1.0, jerk=4.0))
     (0.25, 0.25, 1.25)
     """
     v, a, j = limits.speed, limits.acceleration, limits.jerk
@@ -51,7 +50,7 @@ def phases(length: float, limits: Limits) -> tuple[float, float, float]:
     return math.cbrt(0.5 * length / j), 0.0, 0.0
 
 
-def s_curve(length: float, limits: Limits) -> tuple[Array, float]:
+def s_curve(length: float, limits: MotionLimits) -> tuple[Array, float]:
     """Return the progress over time as cubic pieces, and how long it takes, s.
 
     Braking mirrors speeding up and is anchored at its end, so that rest is reached exactly.

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 POSE, TWIST, TWIST_RATE, TIME = slice(0, 8), slice(8, 14), slice(14, 20), 20
 SAMPLE_SIZE = 21  # a sample as compiled code sees it: pose, twist, twist rate, time

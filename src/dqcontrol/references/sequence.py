@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.references.reference import Array, Reference, corners_between
+from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 
 _SAME_POSE = 1e-6  # largest difference of the eight coefficients between an end and the next start

@@ -22,7 +22,7 @@ class SetPoint(Reference):
     pose
         Unit dual quaternion, `DualQuaternion` or shape (8,), inertial frame, m.
     duration
-        s; for ever if omitted. A finite one makes a pause in a `Sequence`.
+        s; no end if omitted. A finite one makes a pause in a `Sequence`.
 
     Raises
     ------

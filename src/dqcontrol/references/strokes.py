@@ -14,10 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, READ2, WRITE, WRITE2, kernel, types
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
-
-Array = NDArray[np.float64]
 
 _SAME_POINT = 1e-9  # m
 _SMOOTH_TURN = 1e-3  # rad; a tangent that jumps by less comes of rounded coordinates
@@ -33,11 +32,11 @@ def _run(pieces, which, elapsed, position, velocity, acceleration, yaw, yaw_rate
     Parameters
     ----------
     pieces
-        Start, heading, speed, turn rate, yaw and yaw rate of each, as of `Trace`, shape (n, 7).
+        Start, heading, speed, turn rate, yaw and yaw rate of each, as of `PenPath`, shape (n, 7).
     which, elapsed
         Piece, and time in it, shape (N,), s.
     position, velocity, acceleration, yaw, yaw_rate
-        As `Trace.at` returns them.
+        As `PenPath.at` returns them.
     """
     for i in range(which.shape[0]):
         k, t = which[i], elapsed[i]
@@ -115,7 +114,7 @@ Stroke = Line | Arc | Rest
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class PenPath:
     """A point that runs over the paper, piece by piece, from time 0.
 
     Parameters
@@ -147,8 +146,8 @@ class Trace:
         strokes: Sequence[Stroke],
         turn_speed: float | None = None,
         labels: Sequence[str] | None = None,
-    ) -> Trace:
-        """Trace strokes from the paper's origin.
+    ) -> PenPath:
+        """PenPath strokes from the paper's origin.
 
         Parameters
         ----------

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
-from dqcontrol.references.reference import NO_CORNERS, Array, Reference
+from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 
 _HALVINGS = 60

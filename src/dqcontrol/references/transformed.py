@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from numpy.typing import ArrayLike
 
-from dqcontrol.references.reference import Array, Reference
+from dqcontrol.arrays import Array
+from dqcontrol.references.reference import Reference
 from dqcontrol.references.rigid_motion import displaced
 from dqcontrol.references.sample import as_pose
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
-from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inlined, kernel, types
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.points import as_path
-from dqcontrol.references.reference import Array, Reference, corners_between
+from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import TWIST
 
@@ -22,7 +23,7 @@ _CUBICS = types.Array(types.float64, 3, "C", readonly=True)
 _PIECE = types.Array(types.intp, 1, "C", readonly=True)
 
 
-@inlined
+@inline
 def _vector_of_product(a, b, out):
     """Write Im(a b*)."""
     aw, ax, ay, az = a[0], a[1], a[2], a[3]

@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from dqcontrol.figures.figure_files import for_page
-from dqcontrol.measures.table_cells import Cell, Ratio, Verdict
+from dqcontrol.measures.table_cells import Cell, Ratio, VerdictCell
 from dqcontrol.measures.tables import Table
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def html_figure(figure: Figure, caption: str) -> str:
 
 
 def _cell(cell: Cell, text: str, kind: str) -> str:
-    if isinstance(cell, Verdict):
+    if isinstance(cell, VerdictCell):
         name, mark = _MARKS[cell.good]
         return f"<td class={name}>{mark} {escape(text)}</td>"
     if isinstance(cell, Ratio) and math.isfinite(cell):

@@ -12,7 +12,7 @@ from typing import Any
 from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.measures.tables import Column, Table
 
-AGAIN = "again"  # folder that the commands write to
+RERUN_FOLDER = "again"  # folder that the commands write to
 _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
 
 
@@ -40,12 +40,15 @@ def command(name: str, *arguments: str, **options: Any) -> str:
 
 def evaluation_command(evaluation: dict[str, Any]) -> str:
     """Return the command that measures a log again, from what ``spec.yaml`` says about it."""
-    options = {key: value for key, value in evaluation.items() if key not in ("log", "robot")}
+    option_of = {"skip_initial": "settle"}
+    options = {
+        option_of.get(key, key): value for key, value in evaluation.items() if key not in ("log", "robot")
+    }
     robot = evaluation["robot"]
     ends = {key: robot.get(key) for key in ("base_link", "tip_link")}
     joints = options.pop("joints")
     options["joints"] = ",".join(joints) if joints else None
-    return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=AGAIN)
+    return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=RERUN_FOLDER)
 
 
 def origins(data: dict[str, Any]) -> Table:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.run import Run, units_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
-from dqcontrol.reports.provenance import AGAIN, command, evaluation_command, origins
+from dqcontrol.reports.provenance import RERUN_FOLDER, command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import interventions_tables, run_verdicts
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def figures_of(run: Run) -> dict[str, Figure]:
     return _figures(run, Certificate.recorded(run.record))
 
 
-def write_run_report(run: Run, folder: Path, outside: str = OUTSIDE, *, figures: bool = True) -> None:
+def write_run_report(run: Run, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
     """Write ``report.html`` and, unless told otherwise, the figures of a run as PNG files into an existing folder.
 
     ``outside`` leads from there out of all results.
@@ -80,4 +80,4 @@ def _command(run: Run, data: dict[str, Any], outside: str) -> str:
         return evaluation_command(data["evaluation"])
     if run.expected is None:
         return ""
-    return command("run", MARK, real_time=run.timing is not None, out=f"{outside}/{AGAIN}")
+    return command("run", SPEC_FILE, real_time=run.timing is not None, out=f"{outside}/{RERUN_FOLDER}")

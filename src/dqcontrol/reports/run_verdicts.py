@@ -13,7 +13,7 @@ from dqcontrol.limits import list_interventions
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
 from dqcontrol.measures.lyapunov import Certificate
-from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
@@ -69,7 +69,11 @@ def interventions_tables(record: Record) -> list[Table]:
 
 def _end(run: Run) -> Iterator[Row]:
     words = "failed" if run.task.outcome == "failed" else "succeeded" if run.task.succeeded else "fell short"
-    yield ["End", Verdict(words, run.task.succeeded), f"{run.record.stopped}; {run.record.duration:.4g} s"]
+    yield [
+        "End",
+        VerdictCell(words, run.task.succeeded),
+        f"{run.record.stopped}; {run.record.duration:.4g} s",
+    ]
 
 
 def _task(task: TaskResult) -> Iterator[Row]:
@@ -79,7 +83,7 @@ def _task(task: TaskResult) -> Iterator[Row]:
         words = (
             f"{task.error}; counts as {'reached' if task.rests else 'followed'} up to {', '.join(allowed)}"
         )
-        yield ["Task", Verdict(task.outcome, task.succeeded), words]
+        yield ["Task", VerdictCell(task.outcome, task.succeeded), words]
 
 
 def _joint_limits(run: Run) -> Iterator[Row]:
@@ -87,7 +91,7 @@ def _joint_limits(run: Run) -> Iterator[Row]:
     if joint:
         unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
-        yield ["Joint limits", Verdict(*(("kept", True) if margin >= 0 else ("exceeded", False))), where]
+        yield ["Joint limits", VerdictCell(*(("kept", True) if margin >= 0 else ("exceeded", False))), where]
 
 
 def _velocity_limits(run: Run) -> Iterator[Row]:
@@ -101,7 +105,7 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
         words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
-    yield ["Velocity limits", Verdict("kept" if kept else "exceeded", kept), words]
+    yield ["Velocity limits", VerdictCell("kept" if kept else "exceeded", kept), words]
 
 
 def _clearance(run: Run) -> Iterator[Row]:
@@ -111,7 +115,11 @@ def _clearance(run: Run) -> Iterator[Row]:
             f"hand {1e3 * abs(least):.3g} mm {'from' if least >= 0 else 'inside'} floor or chassis at least"
         )
         words = where if least >= 0 else where.replace(" at least", " at most")
-        yield ["Floor and chassis", Verdict(*(("kept", True) if least >= 0 else ("passed", False))), words]
+        yield [
+            "Floor and chassis",
+            VerdictCell(*(("kept", True) if least >= 0 else ("passed", False))),
+            words,
+        ]
 
 
 def _interventions(record: Record) -> Iterator[Row]:
@@ -119,10 +127,14 @@ def _interventions(record: Record) -> Iterator[Row]:
         return
     found = list_interventions(record.time, record.readings[INTERVENTIONS].values)
     if not found:
-        yield ["Supervisor", Verdict("never intervened", True), ""]
+        yield ["Supervisor", VerdictCell("never intervened", True), ""]
         return
     times = "once" if len(found) == 1 else f"{len(found)} times"
-    yield ["Supervisor", Verdict("intervened", None), f"{times}, first at {found[0][0]:.3f} s: {found[0][2]}"]
+    yield [
+        "Supervisor",
+        VerdictCell("intervened", None),
+        f"{times}, first at {found[0][0]:.3f} s: {found[0][2]}",
+    ]
 
 
 def _range(record: Record) -> Iterator[Row]:
@@ -131,21 +143,21 @@ def _range(record: Record) -> Iterator[Row]:
     last = float(TaskRange.recorded(record).share[-1])
     stuck = last > _STUCK and record.error[-1] > _ARRIVED
     words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
-    yield ["Range of J", Verdict("stuck" if stuck else "not stuck", not stuck), words]
+    yield ["Range of J", VerdictCell("stuck" if stuck else "not stuck", not stuck), words]
 
 
 def _periods(timing: Timing | None) -> Iterator[Row]:
     if timing is not None:
         kept = not timing.missed
         words = f"{timing.missed} of {len(timing.begin)} missed, {timing.overruns} began late"
-        yield ["Control periods", Verdict("kept" if kept else "missed", kept), words]
+        yield ["Control periods", VerdictCell("kept" if kept else "missed", kept), words]
 
 
 def _lyapunov(certificate: Certificate) -> Row:
     rise = certificate.largest_rise
     falls = rise < _RISE
     words = f"largest rise {rise:.2g} of its first value"
-    return ["Lyapunov function V", Verdict("falls" if falls else "rises", falls), words]
+    return ["Lyapunov function V", VerdictCell("falls" if falls else "rises", falls), words]
 
 
 def _loop_gains(found: LoopCheck) -> Row:

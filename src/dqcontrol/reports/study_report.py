@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
-from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
-from dqcontrol.reports.provenance import AGAIN, command, origins
+from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
 if TYPE_CHECKING:
     pass
@@ -58,7 +58,7 @@ def write_study_report(
         study.name,
         facts=f"{len(study.rows)} runs" if len(study.rows) > 1 else "1 run",
         notice="; ".join(study.failures()),
-        command=command("run", MARK, out=f"{OUTSIDE}/{AGAIN}"),
+        command=command("run", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
         figures=_figures(study, records, folder) if figures else {},
@@ -92,14 +92,14 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
     lines: list[list[Cell]] = []
     for label, trials in by_label(rows).items():
         well = sum(not has_failed(str(row["stopped"])) for row in trials)
-        end = Verdict("succeeded" if well == len(trials) else "failed", well == len(trials))
+        end = VerdictCell("succeeded" if well == len(trials) else "failed", well == len(trials))
         short = [str(row["task"]) for row in trials if str(row.get("task")).startswith("not ")]
         done = len(trials) - len(short)
         words = short[0] if len(trials) == 1 and short else f"{done} of {len(trials)}"
-        task = Verdict(words if short else str(trials[0].get("task")), not short) if well else None
+        task = VerdictCell(words if short else str(trials[0].get("task")), not short) if well else None
         margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
         least = min(margins, default=None)
-        kept = None if least is None else Verdict("kept" if least >= 0 else "exceeded", least >= 0)
+        kept = None if least is None else VerdictCell("kept" if least >= 0 else "exceeded", least >= 0)
         lines.append([label, f"{well} of {len(trials)}", end, task, kept, least])
     columns = [
         Column("Run"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.experiments.ranking import Ranking
-from dqcontrol.experiments.results_folder import MARK, OUTSIDE
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.table_cells import Cell, Verdict
+from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reports.provenance import AGAIN, command, origins
+from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
 
 
@@ -20,14 +20,17 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
     table, count = ranking.table(), len(ranking.groups)
     figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
     save_figures(figures, folder)
-    data = parse_yaml(MARK, spec)
+    data = parse_yaml(SPEC_FILE, spec)
     whole = ranking.placed == count
-    end: list[Cell] = [f"{ranking.placed:,} of {count:,}", Verdict("succeeded" if whole else "failed", whole)]
+    end: list[Cell] = [
+        f"{ranking.placed:,} of {count:,}",
+        VerdictCell("succeeded" if whole else "failed", whole),
+    ]
     write_report(
         folder,
         str(data["name"]),
         facts=f"{count:,} points, ranked by {ranking.by}",
-        command=command("sweep", MARK, by=ranking.by, out=f"{OUTSIDE}/{AGAIN}"),
+        command=command("sweep", SPEC_FILE, by=ranking.by, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
         tables=[table],
         figures=figures,

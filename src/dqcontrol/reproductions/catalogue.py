@@ -65,7 +65,7 @@ class Conditions:
         return None if report is None else lambda done, total: report(label, done, total)
 
 
-class Source(Protocol):
+class Publication(Protocol):
     """What the package of a source offers."""
 
     EXPERIMENTS: Mapping[str, Experiment]
@@ -75,9 +75,9 @@ class Source(Protocol):
         ...
 
 
-def source(name: str) -> Source:
+def source(name: str) -> Publication:
     """Return the package of one of `SOURCES`."""
-    return cast(Source, import_module(f"{__package__}.{name}"))
+    return cast(Publication, import_module(f"{__package__}.{name}"))
 
 
 def experiments() -> dict[str, Experiment]:
@@ -95,7 +95,7 @@ def names(name: str) -> list[str]:
     Raises
     ------
     UnknownNameError
-        If there is none of that name.
+        If no experiment has that name.
 
     Examples
     --------

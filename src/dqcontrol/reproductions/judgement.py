@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dqcontrol.measures.table_cells import Verdict
+from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reproductions.printed import Claim
 
@@ -26,10 +26,10 @@ class Judgement:
     number: str
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> VerdictCell:
         """In words."""
         words = {True: "supported", False: "not supported", None: "cannot be decided"}
-        return Verdict(words[self.holds], self.holds)
+        return VerdictCell(words[self.holds], self.holds)
 
 
 def verdict_table(

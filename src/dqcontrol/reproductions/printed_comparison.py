@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.table_cells import Ratio
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.printed import PublishedCell
@@ -63,7 +63,10 @@ def comparison_tables(
 
 
 def command_table(
-    cells: Sequence[PublishedCell], results: Results, settings: Mapping[str, Setting], title: str = ""
+    cells: Sequence[PublishedCell],
+    results: Results,
+    settings: Mapping[str, PreparedExperiment],
+    title: str = "",
 ) -> Table:
     """Return the mean of T |u|, one row a law and set: on an arm that gives way at each sample, by how much it does.
 

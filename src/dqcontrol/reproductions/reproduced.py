@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.results_folder import MARK, new_folder
+from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.study import Study
-from dqcontrol.measures.table_cells import Verdict
+from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.provenance import AGAIN, command, origins
+from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +63,7 @@ class Reproduced:
         from dqcontrol.reports import write_report
 
         with new_folder(folder, force=force) as new:
-            (new / MARK).write_text(f"# {self.command}\n", encoding="utf-8")
+            (new / SPEC_FILE).write_text(f"# {self.command}\n", encoding="utf-8")
             text = "\n".join(table.markdown() for table in self.tables)
             (new / "tables.md").write_text(text, encoding="utf-8")
             for i, table in enumerate(self.tables, 1):
@@ -79,7 +79,7 @@ class Reproduced:
                 new,
                 self.name,
                 facts=f"on {self.plant}" if self.plant else "",
-                command=f"{self.command} --out {AGAIN}",
+                command=f"{self.command} --out {RERUN_FOLDER}",
                 verdicts=[table for table in self.tables if _judges(table)],
                 tables=[table for table in self.tables if not _judges(table)],
                 figures=figures,
@@ -96,4 +96,4 @@ class Reproduced:
 
 def _judges(table: Table) -> bool:
     """Tell whether a table holds verdicts."""
-    return any(isinstance(cell, Verdict) for row in table.rows for cell in row)
+    return any(isinstance(cell, VerdictCell) for row in table.rows for cell in row)

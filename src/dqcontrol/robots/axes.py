@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.robots.dh import compose
-
-Array = NDArray[np.float64]
 
 
 def chain_from_axes(

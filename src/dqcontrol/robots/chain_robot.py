@@ -5,15 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.jacobian_rates import batch as rates_batch
 from dqcontrol.robots.jacobian_rates import jacobian_rates
+from dqcontrol.robots.poses import positions
 
-Array = NDArray[np.float64]
 _new, _empty = object.__new__, np.empty
 
 
@@ -149,7 +150,7 @@ class ChainRobot:
         """Return dJ_p/dt, shape (…, 3, m), so that p̈ = J_p u̇ + (dJ_p/dt) u."""
         flat, m = self._rates(q, u), self.input_size
         twist, rate = _matrix(flat, 8 + 8 * m, 6, m), _matrix(flat, 8 + 22 * m, 6, m)
-        p, speed = _position(flat[..., :8]), as_array("u", u)
+        p, speed = positions(flat[..., :8]), as_array("u", u)
         jacobian = twist[..., 3:6, :] - _cross_columns(p, twist[..., 0:3, :])
         velocity = (jacobian @ speed[..., None])[..., 0]
         turned = _cross_columns(velocity, twist[..., 0:3, :]) + _cross_columns(p, rate[..., 0:3, :])
@@ -224,12 +225,6 @@ def _matrix(flat: Array, first: int, rows: int, columns: int) -> Array:
     if flat.ndim == 1:
         return flat[first : first + rows * columns].reshape(rows, columns)
     return flat[..., first : first + rows * columns].reshape(*flat.shape[:-1], rows, columns)
-
-
-def _position(pose: Array) -> Array:
-    """Return p of x = r + ε½pr."""
-    w, v, dw, dv = pose[..., :1], pose[..., 1:4], pose[..., 4:5], pose[..., 5:8]
-    return 2 * (w * dv - dw * v - np.cross(dv, v))
 
 
 def _cross_columns(vector: Array, matrix: Array) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.dh import compose, rotation_x, shift
@@ -16,8 +16,6 @@ from dqcontrol.robots.poses import inverse7, pose7
 
 if TYPE_CHECKING:  # at run time the class comes as an argument: its module imports this one
     from dqcontrol.robots.serial_arm import SerialArm
-
-Array = NDArray[np.float64]
 
 
 def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_positive
 from dqcontrol.robots.chain_robot import ChainRobot
-
-Array = NDArray[np.float64]
 
 
 class Dexterity(ChainRobot):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.symmetric import cholesky, diagonalise, inverse_trace
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 
-@inlined
+@inline
 def smallest_singular_value(jacobian, beyond, gram, vectors, column):
     """Return the smallest singular value of J (6 × n); some value ≥ ``beyond`` if it is at least that.
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inlined, kernel, types
+from dqcontrol.compiled.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inline, kernel, types
 
 # drives, configurations (N × n), inputs (N × m or N × n), period, out
 INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)
@@ -20,14 +20,14 @@ INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)
 FEASIBLE = STATUS(READ2, READ2, READ2, WRITE2)
 
 
-@inlined
+@inline
 def feasible(xdot, ydot, phidot, phi, displacement):
     """Return v and ω with which the displaced point moves as the rates say: C⁻¹B of [S17 4.24], in closed form."""
     c, s = math.cos(phi), math.sin(phi)
     return xdot * c + ydot * s, phidot + (ydot * c - xdot * s) / displacement
 
 
-@inlined
+@inline
 def drive_speeds(drives, k, u, q):
     """Return v and ω that inputs give drive k."""
     i = int(drives[k, 0])
@@ -36,7 +36,7 @@ def drive_speeds(drives, k, u, q):
     return u[i - k], u[i - k + 1]
 
 
-@inlined
+@inline
 def roll(v, omega, dt, q, i):
     """Move x, y and φ at q[i], q[i + 1], q[i + 2] along the arc of constant v and ω."""
     half = 0.5 * omega * dt
@@ -46,7 +46,7 @@ def roll(v, omega, dt, q, i):
     q[i + 2] += omega * dt
 
 
-@inlined
+@inline
 def advance(drives, u, dt, q):
     """Move q by inputs that are constant for dt; exact, and for drives the same whether u has m or n numbers."""
     projecting = u.shape[0] == q.shape[0]
@@ -65,7 +65,7 @@ def advance(drives, u, dt, q):
         i, j = i + 1, j + 1
 
 
-@inlined
+@inline
 def to_inputs(drives, q, rates, out):
     """Write the m inputs that follow the n rates as far as the drives can."""
     i, j = 0, 0

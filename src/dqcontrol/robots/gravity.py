@@ -18,7 +18,7 @@ from dqcontrol.compiled.compile import (
     WRITE,
     WRITE2,
     WRONG_SIZE,
-    inlined,
+    inline,
     kernel,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
@@ -35,7 +35,7 @@ def body_table(inertia: Inertia) -> NDArray[np.float64]:
     return np.column_stack([inertia.mass, inertia.center])
 
 
-@inlined
+@inline
 def gravity_torque(chain, bodies, q, gravity, out, work):
     """Write the n torques τ_g = ∂U/∂q that hold the arm still; gravity (3,) is in the base frame, work is (WORK n,).
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import half_angle, quaternion_product, translation
-from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inlined, kernel
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _half, _screw
 
@@ -30,7 +30,7 @@ def work_size(joints: int) -> int:
     return 16 * joints + 36 + 4 * 6 + 3 + 4
 
 
-@inlined
+@inline
 def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     """Write the residual (6) and the hand's Jacobian (n × 6, a row a joint) at q; return the residual's square."""
     n = chain.shape[0] - 1
@@ -70,7 +70,7 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     return square
 
 
-@inlined
+@inline
 def _factor(gram):
     """Factor the lower triangle of a 6 × 6 matrix in place, L with reciprocal pivots; return if it is positive."""
     for j in range(6):
@@ -89,7 +89,7 @@ def _factor(gram):
     return True
 
 
-@inlined
+@inline
 def _substitute(factor, y):
     """Solve LLᵀ y = y in place."""
     for i in range(6):
@@ -104,7 +104,7 @@ def _substitute(factor, y):
         y[i] = value * factor[i, i]
 
 
-@inlined
+@inline
 def _step(jacobian, residual, q, limits, damping, gram, y, left, held, out):
     """Write the configuration after one damped step inside the limits; return whether it could be computed.
 
@@ -154,7 +154,7 @@ def _step(jacobian, residual, q, limits, damping, gram, y, left, held, out):
     return True
 
 
-@inlined
+@inline
 def _reached(residual, turns, moves, position_tolerance, orientation_tolerance):
     """Return whether the errors that count are within their tolerances."""
     turned = residual[0] * residual[0] + residual[1] * residual[1] + residual[2] * residual[2]

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.robots import inverse_kernels
 from dqcontrol.robots.dexterity import Dexterity
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
-
-Array = NDArray[np.float64]
 
 _SHOWN = 20  # rows in notebooks
 _ITERATIONS = 60  # a start; most need fewer than 15
@@ -148,23 +147,23 @@ class InverseKinematics(Dexterity):
                 success, reason = _explain(self, problem, poses.reshape(1, 8), q[0], reports[0])
             position, orientation, iterations, tried = reports[0].tolist()
             return Solution(q[0], success, position, orientation, int(iterations), int(tried), reason)
-        lead = _common_lead(poses, guess)
-        rows = np.ascontiguousarray(np.broadcast_to(poses, (*lead, 8)).reshape(-1, 8))
-        q = np.array(np.broadcast_to(guess, (*lead, n)).reshape(-1, n), order="C")
+        batch_shape = _common_lead(poses, guess)
+        rows = np.ascontiguousarray(np.broadcast_to(poses, (*batch_shape, 8)).reshape(-1, 8))
+        q = np.array(np.broadcast_to(guess, (*batch_shape, n)).reshape(-1, n), order="C")
         reports = _solve(self, problem, rows, q)
         reached = np.array([problem.is_reached(*report[:2]) for report in reports], dtype=bool)
         reasons = np.full(len(rows), "", dtype=object)
         for i in np.flatnonzero(~reached):
             reached[i], reasons[i] = _explain(self, problem, rows[i : i + 1], q[i], reports[i])
-        position, orientation, iterations, tried = (column.reshape(lead) for column in reports.T)
+        position, orientation, iterations, tried = (column.reshape(batch_shape) for column in reports.T)
         return Solution(
-            q.reshape(*lead, n),
-            reached.reshape(lead),
+            q.reshape(*batch_shape, n),
+            reached.reshape(batch_shape),
             position,
             orientation,
             iterations.astype(int),
             tried.astype(int),
-            reasons.reshape(lead),
+            reasons.reshape(batch_shape),
         )
 
 

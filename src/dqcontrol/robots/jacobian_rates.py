@@ -11,7 +11,7 @@ from dqcontrol.compiled.compile import (
     WRITE,
     WRITE2,
     WRONG_SIZE,
-    inlined,
+    inline,
     kernel,
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
@@ -23,7 +23,7 @@ BATCH = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)
 _call_rates = caller(RATES)
 
 
-@inlined
+@inline
 def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
     """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
     return (

@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -25,7 +26,7 @@ from dqcontrol.compiled.compile import (
     WRITE,
     WRITE2,
     WRONG_SIZE,
-    inlined,
+    inline,
     kernel,
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
@@ -39,7 +40,7 @@ BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
 call_chain: Callable[..., Any] = caller(CHAIN)
 
 
-@inlined
+@inline
 def _fixed(w, x, y, z, px, py, pz, row):
     """Compose a frame with the fixed pose of a table row."""
     fw, fx, fy, fz, tx, ty, tz = row[0], row[1], row[2], row[3], row[4], row[5], row[6]
@@ -60,20 +61,20 @@ def _fixed(w, x, y, z, px, py, pz, row):
     )
 
 
-@inlined
+@inline
 def _axis(w, x, y, z):
     """Return the z axis of a frame."""
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-@inlined
+@inline
 def _half(angle):
     """Return sin and cos of half an angle."""
     half = 0.5 * angle
     return sine_cosine(half) if abs(half) <= FARTHEST else (math.sin(half), math.cos(half))
 
 
-@inlined
+@inline
 def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
     """Move a frame along or about its z axis, given sine and cosine of half the angle."""
     if kind != REVOLUTE:
@@ -89,13 +90,13 @@ def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
     )
 
 
-@inlined
-def halves(q, room):
+@inline
+def halves(q, workspace):
     """Write sines, then cosines, of all half angles; return where the cosines begin, and NaN unless q is finite."""
     n = q.shape[0]
     padded = (n + 3) // 4 * 4 if n > 3 else n  # three times this fits into a pose Jacobian
     check, farthest = 0.0, 0.0
-    half = room[2 * padded : 3 * padded]
+    half = workspace[2 * padded : 3 * padded]
     for i in range(n):
         half[i] = 0.5 * q[i]
         check += 0.0 * q[i]
@@ -103,14 +104,14 @@ def halves(q, room):
     for i in range(n, padded):
         half[i] = 0.0
     if farthest <= FARTHEST:
-        sines_cosines(half, padded, room)
+        sines_cosines(half, padded, workspace)
     else:
         for i in range(n):
-            room[i], room[padded + i] = math.sin(half[i]), math.cos(half[i])
+            workspace[i], workspace[padded + i] = math.sin(half[i]), math.cos(half[i])
     return padded, check
 
 
-@inlined
+@inline
 def _heading(w, x, y, z, zx, zy, zz, angle):
     """Return the heading of a base in the frame of its x: z cos φ + x sin φ."""
     c, s = math.cos(angle), math.sin(angle)
@@ -121,7 +122,7 @@ def _heading(w, x, y, z, zx, zy, zz, angle):
     )
 
 
-@inlined
+@inline
 def _store_pose(w, x, y, z, px, py, pz, out):
     """Write x = r + ε½pr."""
     px, py, pz = 0.5 * px, 0.5 * py, 0.5 * pz
@@ -132,7 +133,7 @@ def _store_pose(w, x, y, z, px, py, pz, out):
     out[7] = pz * w + px * y - py * x
 
 
-@inlined
+@inline
 def joint_frames(chain, q, out):
     """Write the end pose (8), or with more room all joint frames after their screws and the end pose (8 (n + 1))."""
     n = chain.shape[0] - 1
@@ -161,15 +162,15 @@ def forward(chain, q, out):
     return joint_frames(chain, q, out)
 
 
-@inlined
-def _twist_kinematics(chain, q, pose, twist_jacobian, room):
-    """Write end pose and twist Jacobian; the room is one for a pose Jacobian."""
+@inline
+def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
+    """Write end pose and twist Jacobian; the workspace has the size of a pose Jacobian."""
     n = chain.shape[0] - 1
     m = n - int(chain[n, 7])
     if q.shape[0] != n or twist_jacobian.shape[1] != m:
         return WRONG_SIZE
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    cosines, check = halves(q, room)
+    cosines, check = halves(q, workspace)
     j = 0
     for i in range(n):
         w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
@@ -189,14 +190,14 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, room):
             elif kind == SIDEWAYS:
                 j -= 1  # the column of φ takes its place
         j += 1
-        sine, cosine = room[i], room[cosines + i]
+        sine, cosine = workspace[i], workspace[cosines + i]
         w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, pose)
     return OK if check == 0.0 else NOT_FINITE
 
 
-@inlined
+@inline
 def fill_pose_jacobian(pose, twist_jacobian, out):
     """Write the pose Jacobian: column i is ½ξᵢx, ξᵢ that of the twist Jacobian."""
     w, x, y, z = 0.5 * pose[0], 0.5 * pose[1], 0.5 * pose[2], 0.5 * pose[3]
@@ -214,7 +215,7 @@ def fill_pose_jacobian(pose, twist_jacobian, out):
         out[7, i] = c * dw + a * dy - b * dx + f * w + d * y - e * x
 
 
-@inlined
+@inline
 def all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
     """Write end pose and both Jacobians."""
     m = twist_jacobian.shape[1]
@@ -225,7 +226,7 @@ def all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
     return status
 
 
-@inlined
+@inline
 def split(out):
     """Return the parts of a row as `kinematics` writes it: pose (8), pose Jacobian (8 × m), twist Jacobian (6 × m)."""
     m = (out.shape[0] - 8) // 14
@@ -241,10 +242,10 @@ def kinematics(chain, q, out):
 
 @kernel(CHAIN)
 def twist_kinematics(chain, q, out):
-    """Write what `kinematics` does, but for the pose Jacobian, whose room is left with something else."""
+    """Write what `kinematics` does; the block of the pose Jacobian is scratch and undefined afterwards."""
     pose, pose_jacobian, twist_jacobian = split(out)
-    room = as_matrix(pose_jacobian, 1, 8 * pose_jacobian.shape[1])[0]
-    return _twist_kinematics(chain, q, pose, twist_jacobian, room)
+    workspace = as_matrix(pose_jacobian, 1, 8 * pose_jacobian.shape[1])[0]
+    return _twist_kinematics(chain, q, pose, twist_jacobian, workspace)
 
 
 @kernel(STATUS(READ2, INPUT, WRITE, WRITE2, WRITE2))
@@ -253,7 +254,7 @@ def kinematics_apart(chain, q, pose, pose_jacobian, twist_jacobian):
     return all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian)
 
 
-@inlined
+@inline
 def hand_jacobian(position, twist_jacobian, out):
     """Write the Jacobian (6 × m) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
     px, py, pz = position
@@ -272,18 +273,6 @@ def hand_kinematics(chain, q, out):
     status = all_kinematics(chain, q, pose, pose_jacobian, jacobian)
     hand_jacobian(position(pose), jacobian, jacobian)
     return status
-
-
-@inlined
-def position(pose):
-    """Return p of x = r + ε½pr."""
-    w, x, y, z = pose[0], -pose[1], -pose[2], -pose[3]
-    dw, dx, dy, dz = pose[4], pose[5], pose[6], pose[7]
-    return (
-        2.0 * (dw * x + dx * w + dy * z - dz * y),
-        2.0 * (dw * y - dx * z + dy * w + dz * x),
-        2.0 * (dw * z + dx * y - dy * x + dz * w),
-    )
 
 
 @kernel(BATCH)

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.robots.axes import rotation_matrix
 from dqcontrol.robots.limits import Inertia
-
-Array = NDArray[np.float64]
 
 
 def lump(

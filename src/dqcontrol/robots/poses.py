@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-
-Array = NDArray[np.float64]
 
 
 def unit_poses(field: str, pose: ArrayLike) -> Array:
@@ -38,8 +37,13 @@ def pose7(field: str, pose: ArrayLike) -> Array:
     x = unit_poses(field, pose)
     if x.ndim != 1:
         raise ShapeError(f"{field}: expected one pose, shape (8,), got {x.shape}")
-    w, v, dw, dv = x[0], x[1:4], x[4], x[5:]
-    return np.concatenate([x[:4], 2 * (w * dv - dw * v - np.cross(dv, v))])
+    return np.concatenate([x[:4], positions(x)])
+
+
+def positions(poses: Array) -> Array:
+    """Return p of x = r + ε½pr, shape (…, 3)."""
+    w, v, dw, dv = poses[..., :1], poses[..., 1:4], poses[..., 4:5], poses[..., 5:8]
+    return 2 * (w * dv - dw * v - np.cross(dv, v))
 
 
 def inverse7(pose: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ReachError, ShapeError
 from dqcontrol.robots.inverse_kinematics import ranges
 from dqcontrol.robots.poses import unit_poses
@@ -17,7 +18,6 @@ from dqcontrol.robots.whole_body import base_coordinates
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 _STARTS = 60
 _SAME = 1e-3  # rad or m between two configurations: one solution

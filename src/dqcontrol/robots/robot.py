@@ -7,14 +7,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
 from dqcontrol.robots.description import describe
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
-
-Array = NDArray[np.float64]
 
 
 class Robot(InverseKinematics):
@@ -89,11 +88,11 @@ class Robot(InverseKinematics):
         [0.637, 0.637, 1.571]
         """
         period = float(as_array("dt", dt, ()))
-        lead, starts, inputs = paired_rows(self._rows("q", q), "u", self._inputs("u", u))
+        batch_shape, starts, inputs = paired_rows(self._rows("q", q), "u", self._inputs("u", u))
         out = np.empty_like(starts)
         if driving.integrate(self.drives, starts, inputs, period, out):
-            raise ValueRangeError(f"u: moves {self.name} beyond the finite numbers in {period:g} s")
-        return out.reshape(*lead, self.configuration_size)
+            raise ValueRangeError(f"u: moves {self.name} to NaN or infinity in {period:g} s")
+        return out.reshape(*batch_shape, self.configuration_size)
 
     def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
         """Return the joint torques that hold the arm still, τ_g = ∂U/∂q.
@@ -149,13 +148,15 @@ class Robot(InverseKinematics):
 def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Array, Array]:
     """Return the common leading axes of configurations and of what goes with them, and both as rows."""
     try:
-        lead = np.broadcast_shapes(q.shape[:-1], other.shape[:-1])
+        batch_shape = np.broadcast_shapes(q.shape[:-1], other.shape[:-1])
     except ValueError:
         raise ShapeError(
             f"{field}: leading axes {other.shape[:-1]} do not fit those of q, {q.shape[:-1]}"
         ) from None
     first, second = (
-        np.ascontiguousarray(np.broadcast_to(values, (*lead, values.shape[-1]))).reshape(-1, values.shape[-1])
+        np.ascontiguousarray(np.broadcast_to(values, (*batch_shape, values.shape[-1]))).reshape(
+            -1, values.shape[-1]
+        )
         for values in (q, other)
     )
-    return lead, first, second
+    return batch_shape, first, second

@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from dqcontrol.algebra import as_unit_quaternion
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
@@ -26,8 +26,6 @@ from dqcontrol.robots.dh import (
 )
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
-
-Array = NDArray[np.float64]
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
 Angle = Annotated[float, Meta(ge=-1e4, le=1e4, description="in the file's unit of angles")]

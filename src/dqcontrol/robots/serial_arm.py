@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import chains
 from dqcontrol.robots.chain_robot import Kinematics
@@ -18,8 +19,6 @@ from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.robot import Robot
 
 __all__ = ["Kinematics", "SerialArm", "Solution"]
-
-Array = NDArray[np.float64]
 
 
 class SerialArm(Robot):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inlined, strictly_inlined
+from dqcontrol.compiled.compile import inline, inline_ieee
 
 FARTHEST = 1e5  # rad; beyond, the product of quarter turns and the first part of π/2 is no longer exact
 
@@ -20,7 +20,7 @@ _QUARTER = (
 )  # π/2 in three parts
 
 
-@strictly_inlined
+@inline_ieee
 def _quarter_turns(angle):
     """Return angle − kπ/2 and its rounding error, and of the whole number k: ½(k mod 2) and ½(⌊k/2⌋ mod 2)."""
     k = (angle * (2.0 / math.pi) + _ROUND) - _ROUND
@@ -34,7 +34,7 @@ def _quarter_turns(angle):
     return y, error, halves - whole, quarters - (((quarters - 0.25) + _ROUND) - _ROUND)
 
 
-@inlined
+@inline
 def sine_cosine(angle):
     """Return sin and cos of an angle of at most `FARTHEST`, rad."""
     y, error, odd, behind = _quarter_turns(angle)
@@ -57,7 +57,7 @@ def sine_cosine(angle):
     return sign * (c if odd != 0.0 else s), sign * (1.0 - 4.0 * odd) * (s if odd != 0.0 else c)
 
 
-@inlined
+@inline
 def sines_cosines(values, count, out):
     """Write the sines, then from ``count`` on the cosines, of as many values, rad; none may exceed `FARTHEST`.
 

@@ -9,16 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, UnknownNameError, suggest
 from dqcontrol.robots.axes import chain_from_axes
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.link_inertias import lump
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
-
-Array = NDArray[np.float64]
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
 

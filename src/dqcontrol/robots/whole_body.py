@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
@@ -16,8 +17,6 @@ from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
-
-Array = NDArray[np.float64]
 
 Form: TypeAlias = Literal["constrained", "unconstrained"]
 Mover: TypeAlias = DifferentialDrive | HolonomicBase | SerialArm
@@ -75,7 +74,7 @@ class WholeBody(Robot):
     def __init__(self, parts: Sequence[Part], name: str | None = None, form: Form = "constrained") -> None:
         if form not in get_args(Form):
             raise unknown_name("form", str(form), get_args(Form))
-        self.parts: tuple[Mover | ArrayLike, ...] = tuple(_taken_apart(parts))
+        self.parts: tuple[Mover | ArrayLike, ...] = tuple(_flatten_parts(parts))
         self.form: Form = form
         if not any(isinstance(part, Mover) for part in self.parts):
             raise ShapeError(
@@ -111,7 +110,9 @@ class WholeBody(Robot):
     def bases(self) -> tuple[tuple[int, str], ...]:
         """Index of the first coordinate of each mobile base, and its kind."""
         return tuple(
-            (first, part.kind) for first, part in placed(self.parts) if not isinstance(part, SerialArm)
+            (first, part.kind)
+            for first, part in parts_with_offsets(self.parts)
+            if not isinstance(part, SerialArm)
         )
 
     def in_form(self, form: Form) -> WholeBody:
@@ -148,18 +149,18 @@ class WholeBody(Robot):
         >>> base.feasible_inputs([0, 0, 0], [0.3, 0.1, 0]).round(12).tolist()
         [0.3, 0.5]
         """
-        lead, starts, wanted = paired_rows(self._rows("q", q), "rates", self._rows("rates", rates))
+        batch_shape, starts, wanted = paired_rows(self._rows("q", q), "rates", self._rows("rates", rates))
         size = self.configuration_size - len(self.drives)
         out = np.empty((len(starts), size))
         driving.feasible_inputs(self.drives, starts, wanted, out)
-        return out.reshape(*lead, size)
+        return out.reshape(*batch_shape, size)
 
     @property
     def largest_acceleration(self) -> Array:
         """Largest rate of each input in the constrained form, shape (n − k,), m/s² or rad/s²; infinite for joints."""
         body = self if self.form == "constrained" else self.in_form("constrained")
         rates = np.full(self.configuration_size, np.inf)
-        for first, part in placed(self.parts):
+        for first, part in parts_with_offsets(self.parts):
             if not isinstance(part, SerialArm):
                 rates[first : first + 3] = part.acceleration, part.acceleration, part.turn_acceleration
         return rates[body.input_coordinates]
@@ -232,7 +233,7 @@ class WholeBody(Robot):
             yield int(first) - k, radius, half_track
 
 
-def placed(parts: Sequence[object]) -> Iterator[tuple[int, Mover]]:
+def parts_with_offsets(parts: Sequence[object]) -> Iterator[tuple[int, Mover]]:
     """Yield the parts that move, each with the index of its first coordinate."""
     first = 0
     for part in parts:
@@ -244,12 +245,12 @@ def placed(parts: Sequence[object]) -> Iterator[tuple[int, Mover]]:
 def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
     """Return which coordinates are x, y and φ of mobile bases, shape (n,)."""
     found = np.zeros(robot.configuration_size, dtype=bool)
-    for first, part in placed(robot.parts) if isinstance(robot, WholeBody) else ():
+    for first, part in parts_with_offsets(robot.parts) if isinstance(robot, WholeBody) else ():
         found[first : first + 3] |= not isinstance(part, SerialArm)
     return found
 
 
-def _taken_apart(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:
+def _flatten_parts(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:
     """Yield the parts, and those of whole bodies among them."""
     if not isinstance(parts, list | tuple):
         raise ShapeError(f"parts: expected a list of bases, arms and poses, got {parts!r:.80}")
@@ -281,7 +282,7 @@ def _drives(parts: Sequence[object]) -> Array:
     """Return the table of drives."""
     rows = [
         [first, part.displacement, part.wheel_radius, part.half_track]
-        for first, part in placed(parts)
+        for first, part in parts_with_offsets(parts)
         if isinstance(part, DifferentialDrive)
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)

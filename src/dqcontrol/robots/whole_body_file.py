@@ -11,7 +11,7 @@ from msgspec import Meta
 from msgspec.structs import asdict
 
 from dqcontrol.algebra.conversions import pose
-from dqcontrol.errors import Error, FileFormatError, naming
+from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
@@ -21,7 +21,7 @@ from dqcontrol.robots.whole_body import Form, WholeBody
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
 
 
-class _Part(FilePart, tag_field="kind"):
+class _WholeBodyPart(FilePart, tag_field="kind"):
     """Base of all parts of a whole body; ``kind`` tells them apart."""
 
 
@@ -38,7 +38,7 @@ class ChassisPart(FilePart):
     centre_height: Annotated[Positive, Meta(description="m")] | None = None
 
 
-class DrivePart(_Part, tag="differential-drive"):
+class DrivePart(_WholeBodyPart, tag="differential-drive"):
     """As `DifferentialDrive`."""
 
     wheel_radius: Annotated[Positive, Meta(description="m")]
@@ -52,7 +52,7 @@ class DrivePart(_Part, tag="differential-drive"):
     chassis: ChassisPart | None = None
 
 
-class HolonomicPart(_Part, tag="holonomic-base"):
+class HolonomicPart(_WholeBodyPart, tag="holonomic-base"):
     """As `HolonomicBase`."""
 
     speed: Annotated[Positive, Meta(description="m/s")] | None = None
@@ -63,7 +63,7 @@ class HolonomicPart(_Part, tag="holonomic-base"):
     ) = None
 
 
-class ArmPart(_Part, tag="arm"):
+class ArmPart(_WholeBodyPart, tag="arm"):
     """An arm, as `load_robot` takes it; files relative to this one. With ``reversed`` it is held by its tool."""
 
     robot: Annotated[str, Meta(min_length=1)]
@@ -109,7 +109,7 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody
     try:
         parts = []
         for i, part in enumerate(file.parts):
-            with naming(f"parts[{i}]"):
+            with error_prefix(f"parts[{i}]"):
                 parts.append(_part(f"parts[{i}]", part, Path(path).parent, unit, load_arm))
         return WholeBody(parts, file.name, file.form)
     except Error as error:

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import ByTwist, Target, ToPose
+from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.felt import Felt
 from dqcontrol.ros2.gain_check import OVERRIDE
@@ -35,8 +35,6 @@ from dqcontrol.ros2.parameters import (
 from dqcontrol.ros2.period_monitor import SILENCE, Pace
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
-
-Array = NDArray[np.float64]
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
@@ -115,9 +113,9 @@ class Following:
         self._joint_states = node.create_subscription(
             JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST
         )
-        if isinstance(self.target, ToPose):
+        if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
@@ -221,12 +219,12 @@ class Following:
 
     def _hear_pose(self, message: PoseStamped) -> None:
         goal = pose_of(message, self._base)
-        if isinstance(self.target, ToPose):
+        if isinstance(self.target, PoseTarget):
             self.target.goal = goal
 
     def _hear_twist(self, message: TwistStamped) -> None:
         linear, angular, frame = twist_of(message, (self._base, self._tool))
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             self.target.ask(self.control.time, linear, angular, of_hand=frame == self._tool)
 
     def _watch(self) -> None:
@@ -294,5 +292,5 @@ class Following:
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
             self._felt.listen(self.control.supervisor)
-        if isinstance(self.target, ByTwist):
+        if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)

@@ -127,14 +127,14 @@ class ControllerNode(Node):
 
         def look() -> None:
             if interrupts.count and not self._is_retiring:
-                self.retire()
+                self.stop_and_exit()
 
         try:
             spin(self, is_over=lambda: self.ended or interrupts.count > 1, look=look, priority=priority)
         finally:
             self._hold()
 
-    def retire(self) -> None:
+    def stop_and_exit(self) -> None:
         """Stop softly, and end."""
         self._autostart, self.ended = False, self.phase not in (Phase.ACTIVE, Phase.STOPPING)
         self._is_retiring = True
@@ -181,7 +181,7 @@ class ControllerNode(Node):
         return serve
 
     def _follow_up(self, before: Phase) -> None:
-        """Say what has changed; end by itself, if it is to."""
+        """Report changes of the phase; exit if requested."""
         phase, control = self.phase, self._configured().control
         if phase is Phase.STOPPED:
             self.outcome = control.stop
@@ -201,7 +201,7 @@ class ControllerNode(Node):
         self.ended = (self._autostart or self._is_retiring) and phase in (Phase.INACTIVE, Phase.STOPPED)
 
     def _start(self) -> None:
-        """Start by itself, if it is to."""
+        """Start if autostart is on."""
         if not self._autostart or self.outcome:
             return
         try:
@@ -220,7 +220,7 @@ class ControllerNode(Node):
             "robot": control.robot.name,
             "source": self._source,
             "interface": self._interface,
-            "supervisor": control.reason or "lets all through",
+            "supervisor": control.reason or "no intervention",
             "stop category": _CATEGORIES[control.stop_category],
             "age of joint states [s]": f"{self.following.age:.4f}",
             "longest period [s]": f"{self.following.longest_period:.4f}",

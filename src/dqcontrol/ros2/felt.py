@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
+from dqcontrol.arrays import Array
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.messages import by_name, numbers
-
-Array = NDArray[np.float64]
 
 _NOTHING: Array = np.zeros(0)
 

@@ -8,21 +8,17 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.experiments.prepared_experiment import Case, Setting, prepare
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor, Supervisor
-from dqcontrol.loop.targets import ByTwist, Sampled, Speeds, Target, ToPose
+from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 
 def silence(period: float) -> float:
@@ -44,8 +40,8 @@ class Loaded:
         Limits of what poses and twists ask for.
     """
 
-    setting: Setting
-    case: Case
+    setting: PreparedExperiment
+    case: Combination
     law: AnyLaw
     supervisor: Supervisor
     speeds: Speeds
@@ -68,8 +64,8 @@ class Loaded:
     def target(self, source: str) -> Target:
         """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
         if source == "spec":
-            return Sampled(self.case.scene.samples, self.period)
-        return ToPose(self.speeds) if source == "pose" else ByTwist(self.speeds)
+            return SampledTarget(self.case.scene.samples, self.period)
+        return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
 
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""

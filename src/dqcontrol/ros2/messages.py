@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
-
-Array = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
 _UNIT = 0.01  # by which the norm of an orientation may be off

@@ -126,6 +126,6 @@ class Recorder:
             raise Error(f"{self._stream.path}: {self._stream.failure}")
         loaded, record = self._loaded, load_record(self._stream.path)
         text = loaded.setting.single_text(loaded.case, 0)
-        run = Run(text, loaded.robot, record, loaded.setting.spec.settle, "ROS 2", "measured")
+        run = Run(text, loaded.robot, record, loaded.setting.spec.skip_initial, "ROS 2", "measured")
         self._streamed.complete(run)
         return self._streamed.folder

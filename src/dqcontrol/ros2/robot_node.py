@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
-from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.channels import SensingPlant
@@ -22,8 +22,6 @@ from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
-
-Array = NDArray[np.float64]
 
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats

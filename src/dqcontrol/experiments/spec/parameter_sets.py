@@ -88,10 +88,12 @@ def variants(
     found = []
     for name, chosen in sets.items():
         for law, changes in chosen.items():
-            _check_law(f"sets.{name}", law, laws)
+            _check_law(f"parameter_sets.{name}", law, laws)
             if law in grids:
-                raise ShapeError(f"sets.{name}.{law}: the law has a grid too; give it sets or a grid")
-            found.append(Variant(law, name, _changed(f"sets.{name}.{law}", laws[law], changes)))
+                raise ShapeError(
+                    f"parameter_sets.{name}.{law}: the law has a grid too; give it sets or a grid"
+                )
+            found.append(Variant(law, name, _changed(f"parameter_sets.{name}.{law}", laws[law], changes)))
     for law, grid in grids.items():
         found += _grid(law, laws[law], grid)
     return _with_points(found, grids)

@@ -10,14 +10,13 @@ from typing import Annotated
 import msgspec
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol import references as shapes
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.robots import Robot
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 

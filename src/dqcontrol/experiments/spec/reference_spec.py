@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from dqcontrol import references as shapes
 from dqcontrol.algebra import rotation, translation
+from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
-from dqcontrol.experiments.spec.reference_base import Array, Part, ReferenceSpec
+from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.files.text_file import read_text
@@ -26,7 +27,7 @@ __all__ = ["AnyReference", "Part"]
 
 
 class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
-    """Rest at the start pose, for ever or as long as given."""
+    """Rest at the start pose, without end or for a given duration."""
 
     duration: Annotated[float, Meta(gt=0, description="s")] | None = None
 
@@ -37,11 +38,11 @@ class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
 class DriveToSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drive-to"):
     """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
 
-    share: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
+    speed_fraction: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
 
     def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
         """Return the way from the start configuration to the reference's pose."""
-        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.share)
+        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.speed_fraction)
 
     def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
         if where != "reference":

@@ -13,10 +13,12 @@ import yaml
 from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol import algebra
-from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, naming
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
 from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, numbers_for_quantities
+from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
-from dqcontrol.experiments.spec.reference_base import Array, Quaternion, Vector, rotation_from
+from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
 from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
 from dqcontrol.extensions.registry import union_of
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
 else:
     AnyLaw = union_of(Law, "dqcontrol.laws")
     AnyPlant = union_of(Plant, "dqcontrol.plants")
-Judged = Literal["true", "measured"]
+MetricsFrom = Literal["true", "measured"]
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
@@ -89,7 +91,7 @@ class HandStart(Part, frozen=True, kw_only=True):
         rotation = rotation_from("start", self.quaternion, self.rpy)
         position = as_array("start.position", self.position, (3,))
         pose = algebra.pose((1.0, 0.0, 0.0, 0.0) if rotation is None else rotation, position)
-        with naming("start"):
+        with error_prefix("start"):
             return postures(robot, pose, orientation=rotation is not None)
 
 
@@ -141,7 +143,7 @@ class Spec(Part, frozen=True, kw_only=True):
         s; default: as long as the reference.
     law, laws
         One law, or several by label.
-    sets
+    parameter_sets
         Named parameter sets: by label the laws that take part, each with those of its keys that differ.
     grids
         By law and key a list of values; each combination is a parameter set of that law.
@@ -164,10 +166,11 @@ class Spec(Part, frozen=True, kw_only=True):
         repeats, metrics with them.
     stop
         When to end a run early.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
-    judged
-        Whether metrics judge the true joint angles or, as on a real robot, those that the encoders gave.
+    metrics_from
+        ``"true"``: metrics are computed from the true joint angles; ``"measured"``: from those that the
+        encoders gave, as on a real robot.
     null_space
         Of all laws that name none.
     """
@@ -187,7 +190,7 @@ class Spec(Part, frozen=True, kw_only=True):
     duration: Annotated[float, Meta(gt=0, le=1e5, description="s")] | None = None
     law: AnyLaw | UnsetType = UNSET
     laws: Annotated[dict[Label, AnyLaw], Meta(min_length=1)] | UnsetType = UNSET
-    sets: (
+    parameter_sets: (
         Annotated[dict[Label, Annotated[dict[str, Changes], Meta(min_length=1)]], Meta(min_length=1)] | None
     ) = None
     grids: (
@@ -206,8 +209,8 @@ class Spec(Part, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**62)] = 0
     record: Literal["all", "metrics"] | None = None
     stop: Stop | None = None
-    settle: Annotated[float, Meta(ge=0, description="s")] = 0.0
-    judged: Judged = "true"
+    skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    metrics_from: MetricsFrom = "true"
     null_space: AnyNullSpace | None = None
 
     @property
@@ -249,7 +252,7 @@ class Spec(Part, frozen=True, kw_only=True):
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
         laws = {label: self._with_null_space(law) for label, law in self.law_by_label.items()}
-        return variants(laws, self.sets, self.grids)
+        return variants(laws, self.parameter_sets, self.grids)
 
     def _with_null_space(self, law: AnyLaw) -> AnyLaw:
         if self.null_space is None or law.null_space is not None:
@@ -321,11 +324,13 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
         raise FileFormatError(
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
         )
+    rename_old_keys(where, data)
     return where, data, folder
 
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
+    rename_old_keys(where, data)
     locate_controllers(data, folder)
     admit(where, data, folder)
     spec = convert(where, _with_numbers(where, data), Spec)
@@ -348,10 +353,14 @@ def quantities_at(where: str, key: str, values: Any, field: str) -> Any:
 def _with_numbers(where: str, data: dict[str, Any]) -> dict[str, Any]:
     """Return a spec's plain data with numbers in SI units for texts like ``60 mm``, also in sets and grids."""
     data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
-    sets = {f"{name}.{law}": keys for name, laws in _items(data.get("sets")) for law, keys in _items(laws)}
+    sets = {
+        f"{name}.{law}": keys
+        for name, laws in _items(data.get("parameter_sets"))
+        for law, keys in _items(laws)
+    }
     for field, keys in [*sets.items(), *_items(data.get("grids"))]:
         for key, value in _items(keys):
-            place = f"sets.{field}.{key}" if field in sets else f"grids.{field}.{key}"
+            place = f"parameter_sets.{field}.{key}" if field in sets else f"grids.{field}.{key}"
             keys[key] = quantities_at(where, f"law.{key}", value, place)
     return data
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
 from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
-
-GO, END, STOP, RESET, FINISH = at.GO, at.END, at.STOP_NOW, at.RESET, at.FINISH
+GO, END, STOP, RESET, FINISH = layout.GO, layout.END, layout.STOP_NOW, layout.RESET, layout.FINISH
 
 _START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
 _NOTHING: Array = np.zeros(0)
@@ -34,35 +33,35 @@ class PreparedSupervisor:
         self.robot = robot
         self.parameters = parameters
         n, m = robot.configuration_size, robot.input_size
-        self.work: Array = np.zeros(at.work_size(n, m))
-        self._position = slice(at.MEMORY + n, at.MEMORY + n + m)
-        self._rate = slice(at.MEMORY + n + m, at.MEMORY + n + 2 * m)
+        self.work: Array = np.zeros(layout.work_size(n, m))
+        self._position = slice(layout.MEMORY + n, layout.MEMORY + n + m)
+        self._rate = slice(layout.MEMORY + n + m, layout.MEMORY + n + 2 * m)
 
     @property
-    def bounds(self) -> at.Bounds:
+    def bounds(self) -> layout.Bounds:
         """Its parameters by name; writing to them changes them."""
-        return at.unpack_parameters(self.parameters, self.robot.input_size)
+        return layout.unpack_parameters(self.parameters, self.robot.input_size)
 
     @property
     def window(self) -> int:
         """Number of rates whose mean leaves; 1 where jerk is not limited."""
-        return int(self.parameters[at.WINDOW])
+        return int(self.parameters[layout.WINDOW])
 
     @property
     def acceleration(self) -> Array:
         """Largest of each input, shape (m,), rad/s² or m/s²."""
-        return self.parameters[at.HEAD : at.HEAD + self.robot.input_size]
+        return self.parameters[layout.HEAD : layout.HEAD + self.robot.input_size]
 
     @property
     def watches_effort(self) -> bool:
         """Whether it bounds measured efforts."""
         bounds = self.bounds
-        return bool(np.isfinite(bounds.effort).any() or np.isfinite(bounds.head[at.CONTACT_EFFORT]))
+        return bool(np.isfinite(bounds.effort).any() or np.isfinite(bounds.head[layout.CONTACT_EFFORT]))
 
     @property
     def watches_wrench(self) -> bool:
         """Whether it bounds the wrench measured at the hand."""
-        return bool(np.isfinite(self.bounds.head[[at.CONTACT_FORCE, at.CONTACT_TORQUE]]).any())
+        return bool(np.isfinite(self.bounds.head[[layout.CONTACT_FORCE, layout.CONTACT_TORQUE]]).any())
 
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
@@ -86,10 +85,10 @@ class PreparedSupervisor:
                 f"q: {self.robot.input_names[i]} is {position[i]:.4g}, outside "
                 f"{bounds.lower[i]:.4g} … {bounds.upper[i]:.4g}"
             )
-        window = int(bounds.head[at.WINDOW])
-        state = np.zeros(at.state_size(n, m, window))
-        memory = at.unpack_state(state, n, m, window)
-        memory.own[at.LATENESS] = 1.0
+        window = int(bounds.head[layout.WINDOW])
+        state = np.zeros(layout.state_size(n, m, window))
+        memory = layout.unpack_state(state, n, m, window)
+        memory.numbers[layout.LATENESS] = 1.0
         memory.good[:] = measured
         memory.sent[:] = memory.position[:] = memory.sent_then[:] = position
         memory.usual_effort[:] = np.nan
@@ -99,7 +98,7 @@ class PreparedSupervisor:
     def _check_inside(self, measured: Array) -> None:
         bounds, frames, hand = self.bounds, np.zeros(8 * (len(measured) + 1)), np.zeros(3)
         if not is_inside(self.robot.chain, measured, bounds, 0.0, frames, hand):
-            box = bounds.head[at.BOX : at.BOX + 6]
+            box = bounds.head[layout.BOX : layout.BOX + 6]
             raise ValueRangeError(
                 f"supervisor.workspace: the hand starts at {hand.round(4)}, or a point of its links, outside "
                 f"{box[:3]} … {box[3:]} m"
@@ -186,7 +185,7 @@ class PreparedSupervisor:
             self.robot.chain,
             q,
             age,
-            self.parameters[at.DT] if elapsed is None else elapsed,
+            self.parameters[layout.DT] if elapsed is None else elapsed,
             request,
             wanted,
             effort,
@@ -196,13 +195,13 @@ class PreparedSupervisor:
             self.work,
             out,
         )
-        if status not in (0, at.AT_REST):
+        if status not in (0, layout.AT_REST):
             raise ShapeError(
                 f"supervisor: expected {self.robot.configuration_size} measured and {self.robot.input_size} wanted "
                 f"numbers, {self.robot.input_size} efforts and a wrench of 6 or none, and the state from start, got "
                 f"{q.shape}, {wanted.shape}, {effort.shape}, {wrench.shape} and {state.shape}"
             )
-        return status == at.AT_REST
+        return status == layout.AT_REST
 
     def position(self, state: Array) -> Array:
         """Return the position command p, one number an input, rad or m; of bases no more than what they drove."""
@@ -214,20 +213,20 @@ class PreparedSupervisor:
 
     def code(self, state: Array) -> int:
         """Return what it did in the last step, and why it is stopped, as one number; see `reasons`."""
-        return int(state[at.NOW])
+        return int(state[layout.NOW])
 
     def reasons(self, state: Array) -> tuple[str, ...]:
         """Return what it did in the last step, and why it is stopped, in words."""
-        return reasons(state[at.NOW])
+        return reasons(state[layout.NOW])
 
     def is_stopped(self, state: Array) -> bool:
         """Return whether it is stopping or stopped until it is reset."""
-        return state[at.MODE] == at.STOPPED
+        return state[layout.MODE] == layout.STOPPED
 
     def stop_category(self, state: Array) -> int | None:
         """Return the category (IEC 60204-1) of the stop that it is in, None if it is in none; see `stop_category`."""
-        return stop_category(state[at.FAULT]) if self.is_stopped(state) else None
+        return stop_category(state[layout.FAULT]) if self.is_stopped(state) else None
 
     def describe_stop(self, state: Array) -> str:
         """Return category and reasons of the stop that it is in, in words; empty if it is in none."""
-        return describe_stop(state[at.FAULT]) if self.is_stopped(state) else ""
+        return describe_stop(state[layout.FAULT]) if self.is_stopped(state) else ""

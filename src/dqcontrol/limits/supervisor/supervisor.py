@@ -8,15 +8,13 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
-from dqcontrol.limits.supervisor import supervisor_layout as at
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-Array = NDArray[np.float64]
 
 _LONGEST_WINDOW = 10_000  # samples
 _STALE_PERIODS = 1.5
@@ -185,23 +183,26 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             )
         acceleration = _each("acceleration", self.acceleration, m)
         margin = self._number("position_margin", zero_allowed=True)
-        moved = robot.input_coordinates
-        lower, upper = robot.limits.lower[moved] + margin, robot.limits.upper[moved] - margin
+        input_coordinates = robot.input_coordinates
+        lower, upper = (
+            robot.limits.lower[input_coordinates] + margin,
+            robot.limits.upper[input_coordinates] - margin,
+        )
         if (lower > upper).any():
             raise ValueRangeError(
                 f"supervisor.position_margin: {margin:g} leaves "
                 f"{robot.input_names[int((lower > upper).argmax())]} no room"
             )
-        head = np.zeros(at.HEAD)
-        head[at.DT], head[at.WINDOW] = dt, self._window(acceleration, dt)
-        head[at.FROM_MEASURED] = command_mode == "measured"
+        head = np.zeros(layout.HEAD)
+        head[layout.DT], head[layout.WINDOW] = dt, self._window(acceleration, dt)
+        head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points = self._workspace(robot, head)
-        head[at.DRIVES], head[at.POINTS] = len(robot.drives), len(points)
+        head[layout.DRIVES], head[layout.POINTS] = len(robot.drives), len(points)
         tracking = _each("tracking_error", self.tracking_error, m)
         effort = np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m)
-        joints = ~base_coordinates(robot)[moved]
-        rows = (head, acceleration, lower, upper, tracking, effort, moved, joints, velocity)
+        joints = ~base_coordinates(robot)[input_coordinates]
+        rows = (head, acceleration, lower, upper, tracking, effort, input_coordinates, joints, velocity)
         parts = [np.asarray(row, dtype=np.float64) for row in (*rows, robot.drives.ravel(), points.ravel())]
         return PreparedSupervisor(robot, np.concatenate(parts))
 
@@ -216,28 +217,28 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return number
 
     def _fill_head(self, head: Array, margin: float) -> None:
-        dt, ramp = head[at.DT], self._number("ramp", zero_allowed=True, most=_LONGEST_RAMP)
+        dt, ramp = head[layout.DT], self._number("ramp", zero_allowed=True, most=_LONGEST_RAMP)
         stale = self._number("stale_after")
-        head[at.STALE] = stale if self.stale_after is not None else _STALE_PERIODS * dt
+        head[layout.STALE] = stale if self.stale_after is not None else _STALE_PERIODS * dt
         longest = stale if self.stale_after is not None else _LONGEST_STEP
-        head[at.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
-        head[at.SLOW] = self._number("slow_below", zero_allowed=True)
-        head[at.HOLD] = self._number("hold_below", zero_allowed=True)
+        head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
+        head[layout.SLOW] = self._number("slow_below", zero_allowed=True)
+        head[layout.HOLD] = self._number("hold_below", zero_allowed=True)
         if self.slow_below < self.hold_below:
             raise ValueRangeError(
                 f"supervisor.slow_below: must be ≥ hold_below {self.hold_below:g}, got {self.slow_below:g}"
             )
-        head[at.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
-        head[at.HAND_TOLERANCE] = self._number("measured_tolerance", zero_allowed=True)
-        head[at.JOINT_TOLERANCE] = head[at.HAND_TOLERANCE] + margin
-        head[at.OVERSPEED] = self._number("overspeed")
-        head[at.JUMP] = self._number("jump", zero_allowed=True)
-        head[at.FROZEN_AFTER] = max(self._number("frozen_after"), _FROZEN_PERIODS * dt)
-        head[at.HAND_SPEED_LIMIT] = self._number("hand_speed")
-        head[at.HAND_ACCELERATION_LIMIT] = self._number("hand_acceleration")
-        head[at.CONTACT_FORCE] = self._number("contact_force")
-        head[at.CONTACT_TORQUE] = self._number("contact_torque")
-        head[at.CONTACT_EFFORT] = self._number("contact_effort")
+        head[layout.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
+        head[layout.HAND_TOLERANCE] = self._number("measured_tolerance", zero_allowed=True)
+        head[layout.JOINT_TOLERANCE] = head[layout.HAND_TOLERANCE] + margin
+        head[layout.OVERSPEED] = self._number("overspeed")
+        head[layout.JUMP] = self._number("jump", zero_allowed=True)
+        head[layout.FROZEN_AFTER] = max(self._number("frozen_after"), _FROZEN_PERIODS * dt)
+        head[layout.HAND_SPEED_LIMIT] = self._number("hand_speed")
+        head[layout.HAND_ACCELERATION_LIMIT] = self._number("hand_acceleration")
+        head[layout.CONTACT_FORCE] = self._number("contact_force")
+        head[layout.CONTACT_TORQUE] = self._number("contact_torque")
+        head[layout.CONTACT_EFFORT] = self._number("contact_effort")
 
     def _window(self, acceleration: Array, dt: float) -> int:
         """Return how many periods the rates are smoothed over, to keep the jerk."""
@@ -256,8 +257,8 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """Note the box; return its points as rows (index of the joint, offset)."""
         if self.workspace is None:
             return np.zeros((0, 4))
-        head[at.BOXED] = 1.0
-        head[at.BOX : at.BOX + 6] = _box(self.workspace)
+        head[layout.BOXED] = 1.0
+        head[layout.BOX : layout.BOX + 6] = _box(self.workspace)
         rows = []
         for k, point in enumerate(self.workspace.points):
             field = f"supervisor.workspace.points[{k}]"

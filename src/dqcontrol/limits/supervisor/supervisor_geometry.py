@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import translation
-from dqcontrol.compiled.compile import OK, inlined
+from dqcontrol.compiled.compile import OK, inline
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.limits.supervisor.braking import braked
 from dqcontrol.limits.supervisor.interventions import HAND_ACCELERATION, HELD, SLOWED
@@ -30,10 +30,10 @@ _ROUNDING = 1e-9  # share of a limit
 _BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
 
 
-@inlined
+@inline
 def avoid_singularity(kinematics, chain, bounds, memory, scratch):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
-    good, rates, moved, is_joint = memory.good, scratch.rates, bounds.coordinate, bounds.is_joint
+    good, rates, input_coordinates, is_joint = memory.good, scratch.rates, bounds.coordinate, bounds.is_joint
     n, m = good.shape[0], rates.shape[0]
     buffer, jacobian, config = scratch.buffer, scratch.jacobian, scratch.config
     hand = scratch.hand
@@ -51,7 +51,7 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
                 return 0
             for i in range(m):
                 if is_joint[i] != 0.0:
-                    config[int(moved[i])] += 1e-3 * rates[i] / fastest
+                    config[int(input_coordinates[i])] += 1e-3 * rates[i] / fastest
         if call_chain(kinematics, chain, config, buffer) != OK:
             return 0
         twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
@@ -61,7 +61,7 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
         if look == 0:
             here = value
             if here > 0.5 * (slow + hold):
-                memory.own[HOLDING] = 0.0
+                memory.numbers[HOLDING] = 0.0
             if here >= slow:
                 return 0
         else:
@@ -69,14 +69,14 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
     if ahead >= here:
         return 0
     if here <= hold:
-        memory.own[HOLDING] = 1.0
-    scale = (here - hold) / (slow - hold) if slow > hold and memory.own[HOLDING] == 0.0 else 0.0
+        memory.numbers[HOLDING] = 1.0
+    scale = (here - hold) / (slow - hold) if slow > hold and memory.numbers[HOLDING] == 0.0 else 0.0
     for i in range(m):
         rates[i] *= scale
     return SLOWED if scale > 0.0 else HELD
 
 
-@inlined
+@inline
 def is_inside(chain, config, bounds, tolerance, frames, hand):
     """Write where the hand is, m; return whether it and all points to be kept inside are in the box."""
     if joint_frames(chain, config, frames) != OK:
@@ -101,7 +101,7 @@ def is_inside(chain, config, bounds, tolerance, frames, hand):
     return inside or head[BOXED] == 0.0
 
 
-@inlined
+@inline
 def commanded_hand(chain, bounds, memory, scratch, ahead, hand):
     """Write where the hand is commanded, m, ``ahead`` s later at the rates; return whether all is in the box."""
     config = scratch.config
@@ -113,12 +113,12 @@ def commanded_hand(chain, bounds, memory, scratch, ahead, hand):
     return is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
 
 
-@inlined
+@inline
 def _distance(a, b):
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@inlined
+@inline
 def scale_hand_speed(chain, bounds, memory, scratch):
     """Scale the rates so that the commanded hand, at ``hand`` now, keeps its speed; return whether it did not."""
     dt = bounds.head[DT]
@@ -132,7 +132,7 @@ def scale_hand_speed(chain, bounds, memory, scratch):
     return True
 
 
-@inlined
+@inline
 def limit_hand_acceleration(chain, bounds, memory, scratch):
     """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
 
@@ -149,7 +149,7 @@ def limit_hand_acceleration(chain, bounds, memory, scratch):
         trial[i], rates[i] = rates[i], rate[i]
     commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
     for i in range(3):
-        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.own[HAND_BEFORE + i]) / (dt * dt)
+        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.numbers[HAND_BEFORE + i]) / (dt * dt)
         d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
         cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
     share = 1.0
@@ -163,13 +163,13 @@ def limit_hand_acceleration(chain, bounds, memory, scratch):
     return HAND_ACCELERATION if share < 1.0 else 0
 
 
-@inlined
+@inline
 def _decayed(rate, change):
     """Return a rate that has been braked by so much."""
     return math.copysign(max(abs(rate) - change, 0.0), rate)
 
 
-@inlined
+@inline
 def stays_safe(chain, bounds, memory, scratch, share):
     """Return whether the commanded hand keeps box and speed after these rates, and in each period of braking from them.
 
@@ -189,7 +189,7 @@ def stays_safe(chain, bounds, memory, scratch, share):
             sums[i] += past[k, i]
     for k in range(3):
         scratch.column[k] = scratch.hand[k]
-    row, quiet = int(memory.own[INDEX]), 0
+    row, quiet = int(memory.numbers[INDEX]), 0
     for step in range(_BRAKING_STEPS + 2 * window):
         moving = False
         for i in range(m):

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
-
-Array = NDArray[np.float64]
 
 AT_REST = 50  # status: stopped, and no longer moving
 GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests
@@ -99,7 +95,7 @@ class Memory(NamedTuple):
         Last rates before smoothing (window × m).
     """
 
-    own: Array
+    numbers: Array
     good: Array
     sent: Array
     sent_rate: Array
@@ -146,7 +142,7 @@ def work_size(n: int, m: int) -> int:
     return (8 + 14 * m) + 6 * m + 36 + 36 + 6 + 8 * (n + 1) + 6 + n + 5 * m
 
 
-@inlined
+@inline
 def unpack_parameters(parameters, m):
     """Return the parameters by name."""
     at = HEAD
@@ -169,7 +165,7 @@ def unpack_parameters(parameters, m):
     )
 
 
-@inlined
+@inline
 def unpack_state(state, n, m, window):
     """Return the state by name."""
     at = MEMORY + n
@@ -188,7 +184,7 @@ def unpack_state(state, n, m, window):
     )
 
 
-@inlined
+@inline
 def unpack_work(work, n, m):
     """Return the work memory by name."""
     jacobian = 8 + 14 * m

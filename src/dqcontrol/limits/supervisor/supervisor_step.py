@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inlined, kernel, types
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
 from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.limits.supervisor.braking import braked, fastest_stoppable
 from dqcontrol.limits.supervisor.interventions import (
@@ -80,10 +80,10 @@ SUPERVISOR = STATUS(
 )
 
 
-@inlined
+@inline
 def _want(wanted, following, wrong, bounds, memory, rates):
     """Write the rates that law, return or stop want."""
-    head, own, dt = bounds.head, memory.own, bounds.head[DT]
+    head, numbers, dt = bounds.head, memory.numbers, bounds.head[DT]
     for i in range(rates.shape[0]):
         goal = memory.good[int(bounds.coordinate[i])]
         rates[i] = 0.0
@@ -91,15 +91,15 @@ def _want(wanted, following, wrong, bounds, memory, rates):
             rates[i] = min(max(wanted[i], -_MOST), _MOST)
             if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
                 rates[i] += (goal - memory.position[i]) / dt
-            rates[i] = min(max(rates[i], -_MOST), _MOST) * own[SCALE]
-        elif own[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
+            rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
+        elif numbers[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
             room = abs(goal - memory.position[i])
             rates[i] = math.copysign(
                 min(fastest_stoppable(room, bounds.acceleration[i], dt), _MOST), goal - memory.position[i]
             )
 
 
-@inlined
+@inline
 def _accelerate(bounds, memory, rates):
     """Bring both inputs of each drive within reach by the same share, so that the rims keep their limit."""
     done, rate = 0, memory.rate
@@ -117,7 +117,7 @@ def _accelerate(bounds, memory, rates):
     return done
 
 
-@inlined
+@inline
 def _keep(bounds, memory, rates, inwards):
     """Bring rates within reach of the present ones, and to those from which joints stop within their limits.
 
@@ -149,7 +149,7 @@ def _keep(bounds, memory, rates, inwards):
     return done
 
 
-@inlined
+@inline
 def _breaks_bounds(bounds, memory):
     """Return whether what leaves is beyond a limit of position or speed, which moved or was exceeded at the start."""
     found = False
@@ -167,7 +167,7 @@ def _breaks_bounds(bounds, memory):
     return found
 
 
-@inlined
+@inline
 def _moved(position, way, lower, upper):
     """Return a position after a way; what ends beyond a limit by rounding alone ends on it."""
     after = position + way
@@ -179,13 +179,13 @@ def _moved(position, way, lower, upper):
     return after
 
 
-@inlined
+@inline
 def _commit(bounds, memory, rates):
     """Move the position command, smoothed over the window; return whether all is at rest."""
-    own, past, dt = memory.own, memory.past, bounds.head[DT]
+    numbers, past, dt = memory.numbers, memory.past, bounds.head[DT]
     window = past.shape[0]
-    row = int(own[INDEX])
-    own[INDEX] = float((row + 1) % window)
+    row = int(numbers[INDEX])
+    numbers[INDEX] = float((row + 1) % window)
     still = True
     for i in range(rates.shape[0]):
         lower, upper = bounds.lower[i], bounds.upper[i]
@@ -205,7 +205,7 @@ def _commit(bounds, memory, rates):
     return still
 
 
-@inlined
+@inline
 def _keep_safe(chain, bounds, memory, scratch):
     """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
     share = 1.0
@@ -251,7 +251,7 @@ def supervise(
     bounds = unpack_parameters(parameters, m)
     memory = unpack_state(state, n, m, window)
     scratch = unpack_work(work, n, m)
-    head, own, rates = bounds.head, memory.own, scratch.rates
+    head, numbers, rates = bounds.head, memory.numbers, scratch.rates
 
     at_rest = True
     for i in range(m):
@@ -260,15 +260,15 @@ def supervise(
         chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch
     )
     now = wrong
-    aim = 1.0 if own[MODE] == RUNNING and own[ENDING] == 0.0 else 0.0
-    own[SCALE] = min(max(aim, own[SCALE] - head[RAMP]), own[SCALE] + head[RAMP])
+    aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
+    numbers[SCALE] = min(max(aim, numbers[SCALE] - head[RAMP]), numbers[SCALE] + head[RAMP])
 
-    following = own[MODE] == RUNNING and not wrong
-    returning = own[MODE] == RETURNING and not wrong
+    following = numbers[MODE] == RUNNING and not wrong
+    returning = numbers[MODE] == RETURNING and not wrong
     _want(wanted, following, wrong, bounds, memory, rates)
-    if own[ENDING] != 0.0 and own[MODE] == RUNNING:
+    if numbers[ENDING] != 0.0 and numbers[MODE] == RUNNING:
         now |= SOFT_STOP
-    if own[MODE] == RETURNING:
+    if numbers[MODE] == RETURNING:
         now |= REJOINING
     if following and head[SLOW] > 0.0:
         now |= avoid_singularity(kinematics, chain, bounds, memory, scratch)
@@ -284,25 +284,25 @@ def supervise(
     )
     if looks_at_hand:
         commanded_hand(chain, bounds, memory, scratch, 0.0, scratch.hand)
-        if own[STARTED] == 0.0:
+        if numbers[STARTED] == 0.0:
             for i in range(3):
-                own[HAND_BEFORE + i] = scratch.hand[i]
+                numbers[HAND_BEFORE + i] = scratch.hand[i]
         bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
         if bounded and scale_hand_speed(chain, bounds, memory, scratch):
             now |= HAND_SPEED
     done = _accelerate(bounds, memory, rates)
     if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
         now |= limit_hand_acceleration(chain, bounds, memory, scratch)
-    inwards = own[SCALE] if following else (1.0 if returning else 0.0)
+    inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, memory, rates, inwards)
     if following:
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
         now |= _keep_safe(chain, bounds, memory, scratch)
     if looks_at_hand:
-        own[STARTED] = 1.0
+        numbers[STARTED] = 1.0
         for i in range(3):
-            own[HAND_BEFORE + i] = scratch.hand[i]
+            numbers[HAND_BEFORE + i] = scratch.hand[i]
     still = _commit(bounds, memory, rates)
     if _breaks_bounds(bounds, memory):
         now |= IMPOSSIBLE
@@ -310,7 +310,7 @@ def supervise(
         out[i] = memory.sent_rate[i]
         if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
             out[i] = (memory.sent[i] - memory.good[int(bounds.coordinate[i])]) / head[DT]
-    if own[MODE] == STOPPED:
-        now |= int(own[FAULT])
-    own[NOW] = float(now)
-    return AT_REST if own[MODE] == STOPPED and still else OK
+    if numbers[MODE] == STOPPED:
+        now |= int(numbers[FAULT])
+    numbers[NOW] = float(now)
+    return AT_REST if numbers[MODE] == STOPPED and still else OK

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 from dqcontrol.limits.supervisor.interventions import (
     COMMAND,
     CONTACT,
@@ -65,51 +65,51 @@ _LATENESS_PERIODS, _LATEST, _LATEST_SHARE = (
 )  # mean of so many periods; bound in T, and in the longest
 
 
-@inlined
+@inline
 def _watch_time(elapsed, bounds, memory):
     """Return what is wrong with the time since the last step, and how much has passed, s."""
-    head, own = bounds.head, memory.own
+    head, numbers = bounds.head, memory.numbers
     is_sane = elapsed >= 0.0 and elapsed <= head[LONGEST_STEP]
     passed = elapsed if elapsed >= 0.0 and elapsed <= _LONG else _LONG
     if not is_sane:
         return GAP, passed
-    own[LATENESS] += (passed / head[DT] - own[LATENESS]) / _LATENESS_PERIODS
+    numbers[LATENESS] += (passed / head[DT] - numbers[LATENESS]) / _LATENESS_PERIODS
     latest = max(_LATEST, _LATEST_SHARE * head[LONGEST_STEP] / head[DT])
-    return PERIOD if own[LATENESS] > latest else 0, passed
+    return PERIOD if numbers[LATENESS] > latest else 0, passed
 
 
-@inlined
+@inline
 def _is_plausible(measured, passed, bounds, memory):
     """Return whether all joints can have come where they are said to be since the last good measurement."""
-    head, own = bounds.head, memory.own
-    own[SILENT] += passed
+    head, numbers = bounds.head, memory.numbers
+    numbers[SILENT] += passed
     plausible = True
     for i in range(bounds.is_joint.shape[0]):
         if bounds.is_joint[i] != 0.0:
             j = int(bounds.coordinate[i])
             way = abs(measured[j] - memory.good[j])
             fastest = max(head[OVERSPEED_SHARE], 1.0) * max(bounds.velocity[i], abs(memory.sent_rate[i]))
-            farthest = fastest * own[SILENT] + head[JUMP_LIMIT]
+            farthest = fastest * numbers[SILENT] + head[JUMP_LIMIT]
             plausible = plausible and way <= farthest
     return plausible
 
 
-@inlined
+@inline
 def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
     """Keep a good measurement; return what is wrong with where the joints are and how they move.
 
     A joint is frozen by what was measured: time since the last measurement, of this age, says nothing of that.
     """
-    head, own, good = bounds.head, memory.own, memory.good
-    fault, running = 0, own[MODE] == RUNNING
-    share = min(own[SILENT] / max(_SPEED_TIME, 2.0 * head[DT]), 1.0)
+    head, numbers, good = bounds.head, memory.numbers, memory.good
+    fault, running = 0, numbers[MODE] == RUNNING
+    share = min(numbers[SILENT] / max(_SPEED_TIME, 2.0 * head[DT]), 1.0)
     for i in range(bounds.is_joint.shape[0]):
         if bounds.is_joint[i] == 0.0:
             continue
         j = int(bounds.coordinate[i])
         way = measured[j] - good[j]
-        if own[SILENT] > 0.0:
-            memory.speed[i] += share * (way / own[SILENT] - memory.speed[i])
+        if numbers[SILENT] > 0.0:
+            memory.speed[i] += share * (way / numbers[SILENT] - memory.speed[i])
         allowed = max(
             bounds.velocity[i], abs(memory.sent_rate[i])
         )  # more where the limit was lowered meanwhile
@@ -129,14 +129,14 @@ def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
             fault |= MEASURED_POSITION
     for j in range(good.shape[0]):
         good[j] = measured[j]
-    own[SILENT] = 0.0
+    numbers[SILENT] = 0.0
     tolerance = head[HAND_TOLERANCE]
     if head[BOXED] != 0.0 and not is_inside(chain, good, bounds, tolerance, scratch.frames, scratch.ahead):
         fault |= MEASURED_WORKSPACE
     return fault
 
 
-@inlined
+@inline
 def _watch_efforts(effort, wrench, passed, bounds, memory):
     """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
     head, fault = bounds.head, 0
@@ -158,13 +158,13 @@ def _watch_efforts(effort, wrench, passed, bounds, memory):
     return fault
 
 
-@inlined
+@inline
 def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch):
     """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
 
     Two samples in a row with something wrong stop; what else is seen stops at once.
     """
-    own, good = memory.own, memory.good
+    numbers, good = memory.numbers, memory.good
     fault, passed = _watch_time(elapsed, bounds, memory)
     seen = age <= bounds.head[STALE]
     for i in range(measured.shape[0]):
@@ -176,7 +176,7 @@ def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_res
     wrong = 0
     plausible = _is_plausible(measured, passed, bounds, memory) if seen else True
     if not seen:
-        own[SILENT] += passed
+        numbers[SILENT] += passed
         wrong = MEASUREMENT
     elif not plausible:
         wrong = JUMP
@@ -186,8 +186,8 @@ def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_res
         for i in range(wanted.shape[0]):
             if not math.isfinite(wanted[i]):
                 wrong = COMMAND
-    own[BAD] = own[BAD] + 1.0 if wrong else 0.0
-    if own[BAD] >= 2.0:
+    numbers[BAD] = numbers[BAD] + 1.0 if wrong else 0.0
+    if numbers[BAD] >= 2.0:
         fault |= wrong
     far, near = False, True
     for i in range(wanted.shape[0]):
@@ -195,27 +195,27 @@ def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_res
             distance = abs(good[int(bounds.coordinate[i])] - memory.sent[i])
             far = far or not distance <= bounds.tracking[i]
             near = near and distance <= 0.5 * bounds.tracking[i]
-    if seen and far and own[MODE] == RUNNING:
+    if seen and far and numbers[MODE] == RUNNING:
         fault |= TRACKING
     if request == STOP_NOW:
         fault |= EMERGENCY
     elif request == END:
-        own[ENDING] = 1.0
+        numbers[ENDING] = 1.0
     elif request == FINISH:
         fault |= SOFT_STOP
-    if own[ENDING] != 0.0 and own[SCALE] == 0.0 and at_rest and own[MODE] == RUNNING:
+    if numbers[ENDING] != 0.0 and numbers[SCALE] == 0.0 and at_rest and numbers[MODE] == RUNNING:
         fault |= SOFT_STOP
     if fault:
         if (
-            own[MODE] != STOPPED or not at_rest or request == STOP_NOW
+            numbers[MODE] != STOPPED or not at_rest or request == STOP_NOW
         ):  # what happens to one at rest is no reason
-            own[FAULT] = float(int(own[FAULT]) | fault)
-        own[MODE] = STOPPED
-    elif request == RESET and own[MODE] == STOPPED and at_rest and not wrong:
-        own[FAULT] = 0.0
-        own[SCALE], own[ENDING], own[HOLDING] = 0.0, 0.0, 0.0
-        own[LATENESS] = 1.0
-        own[MODE] = RETURNING
-    if own[MODE] == RETURNING and near:
-        own[MODE] = RUNNING
+            numbers[FAULT] = float(int(numbers[FAULT]) | fault)
+        numbers[MODE] = STOPPED
+    elif request == RESET and numbers[MODE] == STOPPED and at_rest and not wrong:
+        numbers[FAULT] = 0.0
+        numbers[SCALE], numbers[ENDING], numbers[HOLDING] = 0.0, 0.0, 0.0
+        numbers[LATENESS] = 1.0
+        numbers[MODE] = RETURNING
+    if numbers[MODE] == RETURNING and near:
+        numbers[MODE] = RUNNING
     return wrong

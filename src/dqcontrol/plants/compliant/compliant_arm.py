@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.plants.compliant.controller_file import ControllerFile, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
@@ -21,8 +22,6 @@ from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace as changed
-from numpy.typing import NDArray
 
-from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.arrays import Array
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 from dqcontrol.plants.compliant.filters import MEMORY
@@ -21,21 +21,20 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 MODES = ("THETA", "THETA_GC")  # those that follow a commanded angle at once
 _HORIZON = 0.2  # s, in which what matters of a state is seen: more than a spring's or a filter's time
 _CHANGE = 1e-5  # rad, rad/s, N·m
 _REMEMBERED = [  # by each joint controller from one period to the next; the measured angle first
-    of.ANGLE,
-    of.TARGET,
-    of.ENCODER,
-    of.VELOCITY,
-    of.SENSED,
-    of.TORQUE_RATE,
-    *range(of.ANGLE_MEMORY, of.TORQUE_RATE_MEMORY + MEMORY),
+    column.ANGLE,
+    column.TARGET,
+    column.ENCODER,
+    column.VELOCITY,
+    column.SENSED,
+    column.TORQUE_RATE,
+    *range(column.ANGLE_MEMORY, column.TORQUE_RATE_MEMORY + MEMORY),
 ]
-_LEFT_OUT = [of.POSITION_I, of.TORQUE_I, of.ANGLE_RESOLUTION, of.TORQUE_RESOLUTION]
+_LEFT_OUT = [column.POSITION_I, column.TORQUE_I, column.ANGLE_RESOLUTION, column.TORQUE_RESOLUTION]
 _WITHOUT: dict[str, Any] = {
     "pushes": [],
     "payload": None,
@@ -44,7 +43,7 @@ _WITHOUT: dict[str, Any] = {
     "encoder_losses": [],
     "wrist_fault": None,
 }
-_LIMITS = [of.SLEW, of.MAX_TORQUE, of.MAX_CURRENT, of.UPPER]
+_LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
 
 
 def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
@@ -59,9 +58,9 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     arm = assemble(still, robot, q0, dt)
     arm.constants[:, _LEFT_OUT] = 0.0
     arm.constants[:, _LIMITS] = np.inf
-    arm.constants[:, of.LOWER] = -np.inf
+    arm.constants[:, column.LOWER] = -np.inf
     arm.model.jnt_limited[:] = 0
-    n, mode = len(q0), of.MODES[plant.mode]
+    n, mode = len(q0), column.MODES[plant.mode]
     rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
     live = LiveCompliant(still, replace(arm, state=rest), 0)
     state, qpos, qvel = arm_state = rest, live.data.qpos, live.data.qvel
@@ -78,10 +77,10 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
         return np.concatenate([state[:, _REMEMBERED].T.ravel(), qpos, qvel])
 
     size = n * len(_REMEMBERED) + len(qpos) + len(qvel)
-    none, idle = np.zeros(size), np.zeros(n)
+    zero_state, idle = np.zeros(size), np.zeros(n)
     return LinearModel(
         _slopes(lambda change: period(change, idle), size),
-        _slopes(lambda command: period(none, command), n),
+        _slopes(lambda command: period(zero_state, command), n),
     ).reduced(round(_HORIZON / dt))
 
 

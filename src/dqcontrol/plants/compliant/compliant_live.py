@@ -6,11 +6,12 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_arm import Arm
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
-Array = NDArray[np.float64]
 
 _JOINT_CHANNELS = {
     "motor_angle": "rad",
@@ -32,7 +32,12 @@ _JOINT_CHANNELS = {
     "spring_torque": "N·m",
     "motor_current": "A",
 }
-_JOINT_COLUMNS = [of.REFERENCE, of.DESIRED_TORQUE, of.SENSED, of.CURRENT]  # of all but the motors' angles
+_JOINT_COLUMNS = [
+    column.REFERENCE,
+    column.DESIRED_TORQUE,
+    column.SENSED,
+    column.CURRENT,
+]  # of all but the motors' angles
 
 
 class LiveCompliant:
@@ -57,11 +62,11 @@ class LiveCompliant:
         self.q: Array = data.qpos[:n]
         self.measured: Array = np.empty(n)
         self._arm, self._state = arm, arm.state
-        self._shared = np.zeros(of.SHARED)
-        self._shared[[of.MODE, of.ASKED_MODE]] = of.MODES[plant.mode]
-        self._shared[of.RAMP], self._shared[of.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
-        self._shared[of.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
-        self._shared[of.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
+        self._shared = np.zeros(column.SHARED)
+        self._shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
+        self._shared[column.RAMP], self._shared[column.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
+        self._shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
+        self._shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
         self._rng = np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
@@ -128,39 +133,39 @@ class LiveCompliant:
     @property
     def time(self) -> float:
         """Time since the start, s."""
-        return float(self._shared[of.TICKS]) * TICK
+        return float(self._shared[column.TICKS]) * TICK
 
     @property
     def mode(self) -> str:
         """Mode of the joint controllers."""
-        return next(name for name, number in of.MODES.items() if number == self._shared[of.MODE])
+        return next(name for name, number in column.MODES.items() if number == self._shared[column.MODE])
 
     @property
     def target(self) -> Array:
         """The angles q_desired as commanded, shape (n,), rad."""
-        return self._state[:, of.TARGET].copy()
+        return self._state[:, column.TARGET].copy()
 
     @property
     def reference(self) -> Array:
         """The angles that the joint controllers follow, shape (n,), rad."""
-        return self._state[:, of.REFERENCE].copy()
+        return self._state[:, column.REFERENCE].copy()
 
     @property
     def encoders(self) -> Array:
         """The encoders' last readings, before their filters, shape (n,), rad."""
-        return self._state[:, of.ENCODER].copy()
+        return self._state[:, column.ENCODER].copy()
 
     @property
     def servo_stiffness(self) -> Array:
         """The gains of the modes THETA and THETA_MJ, shape (n,), N·m/rad."""
-        return self._arm.constants[:, of.SERVO_P].copy()
+        return self._arm.constants[:, column.SERVO_P].copy()
 
     @property
     def fault(self) -> str:
         """Why the motors were switched off; empty while all is well."""
-        if self._shared[of.FAULT] == 0:
+        if self._shared[column.FAULT] == 0:
             return ""
-        what, joint = of.FAULTS[int(self._shared[of.FAULT])], int(self._shared[of.FAULTY_JOINT])
+        what, joint = column.FAULTS[int(self._shared[column.FAULT])], int(self._shared[column.FAULTY_JOINT])
         return what if joint < 0 else f"{self._arm.robot.joint_names[joint]}: {what}"
 
     def switch(self, mode: str) -> None:
@@ -171,10 +176,10 @@ class LiveCompliant:
         UnknownNameError
             If there is no such mode.
         """
-        if mode not in of.MODES:
-            raise unknown_name("mode", str(mode), of.MODES)
-        self._shared[of.ASKED_MODE] = of.MODES[mode]
-        self._shared[of.FAULT], self._told = 0.0, False
+        if mode not in column.MODES:
+            raise unknown_name("mode", str(mode), column.MODES)
+        self._shared[column.ASKED_MODE] = column.MODES[mode]
+        self._shared[column.FAULT], self._told = 0.0, False
 
     def step(self, command: ArrayLike) -> None:
         """Move the arm for one control period; `q` and `measured` are updated in place.
@@ -189,11 +194,11 @@ class LiveCompliant:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite.
         DivergedError
-            If the arm left the finite numbers.
+            If the arm's state became NaN or infinite.
         """
         moves = self._moves
         np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)
-        self._shared[of.AGE] = 0.0
+        self._shared[column.AGE] = 0.0
         self._advance(self._arm.ticks, self._from_measured)
 
     def wait(self, duration: float) -> None:
@@ -216,7 +221,7 @@ class LiveCompliant:
         if advance(*self._physics, ticks, self._arm.steps, self._moves, from_measured, *self._tables):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
-        if self._shared[of.FAULT] and not self._told:
+        if self._shared[column.FAULT] and not self._told:
             self._told = True
             warnings.warn(
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
@@ -229,14 +234,14 @@ class LiveCompliant:
 
     def _measure(self) -> None:
         state, shared, other = self._state, self._shared, self._other_readings
-        self.measured[:] = state[:, of.ANGLE]
+        self.measured[:] = state[:, column.ANGLE]
         self._joint_readings[0] = self.data.qpos[self._rotors]
         self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
         self._wrist.read(self.time, self._rng, other[0:6])
         if self._pushed:
             forces = self.data.xfrc_applied[:, :3]
             np.subtract(forces.sum(axis=0), forces[self._touched], out=other[6:9])
-        other[9], other[10] = shared[of.PAYLOAD], shared[of.MODE]
+        other[9], other[10] = shared[column.PAYLOAD], shared[column.MODE]
         if len(self._contact):
             other[11:14] = self._contact[:3]
         if self._scale:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_live import LiveCompliant
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 COMMAND_MODES = ("integrated", "measured")
 Mode = Literal["OFF", "PWM", "TORQUE", "TORQUE_GC", "THETA", "THETA_GC", "THETA_MJ", "THETA_GC_MJ"]

@@ -14,13 +14,13 @@ from dqcontrol.compiled.compile import (
     STATUS,
     WRITE,
     WRITE2,
-    inlined,
+    inline,
     kernel,
     types,
 )
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, c_caller
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense
@@ -85,18 +85,18 @@ def physics_step() -> int:
     return ctypes.cast(ctypes.CDLL(str(found[0])).mj_step, ctypes.c_void_p).value or 0
 
 
-@inlined
+@inline
 def spring_torque(constants, state, qpos, qvel, rotor, i):
     """Return the torque that joint i's spring exerts on its link; a rigid joint's motor exerts it itself."""
-    if constants[i, of.SPRING] == 0.0:
-        return state[i, of.MOTOR_TORQUE]
+    if constants[i, column.SPRING] == 0.0:
+        return state[i, column.MOTOR_TORQUE]
     k = int(rotor[i])
-    return constants[i, of.SPRING] * (qpos[k] - qpos[i]) + constants[i, of.SPRING_DAMPING] * (
+    return constants[i, column.SPRING] * (qpos[k] - qpos[i]) + constants[i, column.SPRING_DAMPING] * (
         qvel[k] - qvel[i]
     )
 
 
-@inlined
+@inline
 def load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces):
     """Set what pushes and hangs on the arm at a time."""
     for k in range(pushes.shape[0]):
@@ -110,9 +110,9 @@ def load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces):
     for k in range(payloads.shape[0]):
         if payloads[k, 0] <= time < payloads[k, 1]:
             payload += payloads[k, 2]
-    change = payload - shared[of.PAYLOAD]
+    change = payload - shared[column.PAYLOAD]
     if change != 0.0:
-        shared[of.PAYLOAD] = payload
+        shared[column.PAYLOAD] = payload
         mass[int(carriers[0])] = payload
         for k in range(carriers.shape[0]):
             subtree_mass[int(carriers[k])] += change
@@ -156,11 +156,11 @@ def advance(
     """Move the targets, then let controllers and physics run for a number of ticks."""
     n = state.shape[0]
     for i in range(n):
-        target = moves[i] + (state[i, of.ANGLE] if from_measured else state[i, of.TARGET])
-        state[i, of.TARGET] = min(max(target, constants[i, of.LOWER]), constants[i, of.UPPER])
+        target = moves[i] + (state[i, column.ANGLE] if from_measured else state[i, column.TARGET])
+        state[i, column.TARGET] = min(max(target, constants[i, column.LOWER]), constants[i, column.UPPER])
     for tick in range(ticks):
         time = (
-            shared[of.TICKS] + 0.5
+            shared[column.TICKS] + 0.5
         ) * TICK  # of the tick's middle: no doubt about what begins or ends at its edge
         for i in range(n):
             scratch[2, i] = qpos[int(rotor[i])]
@@ -180,13 +180,21 @@ def advance(
             scratch[3],
         )
         for i in range(n):
-            motors[i] = state[i, of.MOTOR_TORQUE]
+            motors[i] = state[i, column.MOTOR_TORQUE]
         load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces)
         for step in range(steps):
             if obstacles.shape[0] > 0:
-                touch(obstacles, (shared[of.TICKS] + step / steps) * TICK, chain, qpos, qvel, forces, contact)
+                touch(
+                    obstacles,
+                    (shared[column.TICKS] + step / steps) * TICK,
+                    chain,
+                    qpos,
+                    qvel,
+                    forces,
+                    contact,
+                )
             _call_step(physics, model, data)
-        shared[of.TICKS] += 1.0
+        shared[column.TICKS] += 1.0
         total = 0.0
         for i in range(qvel.shape[0]):
             total += qvel[i] * qvel[i]
@@ -220,14 +228,14 @@ def settle(constants, state, qpos, qvel, rotor, noise, wrench, wrench_filter, wr
             spring_torque(constants, state, qpos, qvel, rotor, i),
             False,
         )
-        state[i, of.ANGLE] = state[i, of.ENCODER]
+        state[i, column.ANGLE] = state[i, column.ENCODER]
         rest(
-            constants[i, of.ANGLE_FILTER : of.ANGLE_FILTER + COEFFICIENTS],
-            state[i, of.ANGLE_MEMORY : of.ANGLE_MEMORY + MEMORY],
-            state[i, of.ENCODER],
+            constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
+            state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],
+            state[i, column.ENCODER],
         )
-        state[i, of.VELOCITY] = state[i, of.TORQUE_RATE] = 0.0
-        state[i, of.VELOCITY_MEMORY : of.TORQUE_RATE_MEMORY + MEMORY] = 0.0
+        state[i, column.VELOCITY] = state[i, column.TORQUE_RATE] = 0.0
+        state[i, column.VELOCITY_MEMORY : column.TORQUE_RATE_MEMORY + MEMORY] = 0.0
     for i in range(6):
         rest(wrench_filter, wrench_memory[i], wrench[i])
         filtered_wrench[i] = wrench[i]

@@ -7,15 +7,13 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, suggest, unknown_name
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.plants.compliant.elastic_model import Actuation, Hand
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import JointInertia
-
-Array = NDArray[np.float64]
 
 _OURS = Path(__file__).parent / "controllers"
 SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad
@@ -25,11 +23,11 @@ Bias = tuple[float, float, float]
 Springs = Annotated[list[Stiffness | None], Meta(min_length=1, max_length=1000)]
 
 
-class _Part(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _ControllerPart(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of all parts of a controller file. All quantities are those seen at the joint."""
 
 
-class Motor(_Part, frozen=True, kw_only=True):
+class Motor(_ControllerPart, frozen=True, kw_only=True):
     """Motor, gear and amplifier."""
 
     rotor_inertia: Annotated[float, Meta(gt=0, le=1e3, description="of the motor, with the gear, kg m²")]
@@ -44,7 +42,7 @@ class Motor(_Part, frozen=True, kw_only=True):
     overload_time: Annotated[float, Meta(gt=0, le=1e3, description="that the motor may stay too hot, s")]
 
 
-class Range(_Part, frozen=True, kw_only=True):
+class JointRange(_ControllerPart, frozen=True, kw_only=True):
     """What may be asked of a joint."""
 
     lower: Annotated[float, Meta(ge=-100, le=100, description="min_q, rad")]
@@ -53,7 +51,7 @@ class Range(_Part, frozen=True, kw_only=True):
     torque: Annotated[float, Meta(gt=0, le=1e4, description="largest desired torque, N·m")]
 
 
-class PositionLoop(_Part, frozen=True, kw_only=True):
+class PositionLoop(_ControllerPart, frozen=True, kw_only=True):
     """PID from angle to torque, of the modes THETA_GC and THETA_GC_MJ."""
 
     k_p: Annotated[float, Meta(ge=0, le=1e6, description="of the angle's error, N·m/rad")]
@@ -63,7 +61,7 @@ class PositionLoop(_Part, frozen=True, kw_only=True):
     integral_range: Annotated[float, Meta(ge=0, le=1e3, description="error that is integrated, rad")] = 0.0
 
 
-class TorqueLoop(_Part, frozen=True, kw_only=True):
+class TorqueLoop(_ControllerPart, frozen=True, kw_only=True):
     """PID from spring torque to current, with a feed-forward share of the desired torque."""
 
     k_p: Annotated[float, Meta(ge=0, le=1e4, description="of the torque's error, A/(N·m)")] = 0.0
@@ -74,14 +72,14 @@ class TorqueLoop(_Part, frozen=True, kw_only=True):
     feedforward: Annotated[float, Meta(ge=0, le=2, description="share of desired torque / torque constant")]
 
 
-class AngleServo(_Part, frozen=True, kw_only=True):
+class AngleServo(_ControllerPart, frozen=True, kw_only=True):
     """Position servo on the motor's angle, of the modes THETA and THETA_MJ."""
 
     bandwidth: Annotated[float, Meta(gt=0, le=50, description="at the start configuration, Hz")]
     damping_ratio: Annotated[float, Meta(ge=0, le=10, description="ζ of the same")]
 
 
-class Sensors(_Part, frozen=True, kw_only=True):
+class Sensors(_ControllerPart, frozen=True, kw_only=True):
     """Encoder and torque sensor, and the third-order Butterworth filters behind them."""
 
     angle_resolution: Annotated[float, Meta(ge=0, le=1, description="step of the encoder, rad; 0 for none")]
@@ -91,20 +89,20 @@ class Sensors(_Part, frozen=True, kw_only=True):
     torque_rate_cutoff: Annotated[float, Meta(gt=0, le=450, description="of the torque rate's filter, Hz")]
 
 
-class JointControl(_Part, frozen=True, kw_only=True):
+class JointControl(_ControllerPart, frozen=True, kw_only=True):
     """One joint."""
 
     name: Annotated[str, Meta(min_length=1, description="as in the robot's file, in the same order")]
     motor: Motor
     spring_damping: Annotated[float, Meta(ge=0, le=1e4, description="beside the spring, N·m·s/rad")]
-    range: Range
+    range: JointRange
     position_loop: PositionLoop
     torque_loop: TorqueLoop
     angle_servo: AngleServo
     sensors: Sensors
 
 
-class WristSensor(_Part, frozen=True, kw_only=True):
+class WristSensor(_ControllerPart, frozen=True, kw_only=True):
     """Six-axis force–torque sensor between arm and hand, axes of the tool."""
 
     cutoff: Annotated[float, Meta(gt=0, le=450, description="of its filter, Hz")]
@@ -114,14 +112,14 @@ class WristSensor(_Part, frozen=True, kw_only=True):
     torque_bias: Annotated[Bias, Meta(description="three numbers, N·m")] = (0.0, 0.0, 0.0)
 
 
-class Safety(_Part, frozen=True, kw_only=True):
+class Safety(_ControllerPart, frozen=True, kw_only=True):
     """When the motors are switched off."""
 
     command_timeout: Annotated[float, Meta(gt=0, le=100, description="age of the last command, s")]
     sensor_timeout: Annotated[float, Meta(gt=0, le=100, description="time without encoder, s")]
 
 
-class ControllerFile(_Part, frozen=True, kw_only=True):
+class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
     """A controller file: an arm's joints at 1 kHz."""
 
     robot: Annotated[str, Meta(min_length=1, description="that the controllers are for")]

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _ROTOR_MASS = 1e-14  # kg; a rotor is nothing but a moment of inertia, and its mass is in the links' data
 TICK = 1e-3  # s, of the joint controllers

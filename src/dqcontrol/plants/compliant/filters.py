@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.compiled.compile import inline
 
 COEFFICIENTS, MEMORY = (
     5,
@@ -40,7 +40,7 @@ def butterworth(cutoff: float, dt: float) -> NDArray[np.float64]:
     )
 
 
-@inlined
+@inline
 def rest(coefficients, memory, value):
     """Set a filter's memory as if it had seen the value for ever."""
     memory[0] = value * (coefficients[0] - coefficients[1])
@@ -48,7 +48,7 @@ def rest(coefficients, memory, value):
     memory[2] = value * (coefficients[2] - coefficients[4])
 
 
-@inlined
+@inline
 def filtered(coefficients, memory, value):
     """Return the filter's answer to the next value."""
     first = coefficients[0] * value + memory[0]

@@ -6,10 +6,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
-from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.controller_file import ControllerFile
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, Hand
 from dqcontrol.plants.compliant.filters import butterworth
@@ -19,10 +20,9 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
-Array = NDArray[np.float64]
 
-_POSITION_MODES = (of.MODES["THETA_GC"], of.MODES["THETA_GC_MJ"])
-_SERVO_MODES = (of.MODES["THETA"], of.MODES["THETA_MJ"])
+_POSITION_MODES = (column.MODES["THETA_GC"], column.MODES["THETA_GC_MJ"])
+_SERVO_MODES = (column.MODES["THETA"], column.MODES["THETA_MJ"])
 
 
 def constants_table(
@@ -30,56 +30,56 @@ def constants_table(
 ) -> Array:
     """Return the joint controllers' constants, shape (n, CONSTANTS); ``inertia`` (n,) is what each motor moves."""
     n = len(file.joints)
-    table = np.zeros((n, of.CONSTANTS))
+    table = np.zeros((n, column.CONSTANTS))
 
-    def put(column: int, value: ArrayLike) -> None:
-        table[:, column] = value
+    def put(index: int, value: ArrayLike) -> None:
+        table[:, index] = value
 
-    put(of.LOWER, file.column("range", "lower"))
-    put(of.UPPER, file.column("range", "upper"))
+    put(column.LOWER, file.column("range", "lower"))
+    put(column.UPPER, file.column("range", "upper"))
     fastest = file.column("range", "slew_rate")
     if plant.slew_rate is not None:
         fastest = np.minimum(fastest, as_each("plant.slew_rate", plant.slew_rate, n))
-    put(of.SLEW, TICK * fastest)
-    put(of.SPEED, as_each("plant.speed", plant.speed, n))
-    put(of.STIFFNESS, as_each("plant.stiffness", plant.stiffness, n))
-    put(of.TORQUE_ASKED, as_each("plant.torque", plant.torque, n))
-    put(of.DUTY_ASKED, as_each("plant.duty", plant.duty, n))
-    put(of.POSITION_P, file.column("position_loop", "k_p"))
-    put(of.POSITION_I, TICK * file.column("position_loop", "k_i"))
-    put(of.POSITION_D, file.column("position_loop", "k_d"))
-    put(of.POSITION_LIMIT, file.column("position_loop", "integral_limit"))
-    put(of.POSITION_RANGE, file.column("position_loop", "integral_range"))
-    put(of.TORQUE_P, file.column("torque_loop", "k_p"))
-    put(of.TORQUE_I, TICK * file.column("torque_loop", "k_i"))
-    put(of.TORQUE_D, file.column("torque_loop", "k_d"))
-    put(of.TORQUE_LIMIT, file.column("torque_loop", "integral_limit"))
-    put(of.TORQUE_RANGE, file.column("torque_loop", "integral_range"))
+    put(column.SLEW, TICK * fastest)
+    put(column.SPEED, as_each("plant.speed", plant.speed, n))
+    put(column.STIFFNESS, as_each("plant.stiffness", plant.stiffness, n))
+    put(column.TORQUE_ASKED, as_each("plant.torque", plant.torque, n))
+    put(column.DUTY_ASKED, as_each("plant.duty", plant.duty, n))
+    put(column.POSITION_P, file.column("position_loop", "k_p"))
+    put(column.POSITION_I, TICK * file.column("position_loop", "k_i"))
+    put(column.POSITION_D, file.column("position_loop", "k_d"))
+    put(column.POSITION_LIMIT, file.column("position_loop", "integral_limit"))
+    put(column.POSITION_RANGE, file.column("position_loop", "integral_range"))
+    put(column.TORQUE_P, file.column("torque_loop", "k_p"))
+    put(column.TORQUE_I, TICK * file.column("torque_loop", "k_i"))
+    put(column.TORQUE_D, file.column("torque_loop", "k_d"))
+    put(column.TORQUE_LIMIT, file.column("torque_loop", "integral_limit"))
+    put(column.TORQUE_RANGE, file.column("torque_loop", "integral_range"))
     torque_constant = file.column("motor", "torque_constant")
-    put(of.FEEDFORWARD, file.column("torque_loop", "feedforward") / torque_constant)
+    put(column.FEEDFORWARD, file.column("torque_loop", "feedforward") / torque_constant)
     rate = 2 * math.pi * file.column("angle_servo", "bandwidth")
-    put(of.SERVO_P, inertia * rate**2)
-    put(of.SERVO_D, 2 * file.column("angle_servo", "damping_ratio") * inertia * rate)
-    put(of.MAX_TORQUE, file.column("range", "torque"))
-    put(of.MAX_CURRENT, file.column("motor", "max_current"))
-    put(of.TORQUE_CONSTANT, torque_constant)
-    put(of.RESISTANCE, file.column("motor", "resistance"))
-    put(of.VOLTAGE, file.column("motor", "voltage"))
-    put(of.MAX_DUTY, file.column("motor", "max_duty"))
-    put(of.NOMINAL_CURRENT, file.column("motor", "nominal_current"))
-    put(of.HEATING, -np.expm1(-TICK / file.column("motor", "thermal_time")))
-    put(of.OVERLOAD_TICKS, np.ceil(file.column("motor", "overload_time") / TICK))
+    put(column.SERVO_P, inertia * rate**2)
+    put(column.SERVO_D, 2 * file.column("angle_servo", "damping_ratio") * inertia * rate)
+    put(column.MAX_TORQUE, file.column("range", "torque"))
+    put(column.MAX_CURRENT, file.column("motor", "max_current"))
+    put(column.TORQUE_CONSTANT, torque_constant)
+    put(column.RESISTANCE, file.column("motor", "resistance"))
+    put(column.VOLTAGE, file.column("motor", "voltage"))
+    put(column.MAX_DUTY, file.column("motor", "max_duty"))
+    put(column.NOMINAL_CURRENT, file.column("motor", "nominal_current"))
+    put(column.HEATING, -np.expm1(-TICK / file.column("motor", "thermal_time")))
+    put(column.OVERLOAD_TICKS, np.ceil(file.column("motor", "overload_time") / TICK))
     own = file.column("sensors", "angle_resolution")
-    put(of.ANGLE_RESOLUTION, own if plant.encoder_resolution is None else plant.encoder_resolution)
-    put(of.ANGLE_NOISE, plant.encoder_noise)
-    put(of.TORQUE_RESOLUTION, file.column("sensors", "torque_resolution"))
-    put(of.SPRING, np.where(actuation.elastic, actuation.stiffness, 0.0))
-    put(of.SPRING_DAMPING, np.where(actuation.elastic, actuation.damping, 0.0))
+    put(column.ANGLE_RESOLUTION, own if plant.encoder_resolution is None else plant.encoder_resolution)
+    put(column.ANGLE_NOISE, plant.encoder_noise)
+    put(column.TORQUE_RESOLUTION, file.column("sensors", "torque_resolution"))
+    put(column.SPRING, np.where(actuation.elastic, actuation.stiffness, 0.0))
+    put(column.SPRING_DAMPING, np.where(actuation.elastic, actuation.damping, 0.0))
     for row, joint in zip(table, file.joints, strict=True):
         for first, cutoff in (
-            (of.ANGLE_FILTER, joint.sensors.angle_cutoff),
-            (of.VELOCITY_FILTER, joint.sensors.velocity_cutoff),
-            (of.TORQUE_RATE_FILTER, joint.sensors.torque_rate_cutoff),
+            (column.ANGLE_FILTER, joint.sensors.angle_cutoff),
+            (column.VELOCITY_FILTER, joint.sensors.velocity_cutoff),
+            (column.TORQUE_RATE_FILTER, joint.sensors.torque_rate_cutoff),
         ):
             coefficients = butterworth(cutoff, TICK)
             row[first : first + len(coefficients)] = coefficients
@@ -123,54 +123,54 @@ def static_state(
     ValueRangeError
         If a desired torque or a current beyond its limit would be needed.
     """
-    state = np.zeros((len(q), of.STATE))
-    state[:, of.TARGET] = state[:, of.REFERENCE] = state[:, of.GOAL] = q
-    state[:, of.ENCODER], state[:, of.SENSED], state[:, of.MOTOR_TORQUE] = q, load, load
+    state = np.zeros((len(q), column.STATE))
+    state[:, column.TARGET] = state[:, column.REFERENCE] = state[:, column.GOAL] = q
+    state[:, column.ENCODER], state[:, column.SENSED], state[:, column.MOTOR_TORQUE] = q, load, load
     if mode in _SERVO_MODES:
-        spring = np.where(constants[:, of.SPRING] > 0, constants[:, of.SPRING], np.inf)
-        state[:, of.TARGET] += load / spring + load / constants[:, of.SERVO_P]
+        spring = np.where(constants[:, column.SPRING] > 0, constants[:, column.SPRING], np.inf)
+        state[:, column.TARGET] += load / spring + load / constants[:, column.SERVO_P]
     elif mode in _POSITION_MODES:
         for row, number, name, g in zip(state, constants, robot.joint_names, load, strict=True):
             desired = _held_by_torque_loop(row, number, g)
-            if abs(desired) > number[of.MAX_TORQUE]:
+            if abs(desired) > number[column.MAX_TORQUE]:
                 raise ValueRangeError(
                     f"q0: joint '{name}' would need a desired torque of {desired:.3g} N·m to hold {g:.3g} N·m; "
-                    f"its limit is {number[of.MAX_TORQUE]:g}"
+                    f"its limit is {number[column.MAX_TORQUE]:g}"
                 )
             _held_by_position_loop(row, number, desired - gravity_factor * g)
     for number, name, g in zip(constants, robot.joint_names, load, strict=True):
         if (
             mode in _SERVO_MODES + _POSITION_MODES
-            and abs(g) > number[of.TORQUE_CONSTANT] * number[of.MAX_CURRENT]
+            and abs(g) > number[column.TORQUE_CONSTANT] * number[column.MAX_CURRENT]
         ):
             raise ValueRangeError(
-                f"q0: joint '{name}' needs {g / number[of.TORQUE_CONSTANT]:.3g} A to hold {g:.3g} N·m; "
-                f"its limit is {number[of.MAX_CURRENT]:g} A"
+                f"q0: joint '{name}' needs {g / number[column.TORQUE_CONSTANT]:.3g} A to hold {g:.3g} N·m; "
+                f"its limit is {number[column.MAX_CURRENT]:g} A"
             )
-    state[:, of.REFERENCE] = state[:, of.GOAL] = state[:, of.TARGET]
+    state[:, column.REFERENCE] = state[:, column.GOAL] = state[:, column.TARGET]
     return state
 
 
 def _held_by_torque_loop(state: Array, constants: Array, load: float) -> float:
     """Set the torque loop's integral so that it holds a load, and return the desired torque that goes with it."""
-    current = load / constants[of.TORQUE_CONSTANT]
-    proportional, forward = constants[of.TORQUE_P], constants[of.FEEDFORWARD]
-    if constants[of.TORQUE_I] > 0:
-        limit = constants[of.TORQUE_LIMIT]
-        state[of.TORQUE_INTEGRAL] = np.clip(current - forward * load, -limit, limit)
+    current = load / constants[column.TORQUE_CONSTANT]
+    proportional, forward = constants[column.TORQUE_P], constants[column.FEEDFORWARD]
+    if constants[column.TORQUE_I] > 0:
+        limit = constants[column.TORQUE_LIMIT]
+        state[column.TORQUE_INTEGRAL] = np.clip(current - forward * load, -limit, limit)
     gain = proportional + forward
     if gain == 0:
         return load
-    return float((current - state[of.TORQUE_INTEGRAL] + proportional * load) / gain)
+    return float((current - state[column.TORQUE_INTEGRAL] + proportional * load) / gain)
 
 
 def _held_by_position_loop(state: Array, constants: Array, torque: float) -> None:
     """Set the position loop's integral and target so that they make a torque, as far as they can."""
-    stiffness = constants[of.STIFFNESS]
-    if stiffness * constants[of.POSITION_P] == 0:
+    stiffness = constants[column.STIFFNESS]
+    if stiffness * constants[column.POSITION_P] == 0:
         return
     wanted = torque / stiffness
-    if constants[of.POSITION_I] > 0:
-        limit = constants[of.POSITION_LIMIT]
-        state[of.POSITION_INTEGRAL] = np.clip(wanted, -limit, limit)
-    state[of.TARGET] += (wanted - state[of.POSITION_INTEGRAL]) / constants[of.POSITION_P]
+    if constants[column.POSITION_I] > 0:
+        limit = constants[column.POSITION_LIMIT]
+        state[column.POSITION_INTEGRAL] = np.clip(wanted, -limit, limit)
+    state[column.TARGET] += (wanted - state[column.POSITION_INTEGRAL]) / constants[column.POSITION_P]

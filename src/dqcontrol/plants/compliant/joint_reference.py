@@ -2,54 +2,58 @@
 
 from __future__ import annotations
 
-from dqcontrol.compiled.compile import inlined
-from dqcontrol.plants.compliant import joint_columns as of
+from dqcontrol.compiled.compile import inline
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK
 
 LEAST_SPEED = 1e-3  # rad/s
 
 
-@inlined
+@inline
 def step_reference(constants, state, ramp, smooth):
     """Move the reference of one joint by a tick.
 
     r = s q_d + (1 − s) q_s, s the ramp since the mode's start at q_s, kept in the joint's range; then either the rate
     is limited or, if ``smooth``, a minimum-jerk quintic leads to r in |r − x| / speed, planned anew where r changes.
     """
-    asked = ramp * state[of.TARGET] + (1.0 - ramp) * state[of.ANGLE_AT_SWITCH]
-    asked = min(max(asked, constants[of.LOWER]), constants[of.UPPER])
+    asked = ramp * state[column.TARGET] + (1.0 - ramp) * state[column.ANGLE_AT_SWITCH]
+    asked = min(max(asked, constants[column.LOWER]), constants[column.UPPER])
     if not smooth:
-        move = asked - state[of.REFERENCE]
-        state[of.REFERENCE] += min(max(move, -constants[of.SLEW]), constants[of.SLEW])
+        move = asked - state[column.REFERENCE]
+        state[column.REFERENCE] += min(max(move, -constants[column.SLEW]), constants[column.SLEW])
         return
-    if asked != state[of.GOAL]:
-        state[of.GOAL] = asked
+    if asked != state[column.GOAL]:
+        state[column.GOAL] = asked
         _plan(constants, state)
-    state[of.MOTION_TIME] += TICK
-    t = state[of.MOTION_TIME]
-    if t >= state[of.MOTION_DURATION]:
-        state[of.REFERENCE] = state[of.GOAL]
-        state[of.REFERENCE_VELOCITY] = 0.0
-        state[of.REFERENCE_ACCELERATION] = 0.0
+    state[column.MOTION_TIME] += TICK
+    t = state[column.MOTION_TIME]
+    if t >= state[column.MOTION_DURATION]:
+        state[column.REFERENCE] = state[column.GOAL]
+        state[column.REFERENCE_VELOCITY] = 0.0
+        state[column.REFERENCE_ACCELERATION] = 0.0
     else:
-        c = state[of.MOTION : of.MOTION + 6]
-        state[of.REFERENCE] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-        state[of.REFERENCE_VELOCITY] = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
-        state[of.REFERENCE_ACCELERATION] = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
-    state[of.REFERENCE] = min(max(state[of.REFERENCE], constants[of.LOWER]), constants[of.UPPER])
+        c = state[column.MOTION : column.MOTION + 6]
+        state[column.REFERENCE] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
+        state[column.REFERENCE_VELOCITY] = c[1] + t * (
+            2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5]))
+        )
+        state[column.REFERENCE_ACCELERATION] = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
+    state[column.REFERENCE] = min(
+        max(state[column.REFERENCE], constants[column.LOWER]), constants[column.UPPER]
+    )
 
 
-@inlined
+@inline
 def _plan(constants, state):
     """Plan the quintic from the reference's position, velocity and acceleration to rest at the goal."""
-    x, v, a = state[of.REFERENCE], state[of.REFERENCE_VELOCITY], state[of.REFERENCE_ACCELERATION]
-    way = state[of.GOAL] - x
-    duration = abs(way) / max(LEAST_SPEED, constants[of.SPEED])
-    state[of.MOTION_TIME], state[of.MOTION_DURATION] = 0.0, duration
+    x, v, a = state[column.REFERENCE], state[column.REFERENCE_VELOCITY], state[column.REFERENCE_ACCELERATION]
+    way = state[column.GOAL] - x
+    duration = abs(way) / max(LEAST_SPEED, constants[column.SPEED])
+    state[column.MOTION_TIME], state[column.MOTION_DURATION] = 0.0, duration
     if duration <= TICK:
         return
     d = duration
-    c = state[of.MOTION : of.MOTION + 6]
+    c = state[column.MOTION : column.MOTION + 6]
     c[0], c[1], c[2] = x, v, 0.5 * a
     c[3] = (20.0 * way - 12.0 * v * d - 3.0 * a * d * d) / (2.0 * d**3)
     c[4] = (-30.0 * way + 16.0 * v * d + 3.0 * a * d * d) / (2.0 * d**4)

@@ -7,11 +7,9 @@ from typing import Annotated
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_count, as_positive, unknown_name
-
-Array = NDArray[np.float64]
 
 Seconds = Annotated[float, Meta(ge=0, le=1e6, description="s")]
 Newtons = Annotated[float, Meta(ge=-1e4, le=1e4, description="N, base frame")]

@@ -8,16 +8,14 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import inlined
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.kinematics_kernels import _axis, _fixed, _half, _screw
-
-Array = NDArray[np.float64]
 
 Metres = Annotated[float, Meta(ge=-1e3, le=1e3, description="m, base frame")]
 Speed = Annotated[float, Meta(ge=-100, le=100, description="m/s, base frame")]
@@ -112,7 +110,7 @@ def steps_per_touch(obstacles: list[Obstacle], model: Any, data: Any, joints: in
     return most
 
 
-@inlined
+@inline
 def hand_motion(chain, q, velocity):
     """Return position and velocity of the tool's point (3 + 3); joints may be more than the chain has."""
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -131,7 +129,7 @@ def hand_motion(chain, q, velocity):
     return px, py, pz, vx + oy * pz - oz * py, vy + oz * px - ox * pz, vz + ox * py - oy * px
 
 
-@inlined
+@inline
 def touch(obstacles, time, chain, q, velocity, forces, largest):
     """Set the force of the pads on the hand at a time; keep the largest yet, its norm last, in ``largest`` (4)."""
     px, py, pz, vx, vy, vz = hand_motion(chain, q, velocity)

@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.elastic_model import Hand
     from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class PayloadCompensation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

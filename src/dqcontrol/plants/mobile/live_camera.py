@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 
-import numpy as np
-from numpy.typing import NDArray
-
+from dqcontrol.arrays import Array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.plant import whole_periods
-
-Array = NDArray[np.float64]
 
 
 class Sight:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from dqcontrol.robots.serial_arm import SerialArm
     from dqcontrol.robots.whole_body import WholeBody
 
-Array = NDArray[np.float64]
 
 TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
 SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long drive nowhere
@@ -134,7 +134,7 @@ class LiveMobile:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite, or the camera's periods are over.
         DivergedError
-            If the robot left the finite numbers, or the command those that MuJoCo takes.
+            If the robot's state became NaN or infinite, or the command those that MuJoCo takes.
         FallenError
             If the base has toppled, or its wheels have lost their grip for long.
         """

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
@@ -15,7 +16,7 @@ from dqcontrol.plants.mobile.scene import Scene, add_scene
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
-from dqcontrol.plants.mujoco.mujoco_servos import Array, JointServos
+from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.plant import plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.serial_arm import SerialArm
@@ -119,7 +120,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
-        body, drive, arm = self._taken_apart(robot)
+        body, drive, arm = self._parts_of(robot)
         base = self.base.under(drive, robot.name)
         if arm is not None:
             check_standing(robot.name, base, drive, arm)
@@ -137,9 +138,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def picture_model(self, robot: Robot) -> Any:
         """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
-        return self._spec(*self._taken_apart(robot))
+        return self._spec(*self._parts_of(robot))
 
-    def _taken_apart(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
+    def _parts_of(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
         """Return the robot, its drive and what that carries, the arm with inertias."""
         parts = robot.parts if isinstance(robot, WholeBody) else ()
         drive = parts[0] if parts else None

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive
-
-Array = NDArray[np.float64]
 
 
 class Odometry:

@@ -9,9 +9,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from dqcontrol.robots.bases import DifferentialDrive
     from dqcontrol.robots.serial_arm import SerialArm
 
-Array = NDArray[np.float64]
 
 _STARTS, _SWEEPS = 8, 30  # of the search for the worst posture
 _SAMPLES = np.array([0.0, 2 * math.pi / 3, -2 * math.pi / 3])

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, as_each
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from dqcontrol.plants.mujoco.mujoco_plant import MujocoPlant
     from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 
-Array = NDArray[np.float64]
 
 LOST = 1e12  # rad², m²; a configuration beyond it has diverged
 _MOST_RATE = 1e10  # MuJoCo's mjMAXVAL
@@ -91,7 +91,7 @@ class LiveMujoco:
         ShapeError, ValueRangeError
             If the command has the wrong shape or is not finite.
         DivergedError
-            If the arm left the finite numbers, or the command those that MuJoCo takes.
+            If the arm's state became NaN or infinite, or the command those that MuJoCo takes.
         """
         rate = self._rate
         rate[:] = as_command(command, len(rate))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
@@ -17,8 +17,6 @@ from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
@@ -146,7 +144,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """
         h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
         live = self.start(robot, q0, dt, 1, 0)
-        mass, unit, none = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
+        mass, unit, zero = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
         velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
@@ -158,5 +156,5 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             transition, inputs = step @ transition, step @ inputs
             inputs[2 * n :] += h * unit
         if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
-            transition += inputs @ np.hstack([unit, none, -unit]) / dt
+            transition += inputs @ np.hstack([unit, zero, -unit]) / dt
         return LinearModel(transition, inputs)

@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import Plant
@@ -16,7 +17,6 @@ from dqcontrol.plants.plant import Plant
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-Array = NDArray[np.float64]
 
 COMMAND_MODES = ("integrated", "measured")
 _NOT_NEGATIVE = (

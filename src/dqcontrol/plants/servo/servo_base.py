@@ -9,14 +9,15 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from dqcontrol.compiled.compile import OK, WRONG_SIZE, inlined, kernel
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, Array, CompiledPlant, begun_periods, whole_periods
-from dqcontrol.plants.servo.servo_step import follow
+from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods, whole_periods
+from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.driving import advance, to_inputs
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
@@ -33,7 +34,7 @@ _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
 _HEAD = 12
 
 
-@inlined
+@inline
 def push(queue, latest):
     """Put numbers before those of a queue, newest first, and drop as many of its oldest."""
     size = latest.shape[0]
@@ -84,7 +85,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
         joint_command[i] = noise[joints] * inputs[int(moved_by[i])]
         inputs[int(moved_by[i])] = 0.0
         joint_q[i], joint_measured[i] = q[int(coordinate[i])], measured[int(coordinate[i])]
-    status = follow(joint_command, servos, noise, servo_state, joint_q, joint_measured)
+    status = servo_kernel_inline(joint_command, servos, noise, servo_state, joint_q, joint_measured)
     if status != OK:
         return status
 

@@ -8,12 +8,13 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import Array, CompiledPlant, Plant, begun_periods, start_configuration
-from dqcontrol.plants.servo import servo_step as at
+from dqcontrol.plants.plant import CompiledPlant, Plant, begun_periods, start_configuration
+from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.robots.gravity import WORK, body_table
@@ -106,17 +107,17 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         target = q0 + sag0
         rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
         ends = robot.limits if self.position_limit else Limits.none(n)
-        head = np.zeros(at.HEAD)
-        head[at.DT] = dt
-        head[at.DECAY] = decay
-        head[at.MEASURED_MODE] = self.command_mode == "measured"
-        head[at.DELAY], head[at.OLDEST] = delay_steps, oldest
-        head[at.RESOLUTION] = as_positive(
+        head = np.zeros(layout.HEAD)
+        head[layout.DT] = dt
+        head[layout.DECAY] = decay
+        head[layout.MEASURED_MODE] = self.command_mode == "measured"
+        head[layout.DELAY], head[layout.OLDEST] = delay_steps, oldest
+        head[layout.RESOLUTION] = as_positive(
             "plant.encoder_resolution", self.encoder_resolution, zero_allowed=True
         )
-        head[at.NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
-        head[at.SAG] = sag
-        head[at.GRAVITY : at.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
+        head[layout.NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
+        head[layout.SAG] = sag
+        head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
         parameters = np.concatenate(
             [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inlined, kernel
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.plants.plant import PLANT, Array
+from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.gravity import gravity_torque
 
 # parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
@@ -60,4 +61,4 @@ def servo_step(
 
 # One source, compiled twice: a kernel that calls another one's function is slower by a sixth.
 servo: Kernel = kernel(PLANT)(servo_step)
-follow: Callable[..., int] = inlined(servo_step)
+servo_kernel_inline: Callable[..., int] = inline(servo_step)

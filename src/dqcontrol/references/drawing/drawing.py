@@ -12,7 +12,7 @@ from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Stroke, Trace, distance_home
+from dqcontrol.references.strokes import PenPath, Stroke, distance_home
 
 ORIENTATIONS = ("fixed", "path")
 TURN_SPEED = 1.0  # rad/s
@@ -82,10 +82,10 @@ class Drawing(PlanarReference):
             raise ValueRangeError(f"repeat: expected a whole number ≥ 1, got {self.repeat!r}")
         follow = self.orientation == "path"
         turn_speed = as_positive("turn_speed", self.turn_speed)
-        Trace.of(strokes)  # errors name the stroke before it is repeated
+        PenPath.of(strokes)  # errors name the stroke before it is repeated
         if self.repeat > 1 and (gap := distance_home(strokes)):
             raise ValueRangeError(f"repeat: the drawing must end at its origin, it ends {gap:.6g} m from it")
-        trace = Trace.of(strokes * self.repeat, turn_speed if follow else None)
+        trace = PenPath.of(strokes * self.repeat, turn_speed if follow else None)
         self._place(trace, start, plane_axes("plane", self.plane), follow=follow)
 
     @property

@@ -17,7 +17,7 @@ from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.drawing.drawing import ORIENTATIONS, TURN_SPEED, Drawing
 from dqcontrol.references.plane import PLANES, Plane, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Arc, Line, Rest, Stroke, Trace, distance_home
+from dqcontrol.references.strokes import Arc, Line, PenPath, Rest, Stroke, distance_home
 
 _DIRECTIONS = {"cw": True, "ccw": False}
 
@@ -48,7 +48,7 @@ class DrawingFile:
     repeat: int
     position: NDArray[np.float64] | None
     rotation: NDArray[np.float64] | None
-    trace: Trace = field(repr=False)
+    trace: PenPath = field(repr=False)
 
     def drawing(self, start: ArrayLike | None = None) -> Drawing:
         """Return the reference.
@@ -166,7 +166,7 @@ class _Parser:
         if not any(isinstance(stroke, Line | Arc) for stroke in self.strokes):
             raise FileFormatError(f"{self.path}: draws nothing: expected at least one line or arc")
         try:
-            trace = Trace.of(self.strokes, labels=self.labels)
+            trace = PenPath.of(self.strokes, labels=self.labels)
         except ValueRangeError as error:
             raise FileFormatError(str(error)) from None
         where, repeat = self.settings.get("repeat", (self.path, 1))

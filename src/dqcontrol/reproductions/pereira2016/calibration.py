@@ -61,10 +61,12 @@ def _error(law: str, plant: str, number: float, factor: float) -> float:
     if law in second_fit.LAWS:
         label, data = law + second_fit.SUFFIX, second_fit.scaled_spec(_SPEC, plant, factor=factor)
     data["plant"] |= {FITTED[plant]: number}
-    data |= {"repeats": 1, "laws": {label: data["laws"][label]}, "sets": {_SET: {label: {}}}}
+    data |= {"repeats": 1, "laws": {label: data["laws"][label]}, "parameter_sets": {_SET: {label: {}}}}
     setting = prepare(data)
     record = execute(setting, setting.cases[0])
-    return measure(record, setting.scene.robot, setting.spec.settle, setting.spec.judged).error.integral
+    return measure(
+        record, setting.scene.robot, setting.spec.skip_initial, setting.spec.metrics_from
+    ).error.integral
 
 
 def _solve(error: Callable[[float], float], target: float, low: float, high: float) -> float:

@@ -76,7 +76,7 @@ def graph_spec(side: Side, law: str, plant: str) -> dict[str, Any]:
     laws = spec.pop("laws")
     if law not in laws:
         raise unknown_name("law", law, laws)
-    for key in ("sets", "repeats"):
+    for key in ("parameter_sets", "repeats"):
         spec.pop(key, None)
     return {**spec, "law": laws[law], "supervisor": dict(side.supervisor)}
 

@@ -82,7 +82,7 @@ def spec_path(name: str) -> Path:
     Raises
     ------
     UnknownNameError
-        If there is none of that name.
+        If no experiment has that name.
     """
     folder = Path(__file__).parent / "specs"
     path = folder / f"{name}.yaml"

@@ -23,9 +23,9 @@ def scaled_spec(name: str, plant: str = PLANTS[0], *, factor: float = FACTOR) ->
     data = published_spec(name, plant)
     data["name"] = f"{data['name']}-scaled"
     data["laws"] = _scaled(data["laws"], factor)
-    sets = {label: _scaled(laws, factor) for label, laws in data.pop("sets", {}).items()}
+    sets = {label: _scaled(laws, factor) for label, laws in data.pop("parameter_sets", {}).items()}
     if sets:
-        data["sets"] = {label: laws for label, laws in sets.items() if laws}
+        data["parameter_sets"] = {label: laws for label, laws in sets.items() if laws}
     return data
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint, random_goals
@@ -21,8 +21,6 @@ from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.silva2017.specs import setting_of, spec_data, verdicts
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 LIMITS: dict[str, CommandLimits] = {
     "no clamping": CommandLimits(),
@@ -57,13 +55,13 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     return Reproduced("silva2017/clamping", tables, {"clamping": study}, figures)
 
 
-def _record(setting: Setting, limits: CommandLimits) -> Record:
+def _record(setting: PreparedExperiment, limits: CommandLimits) -> Record:
     (case,) = setting.cases
     scene = case.scene
     law = case.variant.law.prepare(scene.robot, scene.reference, setting.spec.period, limits)
     back = SetPoint(scene.robot.fkm(scene.start)).samples(scene.samples[1:, -1])
     back[:, -1] += scene.samples[-1, -1]
-    return follow(law, Integrator(), scene.start, np.vstack([scene.samples, back]))
+    return simulate_prepared(law, Integrator(), scene.start, np.vstack([scene.samples, back]))
 
 
 def closest_error(robot: Robot, goal: Array, starts: int = 40) -> float:
@@ -80,7 +78,7 @@ def closest_error(robot: Robot, goal: Array, starts: int = 40) -> float:
     return min(float(np.linalg.norm(least_squares(residual, q, bounds=(lower, upper)).fun)) for q in draws)
 
 
-def _reached(setting: Setting, count: int) -> dict[str, int]:
+def _reached(setting: PreparedExperiment, count: int) -> dict[str, int]:
     """Return how many of random goals within the limits are reached without and with clamping."""
     (case,) = setting.cases
     scene, period = case.scene, setting.spec.period
@@ -91,7 +89,9 @@ def _reached(setting: Setting, count: int) -> dict[str, int]:
     found = {}
     for label in ("no clamping", "modified clamping"):
         law = case.variant.law.prepare(scene.robot, None, period, LIMITS[label])
-        runs = [follow(law, Integrator(), scene.start, SetPoint(goal).samples(time)) for goal in goals]
+        runs = [
+            simulate_prepared(law, Integrator(), scene.start, SetPoint(goal).samples(time)) for goal in goals
+        ]
         found[label] = sum(bool(run.error[-1] < _NEAR) for run in runs)
     return found
 

@@ -7,7 +7,7 @@ import numpy as np
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
@@ -29,7 +29,7 @@ def reproduce(conditions: Conditions) -> Reproduced:
     (case,) = setting_of("clamping-robot").cases
     scene, period = case.scene, setting_of("clamping-robot").spec.period
     records = {
-        label: follow(
+        label: simulate_prepared(
             case.variant.law.prepare(scene.robot, scene.reference, period, limits),
             TiringMotors(),
             scene.start,

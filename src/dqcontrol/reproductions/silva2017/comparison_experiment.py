@@ -17,7 +17,7 @@ from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
-from dqcontrol.reproductions.silva2017.race import Outcome, matched_gain, outcome
+from dqcontrol.reproductions.silva2017.race import RaceOutcome, matched_gain, outcome
 from dqcontrol.reproductions.silva2017.random_races import BOXES, random_table
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, printed, spec_data, verdicts
 
@@ -32,7 +32,7 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     scene, spec = setting.scene, setting.spec
     laws = spec.law_by_label
 
-    def race(law: Any) -> Outcome:
+    def race(law: Any) -> RaceOutcome:
         return outcome(scene.robot, scene.start, scene.samples, law, spec.period)
 
     gain = matched_gain(
@@ -45,7 +45,7 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     runs = {tuple(label.split(" · ")): run for label, run in study.runs.items()}
     ideal = {law: run for (law, plant), run in _named(runs, data).items() if plant == "ideal"}
     camera = {law: run for (law, plant), run in _named(runs, data).items() if plant == "camera"}
-    outcomes = {label: Outcome.of(run.record, spec.period) for label, run in ideal.items()}
+    outcomes = {label: RaceOutcome.of(run.record, spec.period) for label, run in ideal.items()}
     progress = conditions.of("random goals")
     tables = [
         _table(outcomes, gain),
@@ -65,7 +65,7 @@ def _named(runs: dict[tuple[str, ...], Run], data: dict[str, Any]) -> dict[tuple
     }
 
 
-def _table(outcomes: dict[str, Outcome], gain: float | None) -> Table:
+def _table(outcomes: dict[str, RaceOutcome], gain: float | None) -> Table:
     shown = {NONLINEAR: ("nonlinear", ""), AS_PRINTED: ("nonlinear", ""), CLASSIC: ("classic", "")}
     rows: list[list[Cell]] = []
     for label, each in outcomes.items():
@@ -98,7 +98,7 @@ def _table(outcomes: dict[str, Outcome], gain: float | None) -> Table:
 
 
 def _judge(
-    outcomes: dict[str, Outcome], ideal: dict[str, Run], camera: dict[str, Run]
+    outcomes: dict[str, RaceOutcome], ideal: dict[str, Run], camera: dict[str, Run]
 ) -> dict[str, Judgement]:
     ours, classic = outcomes[NONLINEAR], outcomes[CLASSIC]
     pace = ours.settling / classic.settling

@@ -8,18 +8,18 @@ from typing import cast
 import numpy as np
 from msgspec.structs import replace
 
-from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.lyapunov import certificate
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
-from dqcontrol.reproductions.silva2017.race import Outcome
+from dqcontrol.reproductions.silva2017.race import RaceOutcome
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, setting_of, spec_data
 
 PERIODS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)  # s
@@ -46,16 +46,20 @@ def largest_period(law: FeedbackLinearization) -> float:
     return min(2 / law.damping, (-b + math.sqrt(b * b + 16 * a)) / (2 * a))
 
 
-def _record(setting: Setting) -> Record:
+def _record(setting: PreparedExperiment) -> Record:
     (case,) = setting.cases
-    return follow(case.prepare_law(setting.spec), Integrator(), case.scene.start, case.scene.samples)
+    return simulate_prepared(
+        case.prepare_law(setting.spec), Integrator(), case.scene.start, case.scene.samples
+    )
 
 
-def _table(settings: dict[float, Setting], records: dict[float, Record], law: FeedbackLinearization) -> Table:
+def _table(
+    settings: dict[float, PreparedExperiment], records: dict[float, Record], law: FeedbackLinearization
+) -> Table:
     rows: list[list[Cell]] = []
     for period, record in records.items():
         robot = settings[period].scene.robot
-        found, each = certificate(robot, record, law), Outcome.of(record, period)
+        found, each = certificate(robot, record, law), RaceOutcome.of(record, period)
         rows.append(
             [
                 1e3 * period,
@@ -83,7 +87,7 @@ def _table(settings: dict[float, Setting], records: dict[float, Record], law: Fe
     return Table(columns, rows, f"S17 chapter 6: effect of the period; settled below {GOOD_ENOUGH}")
 
 
-def _limit_table(setting: Setting, law: FeedbackLinearization) -> Table:
+def _limit_table(setting: PreparedExperiment, law: FeedbackLinearization) -> Table:
     """Return whether the loop is stable just below and above the largest period, from a goal nearby."""
     scene, limit = setting.scene, largest_period(law)
     law = replace(law, null_space=None)  # whose own motion is not what is tried here
@@ -94,7 +98,7 @@ def _limit_table(setting: Setting, law: FeedbackLinearization) -> Table:
     for share in _SHARES:
         period = share * limit
         samples = goal.samples(period * np.arange(_STEPS))
-        record = follow(law.prepare(scene.robot, None, period), Integrator(), scene.start, samples)
+        record = simulate_prepared(law.prepare(scene.robot, None, period), Integrator(), scene.start, samples)
         error = record.error
         half = len(error) // 2
         rows.append([share, period, float(error[:20].max()), float(error[half:].max()), record.stopped])

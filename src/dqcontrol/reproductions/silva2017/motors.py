@@ -6,14 +6,12 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import Robot
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.81
 # kg, from one joint to the next and of the hand: those of a similar arm with AX-12 servos (ua-ros-pkg,

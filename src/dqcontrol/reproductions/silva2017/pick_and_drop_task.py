@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.limits import CommandLimits
@@ -18,8 +19,6 @@ from dqcontrol.loop.simulate import simulate
 from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene
 from dqcontrol.references import Points
 from dqcontrol.robots import load_robot
-
-Array = NDArray[np.float64]
 
 ROBOT, PERIOD = "little-john", 0.02
 START = (0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0)

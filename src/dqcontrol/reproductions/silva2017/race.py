@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
-from dqcontrol.loop.simulate import follow
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo
@@ -20,14 +20,12 @@ from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH
 from dqcontrol.robots import Robot
 
-Array = NDArray[np.float64]
-
 _SLOWEST, _FASTEST, _HALVINGS = 0.02, 10.0, 14
 _MATCHED = 0.05  # settling times that differ by less are matched [S17 5.2.2]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RaceOutcome:
     """What came of one run.
 
     Attributes
@@ -52,7 +50,7 @@ class Outcome:
     final: float
 
     @classmethod
-    def of(cls, record: Record, period: float) -> Outcome:
+    def of(cls, record: Record, period: float) -> RaceOutcome:
         """Measure a run of a body with drives."""
         metrics = evaluate(record, tolerance=GOOD_ENOUGH)
         told = record.readings[ACTUATORS].values
@@ -67,17 +65,19 @@ class Outcome:
         )
 
 
-def outcome(robot: Robot, start: Array, samples: Array, law: Law, period: float) -> Outcome:
+def outcome(robot: Robot, start: Array, samples: Array, law: Law, period: float) -> RaceOutcome:
     """Run a law on ideal joints."""
-    return Outcome.of(follow(law.prepare(robot, None, period), Integrator(), start, samples), period)
+    return RaceOutcome.of(
+        simulate_prepared(law.prepare(robot, None, period), Integrator(), start, samples), period
+    )
 
 
-def guided_outcome(robot: Robot, start: Array, samples: Array, period: float) -> Outcome:
+def guided_outcome(robot: Robot, start: Array, samples: Array, period: float) -> RaceOutcome:
     """Run the remedy on ideal joints: a planned way to the goal of some samples, judged by its distance from that."""
     way = DriveTo.pose(robot, start, samples[-1, POSE])
     law = GuidedProportional(gain=1.0).prepare(robot, way, period)
-    record = follow(law, Integrator(), start, way.samples(samples[:, -1]))
-    return Outcome.of(replace(record, desired=samples), period)
+    record = simulate_prepared(law, Integrator(), start, way.samples(samples[:, -1]))
+    return RaceOutcome.of(replace(record, desired=samples), period)
 
 
 def matched_gain(settling: Callable[[float], float], target: float) -> float | None:

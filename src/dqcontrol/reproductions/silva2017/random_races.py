@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.laws import Law
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
-from dqcontrol.reproductions.silva2017.race import Outcome, guided_outcome, matched_gain, outcome
+from dqcontrol.reproductions.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, setting_of
 
 SEED = 2017
@@ -47,13 +47,13 @@ def random_table(
     goals = scene.robot.fkm(
         random_goals(scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED)
     )
-    found: dict[str, list[Outcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
+    found: dict[str, list[RaceOutcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
     if progress:
         progress(0, count)
     for done, goal in enumerate(goals):
         samples = SetPoint(goal).samples(scene.samples[:, -1])
 
-        def run(law: Law, samples: np.ndarray = samples) -> Outcome:
+        def run(law: Law, samples: np.ndarray = samples) -> RaceOutcome:
             return outcome(scene.robot, scene.start, samples, law, period)
 
         for label, law in laws.items():
@@ -89,7 +89,10 @@ def random_table(
 
 
 def _row(
-    label: str, mine: list[Outcome | None], classic: list[Outcome | None], nonlinear: list[Outcome | None]
+    label: str,
+    mine: list[RaceOutcome | None],
+    classic: list[RaceOutcome | None],
+    nonlinear: list[RaceOutcome | None],
 ) -> list[Cell]:
     runs = [each for each in mine if each is not None]
     effort = _ratios(mine, classic, "effort")
@@ -108,7 +111,7 @@ def _row(
     ]
 
 
-def _ratios(over: list[Outcome | None], under: list[Outcome | None], number: str) -> list[float]:
+def _ratios(over: list[RaceOutcome | None], under: list[RaceOutcome | None], number: str) -> list[float]:
     """Return ratios over the goals where both runs settled."""
     return [
         getattr(a, number) / getattr(b, number)

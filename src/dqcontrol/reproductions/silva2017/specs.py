@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.judgement import Judgement, verdict_table
@@ -24,7 +24,7 @@ def spec_data(name: str, **changes: Any) -> dict[str, Any]:
     return data | changes
 
 
-def setting_of(name: str, **changes: Any) -> Setting:
+def setting_of(name: str, **changes: Any) -> PreparedExperiment:
     """Return a spec made ready, with other values of some of its keys."""
     return prepare(spec_data(name, **changes))
 

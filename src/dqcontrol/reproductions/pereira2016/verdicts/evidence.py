@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.prepared_experiment import Setting, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.loop import Record
 from dqcontrol.reproductions.judgement import Judgement
@@ -38,7 +38,7 @@ class Evidence:
     """
 
     ours: Results
-    settings: Mapping[str, Setting]
+    settings: Mapping[str, PreparedExperiment]
     second: Results | None = None
     plant: str = PLANTS[0]
     _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
@@ -73,7 +73,7 @@ class Evidence:
                 values = np.diff(values, axis=0) / period
         return float(np.linalg.norm(values, axis=1).max())
 
-    def changed(self, spec: str, labels: tuple[str, ...], **changes: Any) -> Setting:
+    def changed(self, spec: str, labels: tuple[str, ...], **changes: Any) -> PreparedExperiment:
         """Return a published spec with some laws only, run once, on the same plant, with other keys changed.
 
         A change ``laws`` overrides keys of the laws; None takes a key away.
@@ -81,7 +81,7 @@ class Evidence:
         data = published_spec(spec, self.plant)
         overrides = changes.pop("laws", {})
         data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
-        for key in ("sets", "grids", "repeats", "settle"):
+        for key in ("parameter_sets", "grids", "repeats", "skip_initial"):
             data.pop(key, None)
         for key, value in changes.items():
             if value is None:
@@ -105,7 +105,9 @@ def decides(claim: str) -> Callable[[Judge], Judge]:
     return register
 
 
-def record_of(setting: Setting, law: str, parameters: str = "", *, plant: str | None = None) -> Record:
+def record_of(
+    setting: PreparedExperiment, law: str, parameters: str = "", *, plant: str | None = None
+) -> Record:
     """Run one case of a setting once."""
     for case in setting.cases:
         if case.names.law == law and case.names.set == parameters and plant in (None, case.names.plant):

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from dqcontrol.experiments.prepared_experiment import Setting
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.references import Sample
 from dqcontrol.reproductions.judgement import Judgement, listed
@@ -131,9 +131,9 @@ def _chatters(evidence: Evidence) -> Judgement:
     return Judgement(high / low > 2, f"L.Acc of K at kT = 2.2 over kT = 1: {high / low:.2f}")
 
 
-def _circle(evidence: Evidence) -> Setting:
+def _circle(evidence: Evidence) -> PreparedExperiment:
     return evidence.changed("circle", ("K", *LQR))
 
 
-def _mean_error(setting: Setting, law: str) -> float:
+def _mean_error(setting: PreparedExperiment, law: str) -> float:
     return evaluate(record_of(setting, law)).error.mean

@@ -62,7 +62,7 @@ def advise_gains(
 
     Examples
     --------
-    >>> from dqcontrol.experiments.gains import advise_gains
+    >>> from dqcontrol.experiments.gain_advice import advise_gains
     >>> advice = advise_gains("iiwa7", period=0.008, delay=0.030, lag=0.050)
     >>> dict(zip([row[0] for row in advice.table.rows], [row[1] for row in advice.table.rows]))["proportional"]
     'gain: 6.3'
