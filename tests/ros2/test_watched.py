@@ -161,6 +161,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
     controller.configure()
     node.host(controller)
     following, wrench = controller.following, WrenchStamped()
+    assert following is not None
     told = JointState(name=list(IIWA.joint_names), position=following.loaded.case.scene.start.tolist())
     states, wrenches = (node.create_publisher(kind, topic, 1) for kind, topic in (
         (JointState, JOINT_STATES), (WrenchStamped, WRENCH),
@@ -197,6 +198,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
     assert node.serve(is_active)
     told.effort = [10.0] * 6 + [60.0]
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
+    assert controller.recorder is not None
     controller.recorder.save()
     for name, reason in (("black-box", "contact"), ("black-box-2", "joint effort too large")):
         assert load_run(out / name).record.stopped == f"halted: stop category 1: {reason}"
