@@ -284,7 +284,8 @@ def test_the_figure_has_a_line_for_each_value(grid):
     ]
     assert [len(each) for each in lines] == [2, 3]
     assert list(lines[0][0].get_xdata()) == [4, 8, 16]
-    legends = [[text.get_text() for text in axes.legend_.get_texts()] for axes in figure.axes]
+    found = [axes.get_legend() for axes in figure.axes]
+    legends = [[text.get_text() for text in legend.get_texts()] for legend in found if legend]
     assert legends == [
         ["time_constant 0.016 s", "time_constant 0.032 s", "best"],
         ["gain 4 1/s", "gain 8 1/s", "gain 16 1/s", "best"],
