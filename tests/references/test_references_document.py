@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
 YAML = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
 KINDS = {struct.__struct_config__.tag: struct for struct in AnyReference.__args__}
+del KINDS["object"]  # of references made in Python, which no file describes
 MODIFIERS = {"repeat", "ramp", "corner_stops", "jerk_limits", "transform"}
 
 
