@@ -1,5 +1,6 @@
 """What a new user meets first: `dqcontrol` alone, `new`, lists of kinds, joint angles for a pose, shell completion."""
 
+import os
 import sys
 
 import numpy as np
@@ -31,6 +32,15 @@ def test_alone_it_says_what_can_be_done_here(here, capsys):  # noqa: F811
     ):
         assert f"  dqcontrol {line} " in out
     assert max(map(len, out.splitlines())) <= 100
+
+
+def test_files_here_that_never_end_are_not_read(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "endless.yaml").symlink_to("/dev/zero")
+    os.mkfifo(tmp_path / "pipe.yaml")
+    code, out, _ = call(capsys=capsys)
+    assert code == 0
+    assert "Here:" not in out
 
 
 def test_in_an_empty_folder_it_says_how_to_start(tmp_path, capsys, monkeypatch):

@@ -10,6 +10,7 @@ from pathlib import Path
 import dqcontrol
 
 _MOST = 8  # files and folders shown
+_LOOKED_AT = 20_000  # bytes of a file
 _KEY = re.compile(r"^(\w+):", re.MULTILINE)
 _SPEC, _ROBOT = {"robot", "robots", "reference"}, {"joints", "parts"}
 _START = (
@@ -61,7 +62,11 @@ def _what_is_here(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def _beginning(path: Path) -> str:
+    from dqcontrol.errors import Error
+    from dqcontrol.files.input_file import open_regular
+
     try:
-        return path.read_text(encoding="utf-8", errors="ignore")[:20_000]
-    except OSError:
+        with open_regular(path) as stream:
+            return stream.read(_LOOKED_AT).decode("utf-8", errors="ignore")
+    except (OSError, Error):
         return ""
