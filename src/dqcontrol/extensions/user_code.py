@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.files.input_file import read_whole
 from dqcontrol.extensions import POLICY, REFUSED
 
 ANNOUNCED = "announced"
@@ -121,7 +122,7 @@ def sources(data: Any) -> Iterator[bytes]:
 
 def _imported_file(path: Path) -> ModuleType:
     try:
-        content = path.read_bytes()
+        content = read_whole(path)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     return _run(path.resolve(), hashlib.sha256(content).hexdigest()[:16])
