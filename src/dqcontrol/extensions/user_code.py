@@ -17,8 +17,8 @@ from types import ModuleType
 from typing import Any
 
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unknown_name
-from dqcontrol.files.input_file import read_whole
 from dqcontrol.extensions import POLICY, REFUSED
+from dqcontrol.files.input_file import read_whole
 
 ANNOUNCED = "announced"
 
