@@ -116,7 +116,7 @@ def fails(monkeypatch, capsys, *words):
 def test_mistakes_give_one_line(tmp_path, monkeypatch, capsys):
     pytest.importorskip("viser")
     assert "at least one folder" in fails(monkeypatch, capsys)
-    assert "is no folder of a run" in fails(monkeypatch, capsys, tmp_path)
+    assert "is not the folder of a run" in fails(monkeypatch, capsys, tmp_path)
     assert "port" in fails(monkeypatch, capsys, tmp_path, "--port", "80").lower()
     assert "cannot be read" in fails(monkeypatch, capsys, tmp_path / "none.mcap")
     with RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7")):

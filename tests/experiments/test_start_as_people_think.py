@@ -85,7 +85,7 @@ def test_numbers_take_units():
         }
     )
     assert spec.start == [0, np.radians(-88.6), np.pi / 2, 0, np.pi / 4, 0.1]
-    assert (spec.period, spec.plant.delay, spec.settle) == (0.008, 0.016, 0.1)
+    assert (spec.period, spec.plant.delay, spec.skip_initial) == (0.008, 0.016, 0.1)
     assert (spec.reference.radius, spec.reference.duration) == (0.06, 30)
     assert spec.reference.start.rpy == (np.pi / 2, 0, 0)
 

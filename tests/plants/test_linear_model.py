@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.errors import InterpretedWarning
 from dqcontrol.plants import Integrator, MujocoPlant, OwnPlant, Servo
 
 SEED = 20260731
@@ -77,5 +78,15 @@ def test_physics_moves_as_its_model(arm, mode, options):
     assert moved == pytest.approx(wanted, abs=1e-4 * np.abs(wanted).max())
 
 
-def test_a_plant_of_ones_own_has_none(arm):
-    assert OwnPlant(function=print).linear_model(arm, Q0, T) is None
+def test_a_plant_that_jumps_has_none(arm):
+    def relay(command, parameters, noise, state, q, measured):
+        for i in range(q.shape[0]):
+            q[i] += 1e-3 * np.sign(command[i])
+            measured[i] = q[i]
+
+    assert OwnPlant(function=relay).linear_model(arm, Q0, T) is None
+
+
+def test_a_builtin_is_interpreted_and_says_so(arm):
+    with pytest.warns(InterpretedWarning, match="print: does not compile"):
+        OwnPlant(function=print).start(arm, np.array(Q0), T, 1, 0)

@@ -211,7 +211,7 @@ def compile_own(
         compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
         compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = compiled_kernel.compiled
-    except NumbaError as error:
+    except (NumbaError, TypeError) as error:  # TypeError: a builtin, a class with __call__
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
         warnings.warn(

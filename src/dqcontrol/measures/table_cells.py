@@ -66,7 +66,7 @@ class VerdictCell(str):
 
     Examples
     --------
-    >>> verdict = Verdict("kept", True)
+    >>> verdict = VerdictCell("kept", True)
     >>> verdict, verdict.good
     ('kept', True)
     """
