@@ -74,8 +74,8 @@ def test_a_package_that_is_too_old_is_a_problem(monkeypatch):
         environment.metadata, "version", lambda name: "1.9" if name == "numpy" else version(name)
     )
     finding = found("numpy")
-    assert (finding.found, finding.verdict) == ("1.9, not >=2.0", environment.PROBLEM)
-    assert finding.cure == "pip install 'numpy>=2.0'"
+    assert (finding.found, finding.verdict) == ("1.9, not >=2.2", environment.PROBLEM)
+    assert finding.cure == "pip install 'numpy>=2.2'"
 
 
 def test_a_back_end_that_is_none(monkeypatch):
