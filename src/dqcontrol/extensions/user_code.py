@@ -57,6 +57,11 @@ def function_at(field: str, place: object) -> Callable[..., Any]:
     return found
 
 
+def numbers_in(parameters: list[float] | dict[str, float]) -> list[float]:
+    """Return parameters in their order, given with names or without."""
+    return list(parameters.values() if isinstance(parameters, dict) else parameters)
+
+
 def place_of(function: Callable[..., Any]) -> str:
     """Return the place of a function that a module holds, for a spec; the reverse of `function_at`.
 

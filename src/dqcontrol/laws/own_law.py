@@ -11,7 +11,7 @@ import numpy as np
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
-from dqcontrol.extensions.user_code import function_at
+from dqcontrol.extensions.user_code import function_at, numbers_in
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
@@ -97,7 +97,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
-        given = list(self.parameters.values() if isinstance(self.parameters, dict) else self.parameters)
+        given = numbers_in(self.parameters)
         parameters = as_array("parameters", given or [0.0], (None,))
         if parameters.ndim != 1:
             raise ShapeError(f"parameters: expected a row of numbers, got shape {parameters.shape}")

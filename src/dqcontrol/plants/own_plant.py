@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import as_array, as_count, as_positive
-from dqcontrol.extensions.user_code import function_at
+from dqcontrol.extensions.user_code import function_at, numbers_in
 from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
 from dqcontrol.robots.robot import Robot
@@ -93,7 +93,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
             If an argument or a parameter does not fit.
         """
         q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
-        given = list(self.parameters.values() if isinstance(self.parameters, dict) else self.parameters)
+        given = numbers_in(self.parameters)
         parameters = np.array([dt, *as_array("parameters", given, (None,))])
         state = as_array("state", self.state if len(self.state) else [0.0], (None,))
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
