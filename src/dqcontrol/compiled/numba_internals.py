@@ -35,7 +35,7 @@ def jit(function: Callable[..., Any], fastmath: set[str] | bool, *, ours: bool) 
         no_cfunc_wrapper=True,
     )(function)
     if ours and kernel_cache.root() is not None:
-        dispatcher._cache = _KernelCache(function)
+        dispatcher._cache = KernelCache(function)
     return dispatcher
 
 
@@ -181,7 +181,14 @@ class _Implementation(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
 
-class _KernelCache(FunctionCache):
+class KernelCache(FunctionCache):
     """Numba's cache of one function, in the folder of the function's module."""
 
     _impl_class = _Implementation
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            kernel_cache.warn_unwritable()
