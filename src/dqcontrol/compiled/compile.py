@@ -46,7 +46,11 @@ def inline(
 
     Kernels call what is ``called``, any object with a name, the function itself if it is omitted.
     """
-    options = {"fastmath": fastmath, "error_model": "numpy", **numba_used.part_options(everywhere=everywhere)}
+    options: Any = {
+        "fastmath": fastmath,
+        "error_model": "numpy",
+        **numba_used.part_options(everywhere=everywhere),
+    }
     overload(called or function, jit_options=options, strict=False)(lambda *arguments, **named: function)
     return function
 

@@ -203,7 +203,7 @@ class PreparedLaw:
             "position_limiting": parts.position_limiting.size,
             "limiting": parts.limiting.size,
         }
-        self._parts = prepared_memory(self.memory, *self._sizes.values())
+        self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         self.parameters: Array = self._parts.parameters
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
@@ -239,7 +239,8 @@ class PreparedLaw:
         """Where compiled code finds the law's stages and sizes."""
         stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
-        return np.array(Plan(*addresses, *self._feedback, **self._sizes), dtype=np.intp)
+        numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
+        return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:
         """Return the state before the first sample.

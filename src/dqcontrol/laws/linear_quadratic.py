@@ -44,11 +44,11 @@ _MOST_SUBSTEPS = 500_000  # a few seconds
 
 
 class PoseFeedback(NamedTuple):
-    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P and R⁻¹ξ."""
+    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P row by row, and R⁻¹ξ."""
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
-    gain: Annotated[Array, 8, 8]
+    gain: Annotated[Array, 64]
     offset: Annotated[Array, 8]
 
 
@@ -74,6 +74,9 @@ class LinearQuadraticWork(NamedTuple):
 
 pose_feedback, twist_feedback = Layout(PoseFeedback), Layout(TwistFeedback)
 linear_quadratic_work = Layout(LinearQuadraticWork, "m")
+# In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
+_HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
+_BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)
 
 
 class LinearQuadratic(Law, frozen=True, kw_only=True):
@@ -131,17 +134,17 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         return self.feedback.pack(
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
-            gain=gains,
-            **self._own_parameters(offsets),
+            **self._own_parameters(gains, offsets),
         )
 
-    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
+    def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         raise NotImplementedError
 
     def loop_rates(self, parameters: Array) -> LoopRates:
         """Return the largest eigenvalues of R⁻¹P's imaginary parts; of the whole where it couples both."""
-        small = slice(None) if self._size() == 6 else [1, 2, 3, 5, 6, 7]
-        gains = self.feedback(parameters).gain[:, small][:, :, small]
+        size = self._size()
+        small = slice(None) if size == 6 else [1, 2, 3, 5, 6, 7]
+        gains = self.feedback(parameters).gain.reshape(-1, size, size)[:, small][:, :, small]
         coupling = max(np.abs(gains[:, :3, 3:]).max(), np.abs(gains[:, 3:, :3]).max())
         if coupling > 1e-9 * np.abs(gains).max():
             whole = largest_rates(gains)
@@ -168,16 +171,17 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 @kernel(LAW)
 def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ R⁻¹ (P e + ξ)."""
-    given, own = pose_feedback(parameters), linear_quadratic_work(work, out.shape[0])
-    error, target = own.error, own.target
-    left_error(pose, sample, given.hysteresis, state, error)
+    n = pose_jacobian.shape[1]
+    scratch = work[n:]
+    error, target = scratch[0:8], scratch[8:16]
+    left_error(pose, sample, parameters[_HYSTERESIS], state, error)
     for i in range(8):
-        value = given.offset[i]
+        value = parameters[_OFFSET + i]
         for k in range(8):
-            value += given.gain[i, k] * error[k]
+            value += parameters[_GAIN + 8 * i + k] * error[k]
         target[i] = value
     return solve_left_error(
-        target, error, pose, twist_jacobian, own.preferred, given.inverse, own.solver, out
+        target, error, pose, twist_jacobian, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out
     )
 
 
@@ -229,8 +233,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _size(self) -> int:
         return 8
 
-    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
-        return {"offset": offsets}
+    def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
+        return {"gain": gains.reshape(len(gains), -1), "offset": offsets}
 
     def _solve(self, weights, controls, final, times, end, reference):
         dt = times[1] - times[0]
@@ -390,10 +394,10 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _size(self) -> int:
         return 6
 
-    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
+    def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         if self.form not in ("log", "sin"):
             raise unknown_name("form", str(self.form), ("log", "sin"))
-        return {"is_logarithm": float(self.form == "log")}
+        return {"gain": gains, "is_logarithm": float(self.form == "log")}
 
     def _solve(self, weights, controls, final, times, end, reference):
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)
