@@ -30,7 +30,7 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.robots import Posture, Robot, SerialArm, load_robot, postures
+from dqcontrol.robots import ReachingPosture, Robot, SerialArm, load_robot, postures
 from dqcontrol.robots.robot_file import arm_from, plain_arm
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class HandStart(Part, frozen=True, kw_only=True):
     quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
     rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
-    def postures(self, robot: Robot) -> list[Posture]:
+    def postures(self, robot: Robot) -> list[ReachingPosture]:
         """Return configurations that bring the hand there, the best to start from first; see `robots.postures`.
 
         Raises
