@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import ModuleType
 from typing import Any
@@ -31,32 +31,12 @@ _MODULES = {  # that are gone
     "dqcontrol.view.physics_picture": "dqcontrol.films.physics_picture",
     "dqcontrol.view.style": "dqcontrol.figures.style",
 }
-_NAMES = {  # that have left a module
+_NAMES: dict[
+    str, dict[str, tuple[str, ...]]
+] = {  # that have left a module; () for all that the new one offers
     "dqcontrol.experiments": {
         "dqcontrol.logs": ("JointLog", "evaluate_log", "read_joint_log"),
-        "dqcontrol.measures": (
-            "Attenuation",
-            "Certificate",
-            "Column",
-            "Gammas",
-            "Metrics",
-            "PlusMinus",
-            "PremiseError",
-            "Table",
-            "TaskRange",
-            "attenuation",
-            "attenuation_table",
-            "certificate",
-            "comparison_table",
-            "confidence_table",
-            "differences_table",
-            "evaluate",
-            "means_table",
-            "repeatability_table",
-            "summary_table",
-            "task_range",
-            "verify_attenuation",
-        ),
+        "dqcontrol.measures": (),
     },
     "dqcontrol.loop": {
         "dqcontrol.recording": (
@@ -71,6 +51,7 @@ _NAMES = {  # that have left a module
 }
 
 _RENAMED = {  # names that changed in the module where they stand
+    "dqcontrol.robots": {"Posture": "ReachingPosture"},
     "dqcontrol.compiled.compile": {
         "attached": "shared",
         "inlined": "inline",
@@ -84,8 +65,6 @@ class _MovedModule(ModuleType):
     """A module that is gone: it has what stands in its new place."""
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
         return find_moved(self.__name__, name)
 
 
@@ -105,7 +84,9 @@ def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
     """
     if (inner := f"{module}.{name}") in _MODULES:
         return sys.modules[inner]
-    places = (new for new, names in _NAMES.get(module, {}).items() if name in names)
+    if name.startswith("_"):
+        raise AttributeError(f"module '{module}' has no attribute '{name}'")
+    places = (new for new in _NAMES.get(module, {}) if name in names_at(module, new))
     new = next(places, _MODULES.get(module))
     renamed = _RENAMED.get(module, {}).get(name, name)
     if new is None and renamed != name:
@@ -115,6 +96,11 @@ def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
     found = getattr(import_module(new), renamed)
     warnings.warn(f"{inner} is now {new}.{renamed}", DeprecationWarning, stacklevel=stacklevel)
     return found
+
+
+def names_at(module: str, new: str) -> Sequence[str]:
+    """Return the names that left a module for another."""
+    return _NAMES[module][new] or import_module(new).__all__
 
 
 def names_moved_from(module: str) -> Callable[[str], Any]:

@@ -39,7 +39,7 @@ from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
-from dqcontrol.plants import CompiledPlant, CompliantPlant
+from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
@@ -170,8 +170,8 @@ class PreparedExperiment:
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
         for plant in self.spec.plant_by_label.values():
-            if isinstance(plant, CompliantPlant) and plant.controllers:
-                digest.update(Path(plant.controllers).read_bytes())
+            for file in filter(None, (getattr(plant, key) for key in plant.file_keys)):
+                digest.update(Path(file).read_bytes())
         return digest.hexdigest()
 
 
@@ -317,10 +317,10 @@ def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: PreparedRobo
         if supervisor := spec.supervisor_of(plant):
             supervisor.prepare(scene.robot, spec.period).start(scene.start)
         with error_prefix(f"plant {label}"):
-            live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
+            live = live_plant(plant.start(scene.robot, scene.start, spec.period, 1, spec.seed))
             if spec.disturbance is not None:
                 check_disturbed(live)
-        compiled[label] = isinstance(live, CompiledPlant)
+        compiled[label] = live.compiled() is not None
     if spec.disturbance is not None:
         spec.disturbance.start(scene.robot, spec.period, 1, spec.seed)
     return compiled

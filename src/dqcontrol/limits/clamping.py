@@ -64,18 +64,7 @@ def _follow_lags(memory, q, input_coordinates, period, longest):
 
 @kernel(POSITION_LIMIT)
 def modified_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law again without the joints that it would drive out of their limits, until it keeps them all.
 
@@ -108,7 +97,7 @@ def modified_clamping(
             pose_jacobian,
             twist_jacobian,
             sample,
-            law_parameters,
+            law_constants,
             state[0:law_size],
             law_work,
             out,
@@ -208,18 +197,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
 
 @kernel(POSITION_LIMIT)
 def original_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
@@ -228,7 +206,7 @@ def original_clamping(
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)
     status = call_law(
-        law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
     )
     for i in range(n):
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:

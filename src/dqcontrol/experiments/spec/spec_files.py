@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from dqcontrol.extensions.registry import by_tag
+from dqcontrol.plants import Plant
 
-def locate_controllers(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of controller files absolute."""
+
+def locate_plant_files(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of files of plants absolute."""
     several = data.get("plants")
     plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
     for plant in plants:
-        if isinstance(plant, dict) and isinstance(plant.get("controllers"), str):
-            plant["controllers"] = str((folder / plant["controllers"]).resolve())
+        for key in _file_keys().get(str(plant.get("kind")), ()) if isinstance(plant, dict) else ():
+            if isinstance(plant.get(key), str):
+                plant[key] = str((folder / plant[key]).resolve())
+
+
+@cache
+def _file_keys() -> dict[str, tuple[str, ...]]:
+    """Return by kind of plant the keys that name files."""
+    return {tag: kind.file_keys for tag, kind in by_tag(Plant, "dqcontrol.plants").items()}
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -13,7 +13,15 @@ from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, un
 from dqcontrol.files.long_array import long_array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import CompiledPlant, Plant, begun_periods, start_configuration
+from dqcontrol.plants.plant import (
+    COMMAND_MODES,
+    CommandMode,
+    CompiledPlant,
+    EncoderErrors,
+    Plant,
+    begun_periods,
+    start_configuration,
+)
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
@@ -21,8 +29,6 @@ from dqcontrol.robots.gravity import WORK, body_table
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
-
-COMMAND_MODES = ("integrated", "measured")
 
 
 class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
@@ -67,7 +73,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     """
 
     has_velocity_limits: ClassVar[bool] = True
-    command_mode: Literal["integrated", "measured"] = "integrated"
+    command_mode: CommandMode = "integrated"
     time_constant: Annotated[float, Meta(ge=0, description="τ, s")] = 0.05
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
     stiffness: Annotated[float | list[float], Meta(description="K, N·m/rad or N/m")] = 500.0
@@ -129,6 +135,14 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             else np.zeros((steps, n))
         )
         return CompiledPlant(servo, parameters, state, q0, noise)
+
+    def target_mode(self) -> CommandMode:
+        """Return its command mode."""
+        return self.command_mode
+
+    def encoder_errors(self) -> EncoderErrors:
+        """Return noise and resolution of its encoders."""
+        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
