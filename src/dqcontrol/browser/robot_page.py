@@ -21,8 +21,10 @@ from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot, describe
 
 _TICK = 1 / 30  # s
+_CLOSER = 0.75  # than where all that the hand reaches is seen: the robot is what is looked at
 _POINTS = 6000  # of the hand in the cloud of what it reaches
 _NEAR = 0.05  # share of a joint's range: nearer to a limit than that is red
+_CLOUD = (86, 180, 233)
 _FREE = {"revolute": math.pi, "prismatic": 1.0}  # rad, m: ends of sliders where there are no limits
 
 
@@ -115,7 +117,8 @@ class RobotPage:
         server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")
         position, looked_at = viewpoint([self._track], box)
-        server.initial_camera.position, server.initial_camera.look_at = position, looked_at
+        server.initial_camera.position = looked_at + _CLOSER * (position - looked_at)
+        server.initial_camera.look_at = looked_at
         server.initial_camera.fov = FIELD
         side = float(np.ceil(2 * box.size))
         server.scene.add_grid(
@@ -128,9 +131,8 @@ class RobotPage:
             section_color=(196, 200, 206),
             position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
         )
-        colours = np.tile(np.array([0, 114, 178], dtype=np.uint8), (len(reached), 1))
         self._cloud = server.scene.add_point_cloud(
-            "/reach", reached.astype(np.float32), colours, point_size=0.004 * box.size, visible=False
+            "/reach", reached.astype(np.float32), _CLOUD, 0.0018 * box.size, point_shape="circle", visible=False
         )
 
     def _add_controls(self) -> None:

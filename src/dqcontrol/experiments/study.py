@@ -21,6 +21,7 @@ from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
@@ -135,6 +136,7 @@ class Study:
         """
         with new_folder(folder, force=force) as new:
             (new / SPEC_FILE).write_text(self.spec, encoding="utf-8")
+            copy_inputs(parse_yaml("spec", self.spec), new)
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
             folders = {label: new / name for label, name in names.items()}
             self._write_runs(folders, figures is True, jobs, progress)
