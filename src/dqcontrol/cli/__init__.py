@@ -25,6 +25,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
+    "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",
     "clip": "Save a clip of a run, .mp4, .webp or .gif, or one picture of it, .png.",
     "export": "Write all signals of a run for other programs.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -36,6 +36,11 @@ td.good { color: #00664a; }
 td.bad { color: #b2182b; }
 td.open { color: #7a5200; }
 div.wide { overflow-x: auto; }
+div.about { display: flex; flex-wrap: wrap; gap: 0.5rem 1.5rem; align-items: center; margin: 1rem 0; }
+div.about table { flex: 1 1 22rem; margin: 0; }
+div.about th { border-bottom-color: #eee; font-weight: 400; color: #555; white-space: nowrap; padding-left: 0; }
+div.about td { overflow-wrap: anywhere; }
+div.about td.good, div.about td.bad, div.about td.open { white-space: normal; }
 figure { margin: 1.4rem 0; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #555; font-size: 0.9rem; }
@@ -54,7 +59,10 @@ pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wr
   tbody tr:nth-child(-n+2) { break-before: avoid; }
   div.short, tr, figure, p.notice, pre.command { break-inside: avoid; }
   figure { margin: 0.8rem 0; }
-  figure img { max-height: 235mm; }
+  figure img { max-height: 110mm; max-width: 100%; width: auto; }
+  div.about { break-inside: avoid; }
+  div.about table { flex-basis: 80mm; font-size: 8.5pt; }
+  div.about img { width: 62mm; }
   pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; border: 1px solid #ccc; }
   pre.spec { columns: 2; }
   a { color: inherit; text-decoration: none; }
@@ -104,6 +112,20 @@ def links(places: Mapping[str, str]) -> str:
     return f"<ul>{''.join(items)}</ul>"
 
 
+def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
+    """Return what a page is about: names with texts, and a picture beside them."""
+    rows = "".join(
+        f"<tr><th>{escape(name) if name != before else ''}</th>{_cell(cell, str(cell), '')}</tr>"
+        for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
+    )
+    drawn = (
+        f"<div>{_image(picture, 'The robot at its start, with the path of its hand')}</div>"
+        if picture
+        else ""
+    )
+    return f'<div class="about">{drawn}<table>{rows}</table></div>'
+
+
 def html_table(table: Table) -> str:
     """Return a table; verdicts in it have a colour and a mark."""
     numeric = table.numeric()
@@ -125,13 +147,14 @@ def html_table(table: Table) -> str:
 
 def html_figure(figure: Figure, caption: str) -> str:
     """Return a figure with its caption; as an image of its own, so that the ids in several cannot clash."""
+    return f"<figure>{_image(figure, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _image(figure: Figure, caption: str) -> str:
     kind, content = for_page(figure)
     width = round(96 * figure.get_figwidth())  # CSS pixels: on paper it has the size that it was drawn in
     source = f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
-    text = escape(caption)
-    return (
-        f'<figure><img src="{source}" width="{width}" alt="{text}"><figcaption>{text}</figcaption></figure>'
-    )
+    return f'<img src="{source}" width="{width}" alt="{escape(caption)}">'
 
 
 def _cell(cell: Cell, text: str, kind: str) -> str:

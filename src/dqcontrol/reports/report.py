@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
+from dqcontrol.measures.table_cells import Cell
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.html_page import code, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.reports.html_page import code, head, heading, html_figure, html_table, links, page, paragraph
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,11 +43,14 @@ def write_report(
     *,
     facts: str = "",
     notice: str = "",
+    about: Sequence[tuple[str, Cell]] = (),
+    picture: Figure | None = None,
     command: str = "",
     verdicts: Sequence[Table] = (),
     tables: Sequence[Table] = (),
     figures: Mapping[str, Figure] | None = None,
     files: Mapping[str, str] | None = None,
+    later: str = "",
     spec: str = "",
     origins: Table | None = None,
 ) -> Path:
@@ -62,6 +66,10 @@ def write_report(
         A line below it.
     notice
         What a reader must not miss, as why a run failed.
+    about
+        What it is about, as names and texts.
+    picture
+        Beside them.
     command
         The line that gives the results again.
     verdicts
@@ -70,6 +78,8 @@ def write_report(
         In this order.
     figures
         By name; known names have captions, others are their own.
+    later
+        The line that draws figures which are left out.
     files
         Pages of single runs and others, relative to the folder, by label.
     spec
@@ -95,6 +105,7 @@ def write_report(
         raise ExistsError(f"{target}: exists already; choose another folder or remove it")
     parts = [paragraph(facts, "facts")] if facts else []
     parts += [paragraph(notice, "notice")] if notice else []
+    parts += [head(about, picture)] if about else []
     if verdicts:
         parts += [heading("Verdicts"), *map(html_table, verdicts)]
     if command:
@@ -105,6 +116,12 @@ def write_report(
     if figures:
         drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
         parts += [heading("Figures"), *drawn]
+    if later:
+        parts += [
+            heading("Figures"),
+            paragraph("Drawn on demand, in the folder of this page:"),
+            code(later, "command later"),
+        ]
     if files:
         parts += [heading("Files beside this page"), links(files)]
     if spec:

@@ -45,6 +45,8 @@ class Description:
         nothing beyond can be reached.
     mass
         Mass of all moving bodies in kg; None if unknown.
+    ends
+        The links of its file between which its chain lies, as ``base → tool``; empty without such a file.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Description:
     joints: tuple[JointRow, ...]
     reach: float
     mass: float | None
+    ends: str = ""
 
 
 def describe(robot: Robot) -> Description:
@@ -77,7 +80,8 @@ def describe(robot: Robot) -> Description:
         rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
     bases = " + ".join(kind for _, kind in robot.bases)
-    return Description(robot.name, bases, tuple(rows), _reach(robot), mass)
+    ends = " → ".join(getattr(robot, "ends", None) or ())
+    return Description(robot.name, bases, tuple(rows), _reach(robot), mass, ends)
 
 
 def _reach(robot: Robot) -> float:

@@ -32,7 +32,7 @@ def load_urdf(
     Parameters
     ----------
     path
-        URDF file (not xacro).
+        URDF file; or a xacro file, which is expanded (extra ``xacro``).
     base_link
         Link in whose frame poses are given, and gravity is; the root if omitted.
     tip_link
@@ -89,7 +89,7 @@ def load_urdf(
         name=name or tree.name,
         inertia=lump(moving, tree.children, tree.links, turns),
     )
-    arm.urdf = Path(path), base
+    arm.urdf, arm.ends = (Path(path), base), (base, tip)
     return arm
 
 
