@@ -64,6 +64,8 @@ class Run:
         How a run in real time kept time.
     expected
         What was to be expected of its loops, if that was asked before it ran.
+    low_pass
+        Cut-off of the filter behind speeds and accelerations of an evaluated log, Hz; see `measures.evaluate`.
     """
 
     spec: str
@@ -74,6 +76,7 @@ class Run:
     judged: MetricsFrom = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
+    low_pass: float | None = None
 
     def __post_init__(self) -> None:
         lines = self.spec.splitlines()
@@ -138,7 +141,9 @@ class Run:
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return measure(self.record, self.robot, self.settle, self.judged, self.law, self.plant)
+        return measure(
+            self.record, self.robot, self.settle, self.judged, self.law, self.plant, low_pass=self.low_pass
+        )
 
     @cached_property
     def task(self) -> TaskResult:
@@ -221,13 +226,16 @@ def measure(
     judged: MetricsFrom = "true",
     law: Law | None = None,
     plant: Plant | None = None,
+    *,
+    low_pass: float | None = None,
 ) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_judged(record, robot, judged)
-    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law, robot=robot)
+    settle = min(settle, record.duration)
+    metrics = evaluate(shown, limits, settle=settle, law=law, robot=robot, low_pass=low_pass)
     return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 

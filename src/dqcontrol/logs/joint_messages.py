@@ -76,7 +76,7 @@ def read_commands(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps,
 def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
     """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`."""
     with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "reference_topic", (POSE,))
+        topic = _choose(path, messages.types, topic, "reference_topic", (POSE, JOINTS))
         stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
     with np.errstate(over="ignore"):  # the check is for damaged numbers, too
         norms = np.linalg.norm(rows[:, 3:], axis=1)
@@ -85,6 +85,12 @@ def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
             f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.9g}"
         )
     return stamps, algebra.pose(rows[:, 3:] / norms[:, None], rows[:, :3])
+
+
+def holds_joint_states(path: Path, topic: str) -> bool:
+    """Whether a topic of a recording is one of joint states; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        return messages.types.get(topic) == JOINTS
 
 
 def held(stamps: Stamps, values: Array, at: Stamps) -> Array:
