@@ -17,7 +17,6 @@ from dqcontrol.limits.position_limit import (
     PositionLimit,
     position_limits,
 )
-from dqcontrol.limits.velocity_limit import velocity_scale
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -27,9 +26,6 @@ _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
 # Parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag, velocity limits.
 _HEAD = 3
-# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while
-# the others make up for them.
-_OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 
 
@@ -88,7 +84,7 @@ def modified_clamping(
         is_held[i] = 0.0
     for i in range(law_size):
         state_before[i] = state[i]
-    scale, is_first, again = 1.0, True, True
+    again = True
     while again:  # holds a joint more each time
         status = call_law(
             law,
@@ -104,9 +100,7 @@ def modified_clamping(
         )
         if status != OK:
             return status
-        if is_first and velocity.shape[0] > 0:
-            scale = min(1.0, _OVERLOAD * velocity_scale(q, velocity, out))
-        is_first, again = False, False
+        again = False
         worst, most_beyond, bound = -1, 0.0, 0.0
         for i in range(n):
             if is_held[i] != 0.0:
@@ -124,7 +118,7 @@ def modified_clamping(
                 continue
             fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
             room = upper[i] - above if out[i] > 0.0 else below - lower[i]
-            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0)) / scale
+            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0))
             beyond = abs(out[i]) - allowed
             if beyond > max(most_beyond, 1e-9 * allowed):
                 worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])
@@ -145,7 +139,7 @@ def modified_clamping(
         fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
         least = max(min((lower[i] - (angle + min(lag, 0.0))) / period * _JUST_SHORT, 0.0), -fastest)
         most = min(max((upper[i] - (angle + max(lag, 0.0))) / period * _JUST_SHORT, 0.0), fastest)
-        out[i] = min(max(out[i] * scale, least), most)
+        out[i] = min(max(out[i], least), most)
     return OK
 
 
