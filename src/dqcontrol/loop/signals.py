@@ -48,19 +48,19 @@ class Readings:
     def __init__(self, plant: LivePlant, count: int) -> None:
         self._plant = plant
         self._sensing = plant if isinstance(plant, SensingPlant) else None
-        self._rows = np.empty((count, len(self._sensing.readings))) if self._sensing else np.empty((0, 0))
+        self.rows = np.empty((count, len(self._sensing.readings))) if self._sensing else np.empty((0, 0))
 
     def take(self, k: int) -> None:
         """Keep the present values as those of sample k."""
         if self._sensing:
-            self._rows[k] = self._sensing.readings
+            self.rows[k] = self._sensing.readings
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
         found = foreseen_signals(self._plant, count)
         first = 0
         for channel in self._sensing.channels if self._sensing else ():
-            values = self._rows[:count, first : first + channel.size]
+            values = self.rows[:count, first : first + channel.size]
             found[channel.name] = _signal(channel, values)
             first += channel.size
         return found
