@@ -210,6 +210,15 @@ class _Steps:
         self.done, self.is_sent, self.rests = 0, True, False
         self._readings = Readings(live, len(self.desired))
         self._fault = ""
+        if clock is not None:
+            self._take_memory()
+
+    def _take_memory(self) -> None:
+        """Write what steps will write: the system gives memory at that, and is not asked while a robot moves."""
+        codes = self.supervision.codes if self.supervision else np.zeros(0)
+        rest = self.desired[len(self.samples) :]
+        for array in (*self.records, rest, self.realised, codes, self._readings.rows):
+            array.fill(0.0)
 
     def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
         """Follow the samples to their end, or to an earlier one."""
