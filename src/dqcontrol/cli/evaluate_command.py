@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table
@@ -24,7 +27,8 @@ def evaluate(
     angles: Literal["rad", "deg"] | None = None,
     start: float = 0.0,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
+    settle: Annotated[float | None, Parameter(show=False)] = None,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -56,17 +60,29 @@ def evaluate(
         When the reference begins, s after the log's first sample.
     duration
         How many seconds from there on are judged.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
+    settle
+        Old name of --skip-initial.
     out
         New folder for record, metrics, plots and report.
     force
         Replace an earlier folder of results.
     """
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
     from dqcontrol.measures import summary_table
 
+    if settle is not None:
+        if skip_initial is not None:
+            raise ValueRangeError("--settle: is the old name of --skip-initial, which is given too")
+        warnings.warn(
+            "--settle is now called --skip-initial; the old name works for one more release",
+            FutureWarning,
+            stacklevel=2,
+        )
+        skip_initial = settle
     if out is not None:
         check_new(out, force=force)
     result = evaluate_log(
@@ -82,7 +98,7 @@ def evaluate(
         angles=angles,
         start=start,
         duration=duration,
-        settle=settle,
+        skip_initial=skip_initial,
     )
     if out is not None:
         result.save(out, force=force)

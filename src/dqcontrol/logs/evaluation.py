@@ -26,6 +26,7 @@ from dqcontrol.logs.joint_log import JointLog, is_own, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_poses
 from dqcontrol.logs.joint_table import Angles, column_names
 from dqcontrol.loop import Record
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
@@ -50,6 +51,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     start: Start | None = None
 
 
+@renamed_parameters(settle="skip_initial")
 def evaluate_log(
     log: str | Path,
     robot: str | Path | None = None,
@@ -64,7 +66,7 @@ def evaluate_log(
     angles: Angles | None = None,
     start: float = 0.0,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
 ) -> Run:
     """Measure a joint log against a reference.
 
@@ -94,7 +96,7 @@ def evaluate_log(
         s after the log's first sample.
     duration
         s from there on; the rest is left out. Default: to the end of the log.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s; default: as the spec says, if the reference or the
         recording has one, else 0.
 
@@ -134,14 +136,16 @@ def evaluate_log(
     kept = _kept(data, begin, duration)
     time = np.maximum(data.time[kept] - begin, 0.0)
     q = data.q[kept]
-    if settle is not None and as_positive("settle", settle, zero_allowed=True) > time[-1]:
-        raise ValueRangeError(f"settle: must be ≤ the {time[-1]:g} s that are judged, got {settle:g}")
-    own_settle = float(about.get("skip_initial", 0.0))
+    if skip_initial is not None and as_positive("skip_initial", skip_initial, zero_allowed=True) > time[-1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}"
+        )
+    skipped = float(about.get("skip_initial", 0.0))
     if poses is not None:
         desired = poses.reference.samples(time + (begin - poses.begin if file is None else 0.0))
     elif file is not None:
-        target, its_settle = _from_file(file, arm, q[0], joints, angles, joint_topic)
-        own_settle = own_settle if its_settle is None else its_settle
+        target, its_own = _from_file(file, arm, q[0], joints, angles, joint_topic)
+        skipped = skipped if its_own is None else its_own
         desired = target.samples(time)
     elif data.record is not None:
         desired = data.record.desired[kept].copy()
@@ -163,7 +167,7 @@ def evaluate_log(
         angles=angles,
         start=start,
         duration=duration,
-        skip_initial=own_settle if settle is None else settle,
+        skip_initial=skipped if skip_initial is None else skip_initial,
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)
     return Run(text, arm, record, spec.skip_initial, path.stem)
