@@ -170,8 +170,8 @@ class PreparedExperiment:
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
         for plant in self.spec.plant_by_label.values():
-            for file in filter(None, (getattr(plant, key) for key in plant.file_keys)):
-                digest.update(Path(file).read_bytes())
+            for file in plant.files():
+                digest.update(file.read_bytes())
         return digest.hexdigest()
 
 
