@@ -54,8 +54,10 @@ class SetPoint(Reference):
         """Rest at the start pose, without end or for a given duration."""
         return cls(start.pose, math.inf if duration is None else duration)
 
-    def to_spec(self) -> dict[str, Any]:
+    def to_spec(self) -> dict[str, Any] | None:
         """Return its pose and duration; see `Reference.to_spec`."""
+        if type(self) is not SetPoint:
+            return super().to_spec()
         return {"start": self.pose} | ({"duration": self.duration} if math.isfinite(self.duration) else {})
 
     def motion(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
