@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from functools import wraps
 from importlib import import_module
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 _MODULES = {  # that are gone
     "dqcontrol.compile": "dqcontrol.compiled.compile",
@@ -106,3 +109,50 @@ def names_at(module: str, new: str) -> Sequence[str]:
 def names_moved_from(module: str) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a module where names have left or changed."""
     return lambda name: find_moved(module, name)
+
+
+def renamed_parameters(**new_names: str) -> Callable[[T], T]:
+    """Let a function take parameters, and a dataclass have fields, under their old names too, with a warning.
+
+    Parameters
+    ----------
+    **new_names
+        By old name the new one.
+    """
+
+    def decorate(target: T) -> T:
+        if not isinstance(target, type):
+            return _with_old_names(target, new_names)
+        target.__init__ = _with_old_names(target.__init__, new_names)
+        for old, new in new_names.items():
+            setattr(target, old, _old_field(old, new))
+        return target
+
+    return decorate
+
+
+def _with_old_names(function: Any, new_names: dict[str, str]) -> Any:
+    @wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        for old in new_names.keys() & named.keys():
+            _warn_renamed(old, new_names[old])
+            if new_names[old] in named:
+                raise TypeError(f"{old}: is the old name of '{new_names[old]}', which is given too")
+            named[new_names[old]] = named.pop(old)
+        return function(*arguments, **named)
+
+    return call
+
+
+def _old_field(old: str, new: str) -> property:
+    def read(self: Any) -> Any:
+        _warn_renamed(old, new)
+        return getattr(self, new)
+
+    return property(read)
+
+
+def _warn_renamed(old: str, new: str) -> None:
+    warnings.warn(
+        f"{old} is now called {new}; the old name works for one more release", FutureWarning, stacklevel=3
+    )

@@ -1,5 +1,7 @@
 """A plant at work has q, measured and step; what else it has is used, what it has not has a default."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -134,6 +136,8 @@ def test_a_spec_finds_files_that_a_kind_of_plant_names(tmp_path):
     locate_plant_files(data, tmp_path)
     assert data["plants"]["a"]["controllers"] == str(tmp_path / "mine.yaml")
     assert data["plants"]["b"]["controllers"] == "x"
+    assert CompliantPlant(controllers="mine.yaml").files() == [Path("mine.yaml")]
+    assert Servo().files() == []
 
 
 def test_defaults_are_those_of_a_plant_that_tells_nothing():

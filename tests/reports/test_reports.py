@@ -149,7 +149,7 @@ def test_arguments_are_quoted_and_what_is_off_is_left_out():
         "joints": ["a", "b"],
     }
     assert evaluation_command(about | {"skip_initial": 0.0}) == (
-        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --settle 0.0 --joints a,b --out again"
+        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --skip-initial 0.0 --joints a,b --out again"
     )
 
 

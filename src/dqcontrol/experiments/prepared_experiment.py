@@ -170,8 +170,8 @@ class PreparedExperiment:
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
         for plant in self.spec.plant_by_label.values():
-            for file in filter(None, (getattr(plant, key) for key in plant.file_keys)):
-                digest.update(Path(file).read_bytes())
+            for file in plant.files():
+                digest.update(file.read_bytes())
         return digest.hexdigest()
 
 
@@ -296,15 +296,15 @@ def _prepared_laws(
     different: dict[bool | None, CommandLimits],
 ) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
     """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
-    room = _KEPT_BYTES
+    bytes_left = _KEPT_BYTES
     for variant in variants:
         with error_prefix(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
             first = variant.law.prepare(
                 scene.robot, scene.reference, spec.period, next(iter(different.values()))
             )
-        room -= len(different) * first.parameters.nbytes
+        bytes_left -= len(different) * first.parameters.nbytes
         kept = {
-            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            velocity: (first.with_limits(limits) if i else first) if bytes_left > 0 else None
             for i, (velocity, limits) in enumerate(different.items())
         }
         yield kept, loop_gains(variant.law, first)

@@ -52,8 +52,8 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     drives = as_matrix(parameters[_SHARE + 1 : last], (last - _SHARE - 1) // 2, 2)
     inputs, share = parameters[last + n :], parameters[_SHARE]
     along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
-    own = work[m:]
-    error, target = own[0:8], own[8:16]
+    scratch = work[m:]
+    error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[HYSTERESIS], state, error)
     for i in range(8):
         target[i] = parameters[GAIN + i] * error[i]
@@ -118,9 +118,9 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
         steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
         check_steps("plan", steps)
         times = dt * np.arange(steps)
-        own = self.parameter_rows(robot, times)
+        rows = self.parameter_rows(robot, times)
         pull = np.full(steps, as_positive("pull", self.pull))
         share = np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0)
         drives = np.tile(drive_table(robot).ravel(), (steps, 1))
         plan = reference.configurations(times), reference.mean_inputs(times, dt)
-        return np.hstack([np.broadcast_to(own, (steps, own.shape[1])), np.c_[pull, share], drives, *plan])
+        return np.hstack([np.broadcast_to(rows, (steps, rows.shape[1])), np.c_[pull, share], drives, *plan])

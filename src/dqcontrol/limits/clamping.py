@@ -117,8 +117,8 @@ def modified_clamping(
                 again = True
                 continue
             fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
-            room = upper[i] - above if out[i] > 0.0 else below - lower[i]
-            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0))
+            distance = upper[i] - above if out[i] > 0.0 else below - lower[i]
+            allowed = min(fastest, max(distance / period * _JUST_SHORT, 0.0))
             beyond = abs(out[i]) - allowed
             if beyond > max(most_beyond, 1e-9 * allowed):
                 worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])

@@ -70,7 +70,7 @@ def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
 
 
 def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the first rows; beyond them the last one goes on."""
+    """Return the first rows; beyond them the last one is repeated."""
     return values[np.minimum(np.arange(count), len(values) - 1)] if count > len(values) else values[:count]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -92,6 +93,10 @@ class Plant(
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
+
+    def files(self) -> list[Path]:
+        """Return the files that it reads, for lists of what results depend on."""
+        return [Path(file) for key in self.file_keys if (file := getattr(self, key))]
 
     def encoder_errors(self) -> EncoderErrors:
         """Return how its encoders err."""

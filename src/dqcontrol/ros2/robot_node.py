@@ -177,7 +177,7 @@ class RobotNode(Node):
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         words = ", ".join(self._supervisor.reasons(self._state))
-        values = {"interface": self._interface, "limits": words or "let all through", "periods": self._ticks}
+        values = {"interface": self._interface, "limits": words or "no intervention", "periods": self._ticks}
         if self._fault:
             return "error", f"{'broken' if self._is_broken else 'motors off'}: {self._fault}", values
         return "ok", self._state_in_words, values
