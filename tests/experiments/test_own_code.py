@@ -239,7 +239,7 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["21", "spec: reference.seconds: expected 'float' > 0.0, got -1"]
+    assert done.stdout.splitlines() == ["21", "spec: reference.seconds: expected a number > 0.0, got -1"]
 
 
 def test_two_kinds_of_one_name_are_refused():

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
+from cyclopts.exceptions import UnusedCliTokensError
 
 import dqcontrol
 from dqcontrol.extensions import POLICY, REFUSED
@@ -70,7 +71,9 @@ def main() -> None:
             app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
-    except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy
+    except CycloptsError as error:
+        _fail(USER_ERROR, f"{_mistake(error)}; see dqcontrol {' '.join([*(error.command_chain or ()), '--help'])}")
+    except dqcontrol.Error as error:  # looked up only now: it loads NumPy
         _fail(USER_ERROR, str(error))
     except KeyboardInterrupt as interrupt:
         _fail(INTERRUPTED, f"interrupted{interrupt}")
@@ -82,6 +85,14 @@ def main() -> None:
         _fail(USER_ERROR, str(error))
     except MemoryError:
         _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
+
+
+def _mistake(error: CycloptsError) -> str:
+    """Return what is wrong with a command line, without a full stop."""
+    if isinstance(error, UnusedCliTokensError):
+        words = " ".join(f"'{word}'" for word in error.unused_tokens or ())
+        return f"takes no further argument, got {words}"
+    return str(error).strip().rstrip(".")
 
 
 def _make_printable() -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from dqcontrol.cli.options import Port
+from dqcontrol.cli.options import BaseLink, Port, TipLink
 from dqcontrol.cli.screen import print_table
 
 robots: App = App(
@@ -15,8 +15,6 @@ robots: App = App(
     help="List the robots that come with dqcontrol, show one, look at it, or find joint angles for a pose of its hand.",
 )
 
-BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
-TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]
 
 
 @robots.command(name="list")

@@ -10,7 +10,7 @@ from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.measures.table_cells import Cell
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.html_page import code, head, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.reports.html_page import code, head, heading, html_figure, html_table, links, page, paragraph, tables_beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,7 +112,7 @@ def write_report(
         parts += [heading("The same again"), code(command, "command")]
         parts += [paragraph(_WHERE)] if spec else []
     if tables:
-        parts += [heading("Tables"), *map(html_table, tables)]
+        parts += [heading("Tables"), tables_beside(tables)]
     if figures:
         drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
         parts += [heading("Figures"), *drawn]
