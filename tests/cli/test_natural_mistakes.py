@@ -11,13 +11,22 @@ CIRCLE = {"kind": "circle", "radius": 0.06, "duration": 4}
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"law": "proportional"}, "law: expected a mapping, got text 'proportional'; write {kind: proportional}"),
+        (
+            {"law": "proportional"},
+            "law: expected a mapping, got text 'proportional'; write {kind: proportional}",
+        ),
         ({"plant": "servo"}, "plant: expected a mapping, got text 'servo'; write {kind: servo}"),
         ({"reference": "circle"}, "write {kind: circle}, with its other keys in it"),
-        ({"law": None, "laws": [K]}, "laws: expected a mapping, got a list; give each a name, as in {A: …, B: …}"),
+        (
+            {"law": None, "laws": [K]},
+            "laws: expected a mapping, got a list; give each a name, as in {A: …, B: …}",
+        ),
         ({"law": {"gain": 5}}, "law: missing key 'kind' (allowed: "),
         ({"law": {"type": "proportional", "gain": 5}}, "missing key 'kind'; write kind for 'type'"),
-        ({"law": {**K, "gain": "five"}}, "law.gain: expected a number or a mapping or a list, got text 'five'"),
+        (
+            {"law": {**K, "gain": "five"}},
+            "law.gain: expected a number or a mapping or a list, got text 'five'",
+        ),
         ({"law": {**K, "gain": [1, 2, 3]}}, "gain: expected shape (…, 8), got shape (3,)"),
         ({"law": {"kind": "Proportional", "gain": 5}}, "did you mean 'proportional'?"),
         ({"law": {**K, "kp": 3}}, "unknown key 'kp'; did you mean 'gain'?"),
@@ -25,14 +34,23 @@ CIRCLE = {"kind": "circle", "radius": 0.06, "duration": 4}
         ({"start": "home"}, "start: expected a mapping or a list or nothing, got text 'home'"),
         ({"start": [0, 34, 0, 90, 0, 34, 0]}, "degrees? Angles are in rad; write 34 deg"),
         ({"reference": {**CIRCLE, "radius": 60}}, "metres? Write 60 mm for millimetres"),
-        ({"reference": {**CIRCLE, "plane": "zx"}}, "unknown name 'zx'; did you mean 'yz'? (allowed: xy, xz, yz)"),
+        (
+            {"reference": {**CIRCLE, "plane": "zx"}},
+            "unknown name 'zx'; did you mean 'yz'? (allowed: xy, xz, yz)",
+        ),
         ({"reference": {"kind": "set-point"}}, "a set-point has no duration; give 'duration'"),
-        ({"reference": {"kind": "drawing", "file": "star.txt"}}, "star.txt: no such file; did you mean 'stars.txt'?"),
+        (
+            {"reference": {"kind": "drawing", "file": "star.txt"}},
+            "star.txt: no such file; did you mean 'stars.txt'?",
+        ),
         ({"period": 8}, "one period of 8 s; milliseconds? Write 8 ms"),
         ({"period": "8"}, "period: expected a number, got text '8'"),
         ({"frequency": 100}, "unknown key 'frequency'; did you mean 'period', 1/frequency?"),
         ({"duration": -1}, "duration: expected a number > 0.0, got -1"),
-        ({"name": "my run"}, "name: expected at most 60 letters, digits, _ . - and no dot first, got 'my run'"),
+        (
+            {"name": "my run"},
+            "name: expected at most 60 letters, digits, _ . - and no dot first, got 'my run'",
+        ),
         ({"robot": "arm.urdf"}, "arm.urdf: cannot be read: No such file or directory"),
         ({"supervisor": "yes"}, "supervisor: expected true or false or a mapping or nothing, got text 'yes'"),
         ({"grids": {"proportional": {"gain": 5}}}, "grids.proportional.gain: expected a list"),

@@ -96,7 +96,7 @@ UNFIT = [
     (changed(reference=circle(plane="xq")), r"reference.plane: unknown name 'xq'.* \(allowed: xy, xz, yz\)$"),
     (changed(plant={"kind": "servo", "command_mode": "measurd"}),
      r"plant.command_mode: unknown name 'measurd'; did you mean 'measured'\? \(allowed: integrated, measured\)$"),
-    (changed(law={"gain": 1}), r"law: missing key 'kind'$"),
+    (changed(law={"gain": 1}), r"law: missing key 'kind' \(allowed"),
     (changed(law={"kind": "proportional"}), r"law: missing key 'gain'$"),
     (changed(period=GONE), r"missing key 'period'$"),
     (changed(period="fast"), r"period: expected a number, got text '"),

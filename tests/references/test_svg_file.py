@@ -112,7 +112,9 @@ def test_files_of_other_programs(svg, tmp_path):
         '<path style="fill:none;stroke:none" d="M1 1 L2 2"/><g style="display:none"><path d="M0 0 L9 9"/></g>'
         '<path style="fill:none;stroke:#000000" d="m 50,50 40,20"/><text>Hello</text><image width="9" height="9"/>'
     )
-    with pytest.warns(NoteWarning, match="left out: text 'Hello' .*, an image, a background as large as the page"):
+    with pytest.warns(
+        NoteWarning, match="left out: text 'Hello' .*, an image, a background as large as the page"
+    ):
         (pen,) = load_svg(svg(body, head))
     assert pen.start == pytest.approx((50 * 96 / 25.4, -50 * 96 / 25.4))
     with pytest.raises(FileFormatError, match="defines entities"):

@@ -42,7 +42,7 @@ def test_example_robot_data():
         (
             "iiwa",
             UnknownNameError,
-            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml or .urdf",
+            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml, .urdf or .xacro",
         ),
         ("", UnknownNameError, "robot: unknown name ''"),
         ("none.yaml", FileFormatError, "none.yaml: cannot be read: No such file"),

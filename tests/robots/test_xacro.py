@@ -57,7 +57,9 @@ def test_what_is_missing_is_named(arm):
 
 def test_without_xacro_it_says_what_to_install(arm, monkeypatch):
     monkeypatch.setitem(sys.modules, "xacro", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'dqcontrol\[xacro\]', or expand it .*: xacro arm"):
+    with pytest.raises(
+        MissingExtraError, match=r"pip install 'dqcontrol\[xacro\]', or expand it .*: xacro arm"
+    ):
         load_robot(arm)
 
 
@@ -71,7 +73,9 @@ def test_meshes_that_are_not_found_are_named_with_how_to_help(arm, tmp_path):
     )
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes/package.xml").write_text("<package><name>arm_meshes</name></package>")
-    assert missing_meshes(urdf) == ["package://arm_meshes/a.stl"]  # a folder of another name beside is not looked into
+    assert missing_meshes(urdf) == [
+        "package://arm_meshes/a.stl"
+    ]  # a folder of another name beside is not looked into
     (tmp_path / "meshes").rename(tmp_path / "arm_meshes")
     (tmp_path / "arm_meshes/a.stl").touch()
     assert missing_note(urdf) == ""

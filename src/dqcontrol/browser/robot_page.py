@@ -132,19 +132,28 @@ class RobotPage:
             position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
         )
         self._cloud = server.scene.add_point_cloud(
-            "/reach", reached.astype(np.float32), _CLOUD, 0.0018 * box.size, point_shape="circle", visible=False
+            "/reach",
+            points=reached.astype(np.float32),
+            colors=_CLOUD,
+            point_size=0.0018 * box.size,
+            point_shape="circle",
+            visible=False,
         )
 
     def _add_controls(self) -> None:
         gui, about = self.server.gui, describe(self.robot)
         ends = f"{about.ends}, " if about.ends else ""
         gui.add_markdown(f"**{about.name}** — {ends}reach {about.reach:.3g} m")
-        self._scales = np.array([math.pi / 180 if kind == "revolute" else 1.0 for kind in self.robot.joint_types])
+        self._scales = np.array(
+            [math.pi / 180 if kind == "revolute" else 1.0 for kind in self.robot.joint_types]
+        )
         self._sliders = []
         for i, name in enumerate(self.robot.joint_names):
             unit, step = ("°", 0.1) if self.robot.joint_types[i] == "revolute" else ("m", 0.001)
             low, high, first = np.array([self.lower[i], self.upper[i], self._home[i]]) / self._scales[i]
-            slider = gui.add_slider(f"{name} [{unit}]", float(low), float(high), step, float(np.clip(first, low, high)))
+            slider = gui.add_slider(
+                f"{name} [{unit}]", float(low), float(high), step, float(np.clip(first, low, high))
+            )
             self._sliders.append(slider)
         gui.add_button("Zero").on_click(lambda _: self.set(self._home))
         gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))
@@ -166,7 +175,9 @@ class RobotPage:
         margins = np.minimum(self.q - self.robot.limits.lower, self.robot.limits.upper - self.q)
         for i in np.flatnonzero(margins < _NEAR * span):
             scale, unit = (180 / math.pi, "°") if self.robot.joint_types[i] == "revolute" else (1e3, " mm")
-            rows.append((f"{self.robot.joint_names[i]} to its limit", f"{scale * margins[i]:.1f}{unit}", True))
+            rows.append(
+                (f"{self.robot.joint_names[i]} to its limit", f"{scale * margins[i]:.1f}{unit}", True)
+            )
         cells = "".join(
             f"<tr style='color:{LIMIT if bad else 'inherit'}'><td>{html.escape(name)}</td>"
             f"<td style='text-align:right'>{html.escape(value)}</td></tr>"

@@ -72,7 +72,10 @@ def main() -> None:
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
     except CycloptsError as error:
-        _fail(USER_ERROR, f"{_mistake(error)}; see dqcontrol {' '.join([*(error.command_chain or ()), '--help'])}")
+        _fail(
+            USER_ERROR,
+            f"{_mistake(error)}; see dqcontrol {' '.join([*(error.command_chain or ()), '--help'])}",
+        )
     except dqcontrol.Error as error:  # looked up only now: it loads NumPy
         _fail(USER_ERROR, str(error))
     except KeyboardInterrupt as interrupt:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from dqcontrol.cli.options import BaseLink, Port, TipLink
 from dqcontrol.cli.screen import print_table
@@ -14,7 +13,6 @@ robots: App = App(
     name="robots",
     help="List the robots that come with dqcontrol, show one, look at it, or find joint angles for a pose of its hand.",
 )
-
 
 
 @robots.command(name="list")

@@ -103,7 +103,9 @@ def _setting(source: str, ends: Ends) -> PreparedExperiment:
     if _is_spec(source):
         for field, link in zip(("base_link", "tip_link"), ends, strict=True):
             if link is not None:
-                raise ShapeError(f"{field}: '{source}' is a spec, which names its robot's links itself; got '{link}'")
+                raise ShapeError(
+                    f"{field}: '{source}' is a spec, which names its robot's links itself; got '{link}'"
+                )
         setting = prepare(Path(source))
     else:
         setting = prepare(_spec_of(source, ends))

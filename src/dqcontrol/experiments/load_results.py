@@ -49,7 +49,7 @@ def load_run(folder: str | Path) -> Run:
 
 
 def spec_of_results(folder: Path) -> str:
-    """Return the text of ``spec.yaml`` in a folder of results, with copies for the files that are not there any more."""
+    """Return the text of ``spec.yaml`` in a folder of results, with copies for files that are not there any more."""
     text = read_text(folder / SPEC_FILE)
     data, plain = parse_yaml(folder / SPEC_FILE, text), parse_yaml(folder / SPEC_FILE, text)
     use_copies(data, folder)

@@ -104,9 +104,7 @@ def added_files(folder: Path, results: Path | None = None) -> Iterator[Path]:
 
 def _being_saved(folder: Path) -> set[str]:
     """Return the files of `added_files` that a killed process left."""
-    return {
-        name for name in _files(folder) if f"{_SAVING}/" in name or name.endswith(f".{_CONTENTS}")
-    }
+    return {name for name in _files(folder) if f"{_SAVING}/" in name or name.endswith(f".{_CONTENTS}")}
 
 
 def _clear_up(target: Path) -> None:

@@ -16,7 +16,10 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BESIDE, _UP = 0.75, 0.42  # rad, and a share of 1: where the viewer stands, seen from the robot towards the path
+_BESIDE, _UP = (
+    0.75,
+    0.42,
+)  # rad, and a share of 1: where the viewer stands, seen from the robot towards the path
 _SHELL, _EDGE = "#d9dce1", "#50555c"
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # m
 

@@ -213,7 +213,9 @@ def _chosen_by(key: str, kinds: list[Any], data: Any) -> str:
     tags = [str(s.__struct_config__.tag) for s in _structs(kinds) if s.__struct_config__.tag_field == key]
     if not tags:
         return ""
-    given = next((name for name in ("type", "name", "law", "plant") if isinstance(data, dict) and name in data), "")
+    given = next(
+        (name for name in ("type", "name", "law", "plant") if isinstance(data, dict) and name in data), ""
+    )
     return f"{f'; write {key} for {given!r}' if given else ''} (allowed: {', '.join(dict.fromkeys(tags))})"
 
 

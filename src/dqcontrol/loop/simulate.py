@@ -214,7 +214,9 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
         )
     steps = round(seconds / period) + 1
     if steps < 2:
-        raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s{_slip(period)}")
+        raise ValueRangeError(
+            f"duration: {seconds:g} s is shorter than one period of {period:g} s{_slip(period)}"
+        )
     return steps
 
 

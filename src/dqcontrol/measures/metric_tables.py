@@ -123,7 +123,9 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         if "." not in key and flat[key] not in (None, "")
     ]
     return [
-        Table([*first, *map(Column, _PARTS.values())], deviations, "How far the hand was from its desired pose"),
+        Table(
+            [*first, *map(Column, _PARTS.values())], deviations, "How far the hand was from its desired pose"
+        ),
         Table([*first, *map(Column, parts.values()), Column("its unit")], signals, "Norms of signals"),
         Table([Column("Number"), Column("Value"), Column("Unit")], others, "Further numbers"),
     ]

@@ -77,7 +77,9 @@ def described(part: msgspec.Struct, where: str = "") -> str:
         value = getattr(part, each.name)
         default = each.default if each.default_factory is msgspec.NODEFAULT else each.default_factory()
         if (each.required or value != default) and each.encode_name not in _UNSAID:
-            words.append(f"{each.encode_name.replace('_', ' ')} {_value(value, f'{where}.{each.encode_name}')}")
+            words.append(
+                f"{each.encode_name.replace('_', ' ')} {_value(value, f'{where}.{each.encode_name}')}"
+            )
     kind = str(type(part).__struct_config__.tag)
     return f"{kind}: {', '.join(words)}" if words else kind
 

@@ -46,7 +46,7 @@ figure { margin: 1.4rem 0; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #555; font-size: 0.9rem; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; }
-pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
+pre.command, pre.later { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
 @page { size: A4; margin: 16mm 14mm; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; color: #000; }
@@ -121,7 +121,11 @@ def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
         f"<tr><th>{escape(name) if name != before else ''}</th>{_cell(cell, str(cell), '')}</tr>"
         for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
     )
-    drawn = f"<div>{_image(picture, 'The robot at its start, with the path of its hand')}</div>" if picture else ""
+    drawn = (
+        f"<div>{_image(picture, 'The robot at its start, with the path of its hand')}</div>"
+        if picture
+        else ""
+    )
     return f'<div class="about">{drawn}<table>{rows}</table></div>'
 
 

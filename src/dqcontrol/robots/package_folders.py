@@ -18,7 +18,9 @@ def package_folders(package: str, near: Path) -> Iterator[Path]:
     above = list(near.resolve().parents)
     named = [folder for folder in above if folder.name == package or _package_name(folder) == package]
     beside = [folder / package for folder in above]
-    ament = [Path(p) / "share" / package for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    ament = [
+        Path(p) / "share" / package for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p
+    ]
     ros = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     here = [folder for folder in ros if folder.name == package]
     yield from (f for f in (*named, *beside, *ament, *here, *(f / package for f in ros)) if f.is_dir())

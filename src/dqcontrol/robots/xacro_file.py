@@ -31,7 +31,10 @@ def expand_xacro(path: str | Path) -> bytes:
             f"pip install 'dqcontrol[xacro]', or expand it where ROS is: xacro {Path(path).name} > robot.urdf"
         ) from None
     try:
-        with _packages_without_ros(Path(path)), contextlib.redirect_stderr(io.StringIO()):  # it prints what it raises
+        with (
+            _packages_without_ros(Path(path)),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):  # it prints what it raises
             return xacro.process_file(str(path)).toxml(encoding="utf-8")
     except FileFormatError:
         raise
@@ -50,7 +53,9 @@ def _packages_without_ros(path: Path) -> Iterator[None]:
     def find(package: str) -> str:
         folder = next(package_folders(package, path), None)
         if folder is None:
-            raise FileFormatError(f"{path}: needs the package '{package}', which is not found; put it {WHERE}")
+            raise FileFormatError(
+                f"{path}: needs the package '{package}', which is not found; put it {WHERE}"
+            )
         return str(folder)
 
     substitution._eval_find = find

@@ -37,7 +37,9 @@ def copy_inputs(data: dict[str, Any], folder: Path) -> None:
     A robot file brings those of its parts along, a xacro file is expanded; of meshes only the names remain. Files that
     cannot be read, and several of one name, are left out.
     """
-    files = [Path(part[key].rpartition(":")[0] if key == "function" else part[key]) for part, key in _named(data)]
+    files = [
+        Path(part[key].rpartition(":")[0] if key == "function" else part[key]) for part, key in _named(data)
+    ]
     files = [path for path in dict.fromkeys(files) if path.is_absolute() and path.is_file()]
     for path in list(files):
         files += [part for part in _parts(path) if part not in files]
@@ -72,7 +74,9 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
     yield from ((part, "controllers") for part in _plants(data))
-    yield from ((part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py"))
+    yield from (
+        (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
+    )
 
 
 def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
@@ -81,7 +85,9 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
         yield data, "robot"
     inner = [data.get("robot"), *(several.values() if isinstance(several, dict) else ())]
     inner.append(evaluated.get("robot") if isinstance(evaluated, dict) else None)
-    yield from ((robot, "source") for robot in inner if isinstance(robot, dict) and isinstance(robot.get("source"), str))
+    for robot in inner:
+        if isinstance(robot, dict) and isinstance(robot.get("source"), str):
+            yield robot, "source"
 
 
 def _references(reference: Any) -> Iterator[dict[str, Any]]:
@@ -98,7 +104,9 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
 def _plants(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
     several = data.get("plants")
     plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    yield from (plant for plant in plants if isinstance(plant, dict) and isinstance(plant.get("controllers"), str))
+    yield from (
+        plant for plant in plants if isinstance(plant, dict) and isinstance(plant.get("controllers"), str)
+    )
 
 
 def _parts(robot: Path) -> Iterator[Path]:

@@ -46,9 +46,9 @@ def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
     """Return the outlines of all shapes of an SVG file, in its own units, y up, at speed 1.
 
     Lines, curves, rectangles, circles, ellipses and polygons count, with their transformations; width and colour do
-    not. Curves become pairs of arcs that join without a corner. Left out are shapes that nobody sees (hidden ones, those
-    with neither fill nor line, white ones without a line), fills of the whole page, texts and images; a `NoteWarning`
-    names the last three.
+    not. Curves become pairs of arcs that join without a corner. Left out are shapes that nobody sees (hidden ones,
+    those with neither fill nor line, white ones without a line), fills of the whole page, texts and images; a
+    `NoteWarning` names the last three.
 
     Parameters
     ----------
@@ -133,7 +133,9 @@ def _read(path: str | os.PathLike[str]) -> bytes:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
 
     def refuse(*_: object) -> None:
-        raise FileFormatError(f"{path}: has a document type that defines entities, which is refused; delete it")
+        raise FileFormatError(
+            f"{path}: has a document type that defines entities, which is refused; delete it"
+        )
 
     def look(name: str, system: str | None, public: str | None, inside: bool) -> None:
         if inside:
@@ -156,7 +158,11 @@ def _read(path: str | os.PathLike[str]) -> bytes:
         raise FileFormatError(f"{path}: a <use> of what holds a <use>; flatten the drawing")
     for parent in root.iter():
         for child in list(parent):
-            if isinstance(child.tag, str) and child.tag.rpartition("}")[2] == "path" and not child.get("d", "").strip():
+            if (
+                isinstance(child.tag, str)
+                and child.tag.rpartition("}")[2] == "path"
+                and not child.get("d", "").strip()
+            ):
                 parent.remove(child)
     return ElementTree.tostring(root)
 
