@@ -71,6 +71,8 @@ def show(
     base = f"{about.bases} base, " if about.bases else f"{about.ends}, " if about.ends else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
+    if about.links:
+        print(f"links from base to tip, for --base-link and --tip-link: {', '.join(about.links)}")
 
 
 @robots.command

@@ -28,7 +28,8 @@ def locate_files(data: dict[str, Any], folder: Path) -> None:
         part["file"] = str((folder / part["file"]).resolve())
     for part, key in _robots(data):
         if (folder / part[key]).is_file():
-            part[key] = str((folder / part[key]).resolve())
+            path = str((folder / part[key]).resolve())
+            part[key] = {"source": path} if key == "robot" else path
 
 
 def copy_inputs(data: dict[str, Any], folder: Path) -> None:
