@@ -34,7 +34,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
     "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
     "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
-    "robots": "List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
+    "robots": "List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
     "laws": "List the kinds of laws for experiments, one line each.",
     "references": "List the kinds of motions for experiments, one line each.",
     "plants": "List the kinds of plants for experiments, one line each.",

@@ -11,7 +11,7 @@ from dqcontrol.cli.screen import print_table
 
 robots: App = App(
     name="robots",
-    help="List the robots that come with dqcontrol, show one, look at it, or find joint angles for a pose of its hand.",
+    help="List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
 )
 
 
