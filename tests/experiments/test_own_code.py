@@ -256,7 +256,7 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
         "21",
         "61",
         "11",
-        "spec: reference.seconds: expected 'float' > 0.0, got -1",
+        "spec: reference.seconds: expected a number > 0.0, got -1",
     ]
 
 

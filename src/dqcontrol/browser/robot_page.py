@@ -133,9 +133,9 @@ class RobotPage:
         )
         self._cloud = server.scene.add_point_cloud(
             "/reach",
-            reached.astype(np.float32),
-            _CLOUD,
-            0.0018 * box.size,
+            points=reached.astype(np.float32),
+            colors=_CLOUD,
+            point_size=0.0018 * box.size,
             point_shape="circle",
             visible=False,
         )

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
-from dqcontrol.cli.options import Port
+from dqcontrol.cli.options import BaseLink, Port, TipLink
 from dqcontrol.cli.screen import print_table
 
 robots: App = App(
     name="robots",
-    help="List the robots that come with dqcontrol, show one, look at it, or find joint angles for a pose of its hand.",
+    help="List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
 )
-
-BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
-TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]
 
 
 @robots.command(name="list")
@@ -75,6 +71,8 @@ def show(
     base = f"{about.bases} base, " if about.bases else f"{about.ends}, " if about.ends else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
+    if about.links:
+        print(f"links from base to tip, for --base-link and --tip-link: {', '.join(about.links)}")
 
 
 @robots.command

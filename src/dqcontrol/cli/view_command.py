@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-
 from dqcontrol.cli.options import Port
 from dqcontrol.errors import Error, ValueRangeError
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.evaluation_spec import saved_evaluation
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import Row, read_rows
@@ -30,7 +30,7 @@ def load_run(folder: str | Path) -> Run:
     """
     path = Path(folder)
     if not (path / SPEC_FILE).is_file() or not (path / "record.mcap").is_file():
-        raise FileFormatError(_why_no_run(path))
+        raise FileFormatError(why_no_run(path))
     text = spec_of_results(path)
     if "evaluation:" in text.splitlines():
         return saved_evaluation(path / SPEC_FILE, load_record(path / "record.mcap"))
@@ -49,16 +49,19 @@ def load_run(folder: str | Path) -> Run:
 
 
 def spec_of_results(folder: Path) -> str:
-    """Return the text of ``spec.yaml`` in a folder of results, with copies for the files that are not there any more."""
+    """Return the text of ``spec.yaml`` in a folder of results, with copies for files that are not there any more."""
     text = read_text(folder / SPEC_FILE)
     data, plain = parse_yaml(folder / SPEC_FILE, text), parse_yaml(folder / SPEC_FILE, text)
     use_copies(data, folder)
     return text if data == plain else yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
 
 
-def _why_no_run(path: Path) -> str:
+def why_no_run(path: Path) -> str:
+    """Return why a folder is not that of a run, and what may have been meant."""
     if not path.exists():
-        return f"{path}: does not exist"
+        return f"{path}: does not exist{suggest(path.name, [each.name for each in path.parent.glob('*')])}"
+    if path.suffix in (".yaml", ".yml"):
+        return f"{path}: is a file, not the folder of a run; if it is an experiment: dqcontrol run {path}"
     if runs := [run.name for run in run_folders(path) if run != path]:
         return (
             f"{path}: is not the folder of a run, but holds runs: give {path / runs[0]}"

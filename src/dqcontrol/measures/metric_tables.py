@@ -126,11 +126,7 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         Table(
             [*first, *map(Column, _PARTS.values())], deviations, "How far the hand was from its desired pose"
         ),
-        Table(
-            [*first, *map(Column, parts.values()), Column("unit of the integral")],
-            signals,
-            "Norms of signals",
-        ),
+        Table([*first, *map(Column, parts.values()), Column("its unit")], signals, "Norms of signals"),
         Table([Column("Number"), Column("Value"), Column("Unit")], others, "Further numbers"),
     ]
 

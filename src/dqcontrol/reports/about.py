@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 Fact = tuple[str, Cell]
 
+_SEEN = 1e-3  # °; less than that is round-off, or of no interest
 _SEVERAL = 8  # laws and others are listed up to so many
 _UNSAID = {"camera", "gravity", "null_space"}  # long, and rarely what a run is about
 
@@ -34,7 +35,7 @@ _UNSAID = {"camera", "gravity", "null_space"}  # long, and rarely what a run is 
 def about_run(run: Run, folder: Path) -> list[Fact]:
     """Return what a run is about, as names and texts; ``folder`` holds its recording."""
     facts: list[Fact] = [("Verdict", VerdictCell(run.task.words, run.task.succeeded))]
-    facts.append(("Robot", robot_words(run.robot)))
+    facts += [("Error", _error(run)), ("Robot", robot_words(run.robot))]
     data = parse_yaml("spec", run.spec)
     if "evaluation" in data:
         facts.append(("Log", str(data["evaluation"]["log"])))
@@ -91,6 +92,14 @@ def _of_spec(spec: Spec) -> Iterator[Fact]:
     yield "Control period", f"{1e3 * spec.period:g} ms"
     if spec.repeats > 1:
         yield "Repeats", str(spec.repeats)
+
+
+def _error(run: Run) -> str:
+    position, orientation = run.metrics.position, run.metrics.orientation
+    words = f"position {position.settled_rms:.3g} mm RMS, {position.settled_peak:.3g} mm at most"
+    if orientation.settled_peak >= _SEEN:
+        words += f"; orientation {orientation.settled_rms:.2g}° RMS, {orientation.settled_peak:.2g}° at most"
+    return words
 
 
 def _listed(name: str, texts: Mapping[str, str]) -> Iterator[Fact]:

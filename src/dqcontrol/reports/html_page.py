@@ -35,7 +35,8 @@ td.good, td.bad, td.open { font-weight: 600; white-space: nowrap; }
 td.good { color: #00664a; }
 td.bad { color: #b2182b; }
 td.open { color: #7a5200; }
-div.wide { overflow-x: auto; }
+div.wide { overflow-x: auto; max-width: 100%; }
+div.tables { display: flex; flex-wrap: wrap; gap: 0 2rem; align-items: flex-start; }
 div.about { display: flex; flex-wrap: wrap; gap: 0.5rem 1.5rem; align-items: center; margin: 1rem 0; }
 div.about table { flex: 1 1 22rem; margin: 0; }
 div.about th { border-bottom-color: #eee; font-weight: 400; color: #555; white-space: nowrap; padding-left: 0; }
@@ -45,7 +46,7 @@ figure { margin: 1.4rem 0; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #555; font-size: 0.9rem; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; }
-pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
+pre.command, pre.later { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
 @page { size: A4; margin: 16mm 14mm; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; color: #000; }
@@ -54,7 +55,9 @@ pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wr
   p.facts, figcaption { color: #333; }
   div.wide { overflow: visible; }
   table { font-size: 8pt; }
-  th, td { padding: 0.12rem 0.4rem; overflow-wrap: break-word; }
+  th, td { padding: 0.1rem 0.3rem; overflow-wrap: break-word; }
+  table { margin: 0.6rem 0; }
+  div.tables { gap: 0 1rem; }
   thead { display: table-header-group; }
   tbody tr:nth-child(-n+2) { break-before: avoid; }
   div.short, tr, figure, p.notice, pre.command { break-inside: avoid; }
@@ -124,6 +127,11 @@ def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
         else ""
     )
     return f'<div class="about">{drawn}<table>{rows}</table></div>'
+
+
+def tables_beside(tables: Iterable[Table]) -> str:
+    """Return tables, narrow ones side by side where there is room."""
+    return f'<div class="tables">{"".join(map(html_table, tables))}</div>'
 
 
 def html_table(table: Table) -> str:

@@ -10,7 +10,17 @@ from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.measures.table_cells import Cell
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.html_page import code, head, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.reports.html_page import (
+    code,
+    head,
+    heading,
+    html_figure,
+    html_table,
+    links,
+    page,
+    paragraph,
+    tables_beside,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -112,16 +122,13 @@ def write_report(
         parts += [heading("The same again"), code(command, "command")]
         parts += [paragraph(_WHERE)] if spec else []
     if tables:
-        parts += [heading("Tables"), *map(html_table, tables)]
+        parts += [heading("Tables"), tables_beside(tables)]
     if figures:
         drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
         parts += [heading("Figures"), *drawn]
     if later:
-        parts += [
-            heading("Figures"),
-            paragraph("Drawn on demand, in the folder of this page:"),
-            code(later, "command later"),
-        ]
+        demand = paragraph("Drawn on demand, in the folder of this page:")
+        parts += [heading("Figures"), demand, code(later, "later")]
     if files:
         parts += [heading("Files beside this page"), links(files)]
     if spec:

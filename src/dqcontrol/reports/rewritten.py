@@ -12,7 +12,7 @@ import joblib
 
 from dqcontrol.errors import FileFormatError, LimitWarning, NoteWarning
 from dqcontrol.experiments.check import LoopCheck, loop_checks
-from dqcontrol.experiments.load_results import load_run, run_folders
+from dqcontrol.experiments.load_results import load_run, run_folders, why_no_run
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
@@ -55,7 +55,9 @@ def rewrite_reports(
     drafts = [_Place(run, _root(run)) for folder in map(Path, folders) for run in run_folders(folder)]
     for place in drafts:
         if not (place.run / "record.mcap").is_file():
-            raise FileFormatError(f"{place.run}: is not the folder of a run, and holds none that has its own")
+            raise FileFormatError(why_no_run(place.run))
+    if progress:
+        progress(0, len(drafts))
     if jobs is None:
         jobs = joblib.cpu_count() if len(drafts) >= _WORTH_PROCESSES else 1
     done = map(_drawn, drafts) if jobs == 1 else in_processes(_drawn, drafts, jobs)

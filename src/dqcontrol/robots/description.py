@@ -45,8 +45,8 @@ class Description:
         nothing beyond can be reached.
     mass
         Mass of all moving bodies in kg; None if unknown.
-    ends
-        The links of its file between which its chain lies, as ``base → tool``; empty without such a file.
+    links
+        The links of its URDF file from base to tip; empty without one.
     """
 
     name: str
@@ -54,7 +54,12 @@ class Description:
     joints: tuple[JointRow, ...]
     reach: float
     mass: float | None
-    ends: str = ""
+    links: tuple[str, ...] = ()
+
+    @property
+    def ends(self) -> str:
+        """The links of its file between which its chain lies, as ``base → tool``; empty without such a file."""
+        return f"{self.links[0]} → {self.links[-1]}" if self.links else ""
 
 
 def describe(robot: Robot) -> Description:
@@ -80,8 +85,7 @@ def describe(robot: Robot) -> Description:
         rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
     bases = " + ".join(kind for _, kind in robot.bases)
-    ends = " → ".join(getattr(robot, "ends", None) or ())
-    return Description(robot.name, bases, tuple(rows), _reach(robot), mass, ends)
+    return Description(robot.name, bases, tuple(rows), _reach(robot), mass, getattr(robot, "links", ()))
 
 
 def _reach(robot: Robot) -> float:

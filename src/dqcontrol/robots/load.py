@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import (
-    FileFormatError,
     MissingExtraError,
     ShapeError,
     UnknownNameError,
@@ -40,7 +39,8 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     ----------
     source
         One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`); or a
-        ``.urdf`` or ``.xacro`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
+        ``.urdf`` or ``.xacro`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that
+        package.
     base_link, tip_link
         Ends of the chain, for URDF files only; see `load_urdf`.
 

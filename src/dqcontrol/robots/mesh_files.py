@@ -58,7 +58,7 @@ def missing_meshes(urdf: Path) -> list[str]:
 
 
 def missing_note(urdf: Path) -> str:
-    """Return which meshes of a file are not found and how to help, in a line; empty if all are there, or there are none."""
+    """Return which meshes of a file are not found and how to help, in a line; empty if none is missing."""
     if not (missing := missing_meshes(urdf)):
         return ""
     packages = {name.partition("://")[2].partition("/")[0] for name in missing if name.startswith(_SCHEMES)}

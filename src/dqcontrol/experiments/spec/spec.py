@@ -321,8 +321,9 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
         where, folder = str(source), Path(source).resolve().parent
         data = parse_yaml(where, read_text(where))
     if not isinstance(data, dict):
+        glued = "; put a space after each colon" if isinstance(data, str) and ":" in data else ""
         raise FileFormatError(
-            f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
+            f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant{glued}"
         )
     rename_old_keys(where, data)
     if not isinstance(source, dict):
@@ -421,7 +422,8 @@ def _written(value: Any) -> Any:
             content = getattr(value, each.name)
             if content is UNSET or (content is None and each.default is None):
                 continue
-            out[each.encode_name] = _written(content)
+            if (plain := _written(content)) or not isinstance(content, msgspec.Struct):
+                out[each.encode_name] = plain
         return out
     if isinstance(value, dict):
         return {key: _written(each) for key, each in value.items()}

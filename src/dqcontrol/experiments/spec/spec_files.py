@@ -31,7 +31,8 @@ def locate_files(data: dict[str, Any], folder: Path) -> None:
         part["file"] = str((folder / part["file"]).resolve())
     for part, key in _robots(data):
         if (folder / part[key]).is_file():
-            part[key] = str((folder / part[key]).resolve())
+            path = str((folder / part[key]).resolve())
+            part[key] = {"source": path} if key == "robot" else path
 
 
 def copy_inputs(data: dict[str, Any], folder: Path) -> None:
@@ -88,11 +89,9 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
         yield data, "robot"
     inner = [data.get("robot"), *(several.values() if isinstance(several, dict) else ())]
     inner.append(evaluated.get("robot") if isinstance(evaluated, dict) else None)
-    yield from (
-        (robot, "source")
-        for robot in inner
-        if isinstance(robot, dict) and isinstance(robot.get("source"), str)
-    )
+    for robot in inner:
+        if isinstance(robot, dict) and isinstance(robot.get("source"), str):
+            yield robot, "source"
 
 
 def _references(reference: Any) -> Iterator[dict[str, Any]]:
