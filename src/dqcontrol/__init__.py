@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
@@ -75,6 +76,7 @@ __all__ = [
     "experiments",
     "figures",
     "films",
+    "identify",
     "laws",
     "limits",
     "load_robot",
@@ -119,6 +121,7 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",

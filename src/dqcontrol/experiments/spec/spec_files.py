@@ -5,14 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from dqcontrol.plants.servo.servo_file import servo_parameters
 
-def locate_controllers(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of controller files absolute."""
+
+def complete_plants(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of controller files absolute, and put what plant files hold in their place.
+
+    What a spec says besides ``file`` counts in place of what the file says.
+    """
     several = data.get("plants")
     plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
     for plant in plants:
         if isinstance(plant, dict) and isinstance(plant.get("controllers"), str):
             plant["controllers"] = str((folder / plant["controllers"]).resolve())
+        if isinstance(plant, dict) and plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
+            own = {key: value for key, value in plant.items() if key != "file"}
+            held = servo_parameters(folder / plant["file"])
+            plant.clear()
+            plant.update(held | own)
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
