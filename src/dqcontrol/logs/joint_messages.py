@@ -73,6 +73,17 @@ def read_commands(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps,
         return _series(path, topic, messages, lambda message: _in_order(message, names))
 
 
+def read_targets(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and commanded positions (K, n) of the named joints; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "target_topic", (JOINTS, NUMBERS))
+        if messages.types[topic] == JOINTS:
+            return _numbers_by_name(path, topic, names, "position", increasing=True) or _series(
+                path, topic, messages, lambda message: _by_name(message, names, "position"), increasing=True
+            )
+        return _series(path, topic, messages, lambda message: _in_order(message, names), increasing=True)
+
+
 def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
     """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`."""
     with open_messages(path) as messages:

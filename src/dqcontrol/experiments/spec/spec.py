@@ -20,7 +20,7 @@ from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
-from dqcontrol.experiments.spec.spec_files import locate_files, locate_plant_files, use_copies
+from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
@@ -334,7 +334,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     rename_old_keys(where, data)
-    locate_plant_files(data, folder)
+    complete_plants(data, folder)
     admit(where, data, folder)
     spec = convert(where, _with_numbers(where, data), Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):

@@ -14,15 +14,25 @@ from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.plants import Plant
+from dqcontrol.plants.servo.servo_file import servo_parameters
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 
 
-def locate_plant_files(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants absolute."""
+def complete_plants(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of files of plants absolute, and put what files of servos hold in their place.
+
+    What a spec says besides ``file`` counts in place of what the file says.
+    """
     for plant, key in _plants(data):
         plant[key] = str((folder / plant[key]).resolve())
+    for plant in _plant_tables(data):
+        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
+            own = {key: value for key, value in plant.items() if key != "file"}
+            held = servo_parameters(folder / plant["file"])
+            plant.clear()
+            plant.update(held | own)
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -106,11 +116,16 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
 
 
 def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    several = data.get("plants")
-    for plant in [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]:
-        for key in _file_keys().get(str(plant.get("kind")), ()) if isinstance(plant, dict) else ():
+    for plant in _plant_tables(data):
+        for key in _file_keys().get(str(plant.get("kind")), ()):
             if isinstance(plant.get(key), str):
                 yield plant, key
+
+
+def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    several = data.get("plants")
+    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
+    yield from (plant for plant in plants if isinstance(plant, dict))
 
 
 @cache

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.errors import as_positive
+from dqcontrol.errors import ShapeError, as_positive
 from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
@@ -125,6 +125,8 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     Error
         If a parameter is out of range, or there is sag.
     """
+    if not isinstance(plant.delay, int | float):
+        raise ShapeError(f"plant.delay: expected one number with mobile bases, got {plant.delay}")
     driven = body.in_form("constrained") if isinstance(body, WholeBody) else body
     is_base, p = base_coordinates(body), driven.input_size
     moved_by, place = np.flatnonzero(~is_base[driven.input_coordinates]), np.flatnonzero(is_base)
