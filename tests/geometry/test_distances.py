@@ -186,7 +186,7 @@ def test_nearly_parallel_capsules_against_brute_force():
     for angle in (0.0, 1e-14, 1e-10, 1e-7, 1e-5, 1e-3):
         a = geometry.Capsule([0, 0, 0], [1, 0, 0], 0.1)
         start = np.array([rng.uniform(-1.5, 1), 0.3, rng.uniform(-0.2, 0.2)])
-        b = geometry.Capsule(start, start + [np.cos(angle), 0, np.sin(angle)], 0.05)
+        b = geometry.Capsule(start, start + np.array([np.cos(angle), 0, np.sin(angle)]), 0.05)
         found = geometry.distance(a, b)
         check_points(found)
         assert abs(found.distance - brute_force(a, b)) < 1e-9

@@ -33,9 +33,7 @@ def solve(flat, n, m, sets=None, limit=500):
     if sets is None:
         sets = np.zeros((count, room + 2), np.intp)
     answers = np.empty((count, 3 * n + m))
-    active_set.solve_programs(
-        flat, n, m, limit, answers, sets, np.empty(active_set.scratch_size(n, m, room))
-    )
+    active_set.solve_programs(flat, n, m, limit, answers, sets, np.empty(active_set.scratch_size(n, m, room)))
     return answers, sets, sets[:, -1]
 
 
@@ -65,3 +63,47 @@ def optimality(flat, answers, n, m):
         signs = min(y[free].min(initial=0), up.min(), low.min())
         worst = np.maximum(worst, [-kept, -signs / scale, np.abs(balance).max() / scale, rest / scale])
     return worst
+
+
+def degenerate_levels(rng, n=14):
+    """Return levels, rows, bounds and equations: contradictory walls, a task of lost rank, one that depends on both."""
+    walls = rng.normal(size=(8, 3)) @ rng.normal(size=(3, n))
+    walls[6:] = -walls[:2] * rng.choice([1.0, 0.1, 10.0])  # from both sides, too near each other
+    task = rng.normal(size=(6, 4)) @ rng.normal(size=(4, n))
+    posture = np.vstack([rng.normal(size=(5, n)), task[:2] + walls[:2], np.zeros((1, n)), 2 * task[:1]])
+    rows = np.vstack([walls, task, posture])
+    levels = np.repeat([0, 1, 2], [8, 6, 9])
+    bounds = rng.normal(size=len(rows)) * rng.choice([0.1, 1.0])
+    bounds[6:8] = -bounds[:2] * np.linalg.norm(walls[6]) / np.linalg.norm(walls[0]) - 0.1
+    return levels, rows, bounds, list(range(8, len(rows)))
+
+
+def packed_levels(levels, rows, bounds, equations, upto, side=1.0):
+    """Return a packed program of the rows of the first levels, with u inside ±side."""
+    kept = levels < upto
+    m, n = int(kept.sum()), rows.shape[1]
+    flat = np.zeros(active_set.program_size(n, m))
+    program = active_set.unpack_program(flat, n, m)
+    program.hessian[:] = np.eye(n)
+    program.columns[:], program.bounds[:] = rows[kept].T, bounds[kept]
+    program.equal[equations[: m - (len(rows) - len(equations))]] = 1
+    program.lower[:], program.upper[:] = -side, side
+    return flat, levels[kept].astype(np.intp), n, m
+
+
+def solve_levels(flat, levels, n, m):
+    """Return u and the status."""
+    room = active_set.room_for(n, m, soft=True)
+    u, scratch = np.zeros(n), np.empty(active_set.scratch_size(n, m, room))
+    chosen = np.zeros(room + 2, np.intp)
+    count = int(levels.max(initial=-1)) + 1
+    status = active_set.solve_levels(flat, levels, count, n, m, 500, np.empty_like(flat), u, chosen, scratch)
+    return u, status
+
+
+def squares_by_level(levels, rows, bounds, equations, u):
+    """Return half the sum of the squares of the violations of each level."""
+    violation = rows @ u - bounds
+    inequality = np.setdiff1d(np.arange(len(rows)), equations)
+    violation[inequality] = np.maximum(violation[inequality], 0)
+    return np.array([np.sqrt((violation[levels == k] ** 2).sum()) for k in range(int(levels.max()) + 1)])

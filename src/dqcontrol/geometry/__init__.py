@@ -1,6 +1,6 @@
 """Shapes in space: their signed distances, with points, normals and Jacobians; and capsules around points."""
 
-from dqcontrol.geometry.signed_distance import Distance, distance, distance_jacobian, distance_rate
+from dqcontrol.geometry.bounding_capsule import bounding_capsule
 from dqcontrol.geometry.shapes import (
     Box,
     Capsule,
@@ -12,6 +12,7 @@ from dqcontrol.geometry.shapes import (
     Shape,
     Sphere,
 )
+from dqcontrol.geometry.signed_distance import Distance, distance, distance_jacobian, distance_rate
 
 __all__ = [
     "Box",
@@ -24,6 +25,7 @@ __all__ = [
     "Point",
     "Shape",
     "Sphere",
+    "bounding_capsule",
     "distance",
     "distance_jacobian",
     "distance_rate",

@@ -331,7 +331,7 @@ def _leaving_box(p, d, low, high, h):
         ex = 2.0 * h[0] if edge == 0 else 0.0
         ey = 2.0 * h[1] if edge == 1 else 0.0
         ez = 2.0 * h[2] if edge == 2 else 0.0
-        s_best, t = nearest_parameters(
+        s_best, _ = nearest_parameters(
             p[0] - qx, p[1] - qy, p[2] - qz, d[0], d[1], d[2], low, high, ex, ey, ez, 0.0, 1.0
         )
     cx, cy, cz = p[0] + s_best * d[0], p[1] + s_best * d[1], p[2] + s_best * d[2]

@@ -279,7 +279,7 @@ class Plane(Shape):
 
     @property
     def dual_quaternion(self) -> algebra.DualQuaternion:
-        """n + ε offset; a motion x = P + εD takes it to x♯ (n + ε offset) x*, x♯ = P − εD."""
+        """Plane n + ε offset; a motion x = P + εD takes it to x♯ (n + ε offset) x*, x♯ = P − εD."""
         return algebra.DualQuaternion([0.0, *self.normal, self.offset, 0.0, 0.0, 0.0])
 
     def _carried(self, rotation: Array, position: Array) -> Self:

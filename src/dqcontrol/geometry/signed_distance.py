@@ -44,8 +44,8 @@ def distance(a: Shape, b: Shape) -> Distance:
 
     The distance is exact apart from rounding, in penetration too (of round shapes, and of boxes with boxes, capsules
     and planes). Where several pairs of points are nearest (parallel capsules, a capsule along a face), one of them is
-    given. Where the cores of two round shapes cross, the normal is across both cores, or any that is across if there are
-    many, and away from the middle of b.
+    given. Where the cores of two round shapes cross, the normal is across both cores, or any that is across if there
+    are many, and away from the middle of b.
 
     Parameters
     ----------
@@ -88,8 +88,8 @@ def distance_jacobian(
 ) -> Array:
     """Return the row J_d with ḋ = J_d u, for shapes that links carry.
 
-    J_d = n·(J_a(c) − J_b(c)) = (c × n, n)·(J_ω,a − J_ω,b), with the twist Jacobians' columns [ω ; ṗ + p × ω] and any point
-    c of the line on which both witness points lie.
+    J_d = n·(J_a(c) − J_b(c)) = (c × n, n)·(J_ω,a − J_ω,b), with the twist Jacobians' columns [ω ; ṗ + p × ω] and any
+    point c of the line on which both witness points lie.
 
     Parameters
     ----------

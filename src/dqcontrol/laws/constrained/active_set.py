@@ -3,13 +3,13 @@
     min ½ uᵀHu + gᵀu,  rows u ≤ bounds (some of them =),  lower ≤ u ≤ upper
 
 as Goldfarb and Idnani (1983) step and as DAQP (Arnström, Bemporad, Axehill 2022) keeps what is active: with H = LLᵀ,
-m_i = L⁻¹a_i and the set W of active constraints, the multipliers solve G y = c, G = M_W M_Wᵀ, whose LDLᵀ factor grows and
-shrinks by a line, and u = u₀ − L⁻ᵀM_Wᵀy. The multipliers are never negative, the dual objective only grows, so that no set
-returns. A *soft* row may give way: it costs ½ s²/softness, which adds its softness to G's diagonal; G is then regular even
-where more rows press than there are inputs, and the violation is s = softness · y.
+m_i = L⁻¹a_i and the set W of active constraints, the multipliers solve G y = c, G = M_W M_Wᵀ, whose LDLᵀ factor grows
+and shrinks by a line, and u = u₀ − L⁻ᵀM_Wᵀy. Multipliers are never negative and the dual objective only grows, so that
+no set returns. A *soft* row may give way: it costs ½ s²/softness, which adds its softness to G's diagonal; G is then
+regular even where more rows press than there are inputs, and the violation is s = softness · y.
 
-Constraints have numbers: i < m the rows, m + k the upper, m + n + k the lower bound of u_k. A set is an array of integers,
-its size first.
+Constraints have numbers: i < m the rows, m + k the upper, m + n + k the lower bound of u_k. A set is an array of
+integers, its size first.
 """
 
 from __future__ import annotations
@@ -111,6 +111,11 @@ def scratch_size(n: int, m: int, room: int) -> int:
     return n * n + 5 * n + room * (n + room + 6) + m
 
 
+def _in_order(function):
+    """Mark a small function whose sums stay in order."""
+    return inline(function, fastmath={"contract", "nsz"})
+
+
 @inline
 def unpack_program(flat, n, m):
     """Return the parts of a program by name."""
@@ -128,7 +133,7 @@ def unpack_program(flat, n, m):
     )
 
 
-@inline
+@_in_order
 def unpack_scratch(flat, n, m, room):
     """Return the parts of the work memory by name."""
     i = n * n
@@ -154,7 +159,7 @@ def unpack_scratch(flat, n, m, room):
     )
 
 
-@inline
+@_in_order
 def invert_factor(hessian, inverse, n):
     """Write L⁻¹ of H = LLᵀ; return False unless H is positive definite."""
     for j in range(n):
@@ -183,7 +188,7 @@ def invert_factor(hessian, inverse, n):
     return True
 
 
-@inline
+@_in_order
 def _to_center(program, memory, n):
     """Write u₀ = −L⁻ᵀL⁻¹g."""
     for i in range(n):
@@ -198,7 +203,7 @@ def _to_center(program, memory, n):
             memory.center[i] += memory.inverse[k, i] * value
 
 
-@inline
+@_in_order
 def _load(program, memory, p, n, m):
     """Write m_p of constraint p; return |m_p|² with its softness, and how much u₀ violates it."""
     if p < m:
@@ -229,7 +234,7 @@ def _load(program, memory, p, n, m):
     return square, violation
 
 
-@inline
+@_in_order
 def _append(memory, chosen, q, p, square, violation, n):
     """Add constraint p, as loaded, as the active one number q; return False if it depends on the others."""
     line = memory.factor[q]
@@ -258,7 +263,7 @@ def _append(memory, chosen, q, p, square, violation, n):
     return True
 
 
-@shared
+@_in_order
 def _remove(memory, chosen, q, out, n):
     """Take the active constraint number `out` of q away: a rank-one update of what comes after it."""
     alpha = memory.pivots[out]
@@ -294,7 +299,7 @@ def _remove(memory, chosen, q, out, n):
         memory.forward[i] = value
 
 
-@inline
+@_in_order
 def _back(memory, q, values):
     """Solve Lᵀv = v in place."""
     for i in range(q - 1, 0, -1):
@@ -303,7 +308,7 @@ def _back(memory, q, values):
             values[k] -= memory.factor[i, k] * value
 
 
-@inline
+@_in_order
 def _multipliers(memory, q):
     """Write what solves G y = c as the trial."""
     for j in range(q):
@@ -311,7 +316,18 @@ def _multipliers(memory, q):
     _back(memory, q, memory.trial)
 
 
-@inline
+@_in_order
+def _fill_residuals(program, memory, u, n, m):
+    """Write rows u − bounds."""
+    for i in range(m):
+        memory.residual[i] = -program.bounds[i]
+    for k in range(n):
+        value, column = u[k], program.columns[k]
+        for i in range(m):
+            memory.residual[i] += value * column[i]
+
+
+@_in_order
 def _follow(program, memory, q, n, m, u):
     """Write u of the multipliers, and the residuals of all rows."""
     if q == 0:
@@ -330,15 +346,10 @@ def _follow(program, memory, q, n, m, u):
             value = memory.shift[k]
             for i in range(k + 1):
                 u[i] -= memory.inverse[k, i] * value
-    for i in range(m):
-        memory.residual[i] = -program.bounds[i]
-    for k in range(n):
-        value, column = u[k], program.columns[k]
-        for i in range(m):
-            memory.residual[i] += value * column[i]
+    _fill_residuals(program, memory, u, n, m)
 
 
-@inline
+@_in_order
 def _own_residual(program, memory, chosen, j, u, n, m):
     """Return a u − b − s of an active constraint, which should be zero."""
     p = chosen[1 + j]
@@ -349,16 +360,20 @@ def _own_residual(program, memory, chosen, j, u, n, m):
     return program.lower[p - m - n] - u[p - m - n]
 
 
+@_in_order
+def _is_off(program, memory, chosen, q, u, n, m):
+    """Write what active constraints are off as the trial; return whether one is more than rounding."""
+    worst = 0.0
+    for j in range(q):
+        memory.trial[j] = _own_residual(program, memory, chosen, j, u, n, m)
+        worst = max(worst, abs(memory.trial[j]))
+    return worst > _REFINED
+
+
 @shared
 def _refine(program, memory, chosen, q, u, n, m):
-    """Correct the multipliers by what the active constraints are off; twice at most."""
+    """Correct the multipliers by what active constraints are off, which is the trial; twice at most."""
     for _ in range(2):
-        worst = 0.0
-        for j in range(q):
-            memory.trial[j] = _own_residual(program, memory, chosen, j, u, n, m)
-            worst = max(worst, abs(memory.trial[j]))
-        if worst <= _REFINED:
-            return
         for i in range(q):
             value = memory.trial[i]
             for k in range(i):
@@ -367,12 +382,21 @@ def _refine(program, memory, chosen, q, u, n, m):
         for j in range(q):
             memory.trial[j] *= memory.reciprocals[j]
         _back(memory, q, memory.trial)
+        for i in range(n):
+            memory.shift[i] = 0.0
         for j in range(q):
             memory.multipliers[j] += memory.trial[j]
-        _follow(program, memory, q, n, m, u)
+            for i in range(n):
+                memory.shift[i] += memory.trial[j] * memory.active[j, i]
+        for k in range(n):  # by the correction alone: large multipliers would lose it in their rounding
+            for i in range(k + 1):
+                u[i] -= memory.inverse[k, i] * memory.shift[k]
+        _fill_residuals(program, memory, u, n, m)
+        if not _is_off(program, memory, chosen, q, u, n, m):
+            return
 
 
-@inline
+@_in_order
 def _most_violated(program, memory, chosen, q, u, n, m):
     """Return the constraint that is violated most and beyond the tolerance, −1 if none is, and how much."""
     for j in range(q):
@@ -394,15 +418,15 @@ def _most_violated(program, memory, chosen, q, u, n, m):
     return found, worst
 
 
-@inline
+@_in_order
 def _is_active(chosen, q, p):
+    found = False
     for j in range(q):
-        if chosen[1 + j] == p:
-            return True
-    return False
+        found = found or chosen[1 + j] == p
+    return found
 
 
-@shared
+@_in_order
 def _start(program, memory, chosen, n, m):
     """Make all equations active that are independent, then what was active before; return how many of each."""
     before, room = chosen[0], memory.pivots.shape[0]
@@ -439,7 +463,7 @@ def _start(program, memory, chosen, n, m):
     return fixed, q, skipped
 
 
-@inline
+@_in_order
 def _row_residual(program, p, u, n):
     value = -program.bounds[p]
     for k in range(n):
@@ -448,21 +472,26 @@ def _row_residual(program, p, u, n):
 
 
 @shared
+def _size(program, p, n, m):
+    """Return 1 + |bound| + |a|₁ of a constraint: what its violation is to be compared with."""
+    if p >= m + n:
+        return 2.0 + abs(program.lower[p - m - n])
+    if p >= m:
+        return 2.0 + abs(program.upper[p - m])
+    size = 1.0 + abs(program.bounds[p])
+    for k in range(n):
+        size += abs(program.columns[k, p])
+    return size
+
+
+@shared
 def _off(program, u, n, m):
-    """Return how far the worst equation is off, relative to 1 + |bound|; equations that depend on others count too."""
+    """Return how far the worst equation is off, relative to its size; those that depend on others count too."""
     worst = 0.0
     for p in range(m):
         if program.equal[p] > _EQUAL and program.softness[p] == 0.0:
-            worst = max(worst, abs(_row_residual(program, p, u, n)) / (1.0 + abs(program.bounds[p])))
+            worst = max(worst, abs(_row_residual(program, p, u, n)) / _size(program, p, n, m))
     return worst
-
-
-@inline
-def _bound(program, p, n, m):
-    """Return the bound of a constraint."""
-    if p < m:
-        return program.bounds[p]
-    return program.upper[p - m] if p < m + n else program.lower[p - m - n]
 
 
 @shared
@@ -474,9 +503,12 @@ def _make_way(memory, fixed, q):
     for j in range(q):
         memory.trial[j] = memory.factor[q, j]
     _back(memory, q, memory.trial)
+    largest = 0.0
+    for j in range(q):
+        largest = max(largest, abs(memory.trial[j]))
     step, out = math.inf, -1
     for j in range(fixed, q):
-        if memory.trial[j] > 1e-13 and memory.multipliers[j] < step * memory.trial[j]:
+        if memory.trial[j] > 1e-10 * largest and memory.multipliers[j] < step * memory.trial[j]:
             step, out = memory.multipliers[j] / memory.trial[j], j
     if out >= 0:
         for j in range(q):
@@ -484,14 +516,19 @@ def _make_way(memory, fixed, q):
     return out, step
 
 
-@inline
+@_in_order
 def solve_centered(program, memory, chosen, n, m, limit, u):
     """Solve with L⁻¹ and u₀ given, from the set given; return the status.
 
-    At the limit of iterations, and where no answer exists, u violates constraints: the caller says what then. Where none
-    exists, the set is that of a contradiction: its last, beyond its size, cannot be kept together with the others.
+    At the limit of iterations, and where no answer exists, u violates constraints: the caller says what then. Where
+    none exists, the set is that of a contradiction: its last, beyond its size, cannot be kept together with the others.
     """
-    fixed, q, skipped = _start(program, memory, chosen, n, m)
+    fixed, q, skipped = 0, 0, False
+    equations = 0.0
+    for p in range(m):
+        equations += program.equal[p]
+    if chosen[0] > 0 or equations > 0.0:
+        fixed, q, skipped = _start(program, memory, chosen, n, m)
     room = memory.pivots.shape[0]
     status, fresh = LIMIT, True
     for _ in range(limit):
@@ -513,7 +550,8 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
                 memory.multipliers[j] = memory.trial[j]
         fresh = False
         _follow(program, memory, q, n, m, u)
-        _refine(program, memory, chosen, q, u, n, m)
+        if _is_off(program, memory, chosen, q, u, n, m):
+            _refine(program, memory, chosen, q, u, n, m)
         p, worst = _most_violated(program, memory, chosen, q, u, n, m)
         if p < 0:
             status = SOLVED
@@ -521,11 +559,14 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
         gathered = 0.0
         while True:
             square, violation = _load(program, memory, p, n, m)
-            if q < room and _append(memory, chosen, q, p, square, violation, n):
+            if q == room:  # more than can be independent: rounding has let some through
+                status = INFEASIBLE
+                break
+            if _append(memory, chosen, q, p, square, violation, n):
                 memory.multipliers[q] = gathered
                 q += 1
                 break
-            if gathered == 0.0 and worst <= _CONSISTENT * (1.0 + abs(_bound(program, p, n, m))):
+            if worst <= _CONSISTENT * _size(program, p, n, m):
                 status = SOLVED  # a copy of active ones, as near as rounding lets it be
                 break
             out, step = _make_way(memory, fixed, q)
@@ -543,7 +584,7 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
     return status
 
 
-@inline
+@_in_order
 def solve(program, memory, chosen, n, m, limit, u):
     """Solve a program from the set given; return the status."""
     if not invert_factor(program.hessian, memory.inverse, n):
@@ -574,13 +615,25 @@ def solve_programs(programs, n, m, limit, answers, sets, scratch):
 
 
 @shared
+def _solve_again(program, memory, chosen, n, m, limit, u):
+    """Solve as `solve_centered`, once more from no set if that fails."""
+    status = LIMIT
+    for _ in range(2):
+        status = solve_centered(program, memory, chosen, n, m, limit, u)
+        if status == SOLVED:
+            break
+        chosen[0] = 0
+    return status
+
+
+@shared
 def _least_squares(program, memory, chosen, n, m, limit, u):
     """Minimise the squares of the soft rows' violations, whatever their rank: u₀ follows u until it rests.
 
     Each round minimises |s|²/ρ² + |u − u₀|² (proximal point); the violation ends where no round changes it.
     """
     for _ in range(_ROUNDS):
-        status = solve_centered(program, memory, chosen, n, m, limit, u)
+        status = _solve_again(program, memory, chosen, n, m, limit, u)
         if status != SOLVED:
             return status
         moved, size = 0.0, 0.0
@@ -613,7 +666,7 @@ def _set_level(given, program, levels, level, n, m):
 
 @shared
 def _keep_level(program, levels, level, u, n, m):
-    """Let later levels violate the rows of this one no more than they are: equations and violated rows stay as they are."""
+    """Let later levels violate the rows of this one no more: equations and violated rows stay as they are."""
     for p in range(m):
         if levels[p] == level:
             violation = _row_residual(program, p, u, n)
@@ -633,8 +686,8 @@ LEVELS = STATUS(READ, types.Array(types.intp, 1, "C", readonly=True), STATUS, ST
 def solve_levels(flat, levels, count, n, m, limit, work, u, chosen, scratch):
     """Solve a program whose rows give way level by level; return the status.
 
-    The bounds of the inputs hold always. Of the rows, first the squares of the violations of level 0 are minimised, then
-    those of level 1 as far as level 0 loses nothing, and so on; what is left free minimises the program's objective.
+    The bounds of the inputs hold always. Of the rows, first the squares of the violations of level 0 are minimised,
+    then those of level 1 as far as level 0 loses nothing, and so on; what is left free minimises the objective.
     ``work`` has the program's size. If a level cannot be solved, the answer is that of the level before.
     """
     given, program = unpack_program(flat, n, m), unpack_program(work, n, m)
@@ -656,7 +709,10 @@ def solve_levels(flat, levels, count, n, m, limit, work, u, chosen, scratch):
         _keep_level(program, levels, level, u, n, m)
     for i in range(n):  # what is given back if the last program fails
         memory.last[i] = u[i] if count else memory.center[i]
-    status = solve(program, memory, chosen, n, m, limit, u)
+    status = INDEFINITE
+    if invert_factor(program.hessian, memory.inverse, n):
+        _to_center(program, memory, n)
+        status = _solve_again(program, memory, chosen, n, m, limit, u)
     if status != SOLVED:
         for i in range(n):
             u[i] = memory.last[i]

@@ -111,8 +111,8 @@ def quadratic_program(
     Notes
     -----
     D. Goldfarb, A. Idnani, A numerically stable dual method for solving strictly convex quadratic programs,
-    Mathematical Programming 27, 1983; D. Arnström, A. Bemporad, D. Axehill, A dual active-set solver for embedded quadratic
-    programming using recursive LDLᵀ updates, IEEE TAC 67, 2022. In `laws.constrained.active_set`.
+    Mathematical Programming 27, 1983; D. Arnström, A. Bemporad, D. Axehill, A dual active-set solver for embedded
+    quadratic programming using recursive LDLᵀ updates, IEEE TAC 67, 2022.
 
     Examples
     --------
@@ -164,8 +164,8 @@ def lexicographic_program(
 ) -> LevelSolution:
     """Minimise violations level by level, then ½ uᵀHu + gᵀu: there is always an answer inside lower and upper.
 
-    First the squares of the violations of the rows of level 0 are minimised, then those of level 1 as far as level 0 loses
-    nothing, and so on. Violations of the least squares are unique, so later levels keep each row as it is: its
+    First the squares of the violations of the rows of level 0 are minimised, then those of level 1 as far as level 0
+    loses nothing, and so on. Violations of the least squares are unique, so later levels keep each row as it is: its
     bound, moved by its violation, becomes an equation.
 
     Parameters
@@ -173,8 +173,8 @@ def lexicographic_program(
     levels
         Level of each row, shape (m,): 0 comes first.
     rows, bounds
-        rows u ≤ bounds, shapes (m, n) and (m,), n ≤ 30, in any order. Within a level a violation counts by its size: let rows
-        of a level have one unit.
+        rows u ≤ bounds, shapes (m, n) and (m,), n ≤ 30, in any order. Within a level a violation counts by its size:
+        let rows of a level have one unit.
     lower, upper
         Bounds of u that hold always, shape (n,); none if omitted.
     equalities
@@ -226,6 +226,10 @@ def lexicographic_program(
         if not 0 <= index < m:
             raise ValueRangeError(f"equalities: expected numbers of rows, 0 … {m - 1}, got {index}")
         program.equal[index] = 1.0
+        if not np.isfinite(program.bounds[index]):
+            raise ValueRangeError(
+                f"bounds: of equations must be finite, got {program.bounds[index]} of row {index}"
+            )
     order = np.unique(given)
     u, status = _by_levels(flat, np.searchsorted(order, given).astype(np.intp), len(order), n, m)
     if status == active_set.INDEFINITE:
