@@ -1,8 +1,7 @@
 """Loops on the clock and robots driven by keys, interrupted, killed or frozen at random moments.
 
-Their robot writes down what it is told, in a process of its own for each trial; what is judged are these words and their
-number, not how soon a busy machine lets them come. So many trials as LOSSES in the environment says; each was once done
-200 times.
+Their robot writes down what it is told, in a process of its own for each trial; what is judged are these words and
+their number, not how soon a busy machine lets them come. So many trials as LOSSES in the environment says.
 """
 
 import os
@@ -168,6 +167,7 @@ def test_interrupted_killed_or_frozen_it_never_leaves_its_robot_moving_nor_lunge
         ratios.append(speeds[at - 1 :].max(initial=0.0) / max(SPEED, speeds[:at].max()))
         assert ratios[-1] <= 1.1, f"{about}: {ratios[-1]:.3f} times as fast as before"
         counts[number.name] += 1
+        print(f"{kind} {about}: {ratios[-1]:.3f} of its speed", flush=True)
         if number == signal.SIGKILL:
             assert code == -9
             continue
@@ -179,6 +179,6 @@ def test_interrupted_killed_or_frozen_it_never_leaves_its_robot_moving_nor_lunge
             steps.append(int(np.flatnonzero(after.any(axis=1))[-1]) + 1 if after.any() else 0)
             assert steps[-1] <= STEPS_TO_REST, f"{about}: {steps[-1]} steps to rest"
     print(
-        f"{kind}: {dict(counts)}, {by_itself} stopped by themselves before; {len(steps)} freezes end at rest within {max(steps, default=0)} steps; hand at most "
-        f"{max(ratios):.3f} of its speed; load {os.getloadavg()[0]:.0f}"
+        f"{kind}: {dict(counts)}, {by_itself} stopped by themselves before; {len(steps)} freezes end at rest within "
+        f"{max(steps, default=0)} steps; hand at most {max(ratios):.3f} of its speed; load {os.getloadavg()[0]:.0f}"
     )

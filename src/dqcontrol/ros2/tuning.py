@@ -62,7 +62,7 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
 def retune(
     loaded: Loaded, numbers: Mapping[str, float], *, active: bool, allow_unstable: bool
 ) -> tuple[bool, bool, str]:
-    """Change law, supervisor and speeds; return whether law and supervisor did, and why the law cannot be judged, if so.
+    """Change law, supervisor and speeds; return whether law and supervisor did, and why that law cannot be judged.
 
     Parameters
     ----------

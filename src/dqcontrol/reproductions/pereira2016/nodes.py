@@ -161,7 +161,7 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
 
 
 def _end_with_parent() -> None:
-    """Ask for SIGTERM when the launching process is killed, on Linux: a robot does not move on with nobody to stop it."""
+    """Ask for SIGTERM when the launching process is killed, on Linux: no robot moves on with nobody to stop it."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # a C library without it
             ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
