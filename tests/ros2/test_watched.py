@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 
 from forks import Forks
 from geometry_msgs.msg import WrenchStamped
-from nodes import PATIENCE, PATIENT, read_until
+from nodes import PATIENT, read_until
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
@@ -233,7 +233,13 @@ def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, s
     words, moved = (kind, path), 0
     if kind == "controller":
         start("robot", path, until="serves")
-        words = (*words, "--autostart", *PATIENT, "-p", "start_tolerance:=3.0")  # whoever was before left it anywhere
+        words = (
+            *words,
+            "--autostart",
+            *PATIENT,
+            "-p",
+            "start_tolerance:=3.0",
+        )  # whoever was before left it anywhere
     with Forks(path, tmp_path) as forks:
         for trial in range(count):
             commands.clear()
@@ -248,7 +254,8 @@ def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, s
             code, log = forks.end(child)
             about = f"trial {trial}, {number.name}, background {background}, code {code}:\n{log}"
             # Before there is a node it is 130; before its first line the system may have ended it.
-            assert code in (0, 130) or (code == -number and not log), about
+            stopped_before = code == 2 and "stopped: stop category" in log  # by a machine that was too busy
+            assert code in (0, 130) or stopped_before or (code == -number and not log), about
             for word in ("Traceback", "ignored in", "terminate called"):
                 assert word not in log, about
             if kind == "controller":
