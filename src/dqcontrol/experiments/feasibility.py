@@ -68,7 +68,9 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     best ones; what leaves less counts.
     """
     robot = scene.robot.in_form("constrained") if isinstance(scene.robot, WholeBody) else scene.robot
-    found = [_followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]]
+    found = [
+        _followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]
+    ]
     demands = [demand for demand in found if demand is not None]
     return min(demands, key=lambda demand: (not demand.left.succeeded, demand.left.position), default=None)
 

@@ -12,6 +12,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import Framing
+from dqcontrol.films.link_meshes import LinkMesh, add_meshes, link_meshes, mesh_corners
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
@@ -34,27 +35,30 @@ def film_mobile(robot: Robot, plant: MobilePlant, record: Record) -> Film:
     ShapeError
         If the recording is not of this robot and plant.
     """
+    spec, meshes = plant.picture_model(robot), link_meshes(robot)
+    add_meshes(spec, robot, meshes)
     return Film(
-        plant.picture_model(robot),
-        _framing(robot, plant, record),
+        spec,
+        _framing(robot, plant, record, meshes),
         lambda model: _configurations(robot, plant, record, model),
         azimuth=-110.0,
         elevation=-38.0,
     )
 
 
-def _framing(robot: Robot, plant: MobilePlant, record: Record) -> Framing:
+def _framing(robot: Robot, plant: MobilePlant, record: Record, meshes: list[LinkMesh]) -> Framing:
     """Return the room that holds the robot on its whole way, its goals, and the things around it."""
     things = [[*thing.position, 0.0] for thing in (*plant.scene.cubes, *plant.scene.baskets)]
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
     frames = recorded_frames(robot, record, some)[:, 2:].reshape(-1, 8)
-    points = np.vstack([translation(frames), translation(record.desired[:, :8]), *things])
+    corners = mesh_corners(robot, record.q[some], meshes)
+    points = np.vstack([translation(frames), translation(record.desired[:, :8]), corners, *things])
     margin = np.array([_MARGIN, _MARGIN, 0.0])
     lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
     lower[2] = min(lower[2], 0.0)
     extent = float(np.linalg.norm(upper - lower))
     height = float(upper[2] - lower[2])
-    return Framing(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent + 0.6 * height)
+    return Framing(extent, 0.0, 0.5 * (lower + upper), 0.95 * extent + 0.6 * height, stands=True)
 
 
 def _configurations(robot: Robot, plant: MobilePlant, record: Record, model: Any) -> NDArray[np.float64]:
