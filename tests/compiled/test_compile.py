@@ -1,5 +1,6 @@
 """The cache of compiled code, each time in a process of its own."""
 
+import errno
 import os
 import shutil
 import subprocess
@@ -7,8 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core.caching import FunctionCache
 
 import dqcontrol
+from dqcontrol.compiled import kernel_cache
+from dqcontrol.errors import CacheWarning
 
 PACKAGE = Path(dqcontrol.__file__).parent
 CALL = """
@@ -137,6 +141,18 @@ def test_without_a_writable_cache_it_works_and_warns_once(tmp_path, where):
     assert "kernels are compiled anew in each process; set DQCONTROL_CACHE to a writable folder" in warned
     assert str(inside) in warned
     assert file.read_text() == "in the way"
+
+
+def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
+    def save(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(FunctionCache, "save_overload", save)
+    monkeypatch.setattr(kernel_cache, "_warned", False)
+    cache = object.__new__(kernel_cache.KernelCache)
+    with pytest.warns(CacheWarning, match="kernels are compiled anew in each process"):
+        cache.save_overload(None, None)
+    cache.save_overload(None, None)  # says no more
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENCE, PATIENT
+from nodes import PATIENCE, PATIENT
 
 import dqcontrol as dqc
 from dqcontrol.ros2.interfaces import COMMANDS

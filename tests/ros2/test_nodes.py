@@ -13,8 +13,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENCE, PATIENT, read_until
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from nodes import PATIENCE, PATIENT, read_until
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState

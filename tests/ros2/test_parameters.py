@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import NODES, PATIENCE, read_until
+from nodes import NODES, PATIENCE, read_until
 from rclpy.parameter import Parameter
 
 from dqcontrol.errors import Error

@@ -15,8 +15,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENCE, PATIENT, read_until
 from geometry_msgs.msg import WrenchStamped
+from nodes import PATIENCE, PATIENT, read_until
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray

@@ -149,6 +149,13 @@ class KernelCache(FunctionCache):
 
     _impl_class = _Implementation
 
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            _warn_unwritable()
+
 
 def state() -> tuple[Path, bool, int]:
     """Return the cache folder, whether it can be written, and how many kernels lie in it."""
@@ -168,20 +175,26 @@ def clear(module: str) -> bool:
 
 def announce(function: Callable[..., Any]) -> None:
     """Say, once in a process, that a kernel is compiled, or that the cache cannot keep it."""
-    global _warned, _announced
+    global _announced
     if root() is None:
-        if not _warned:
-            _warned = True
-            warnings.warn(
-                f"cannot write to {_root()}: kernels are compiled anew in each process; "
-                "set DQCONTROL_CACHE to a writable folder",
-                CacheWarning,
-                stacklevel=5,
-            )
+        _warn_unwritable()
     elif not _announced and not any(_folder(function.__module__).glob(f"*{function.__name__}-*.nbi")):
         _announced = True
         print(
             "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
+        )
+
+
+def _warn_unwritable() -> None:
+    """Say, once in a process, that kernels cannot be kept."""
+    global _warned
+    if not _warned:
+        _warned = True
+        warnings.warn(
+            f"cannot write to {_root()}: kernels are compiled anew in each process; "
+            "set DQCONTROL_CACHE to a writable folder",
+            CacheWarning,
+            stacklevel=6,
         )
 
 

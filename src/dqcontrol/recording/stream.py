@@ -112,7 +112,7 @@ class RecordStream:
         Raises
         ------
         Error
-            If the file could not be written.
+            If the file could not be written; it also says why the motion ended, if that was not for it.
         """
         if self._end.is_set():
             return
@@ -132,7 +132,8 @@ class RecordStream:
             with suppress(OSError):  # said already
                 self._file.close()
         if self.failure:
-            raise Error(f"{self.path}: {self.failure}")
+            other = f"; the motion ended with: {stopped}" if stopped and self.failure not in stopped else ""
+            raise Error(f"{self.path}: {self.failure}{other}")
 
     def __enter__(self) -> RecordStream:
         return self
