@@ -112,7 +112,7 @@ def test_an_arm_with_five_joints_is_told_before_and_after():
 
 
 def test_a_path_to_the_side_of_a_base_is_told_before(tmp_path):
-    """The arm moves in the plane of the wheels' motion only, so the hand cannot keep its heading on the way sideways."""
+    """The arm moves in the plane of the wheels' motion only: sideways the hand cannot keep its heading."""
     links = "".join(
         f"  - {{name: j{i}, dh: {{theta: 0, d: 0, a: {a}, alpha: 0}}, limits: {{velocity: 100}}}}\n"
         for i, a in enumerate([0.3, 0.3, 0.2, 0.1])

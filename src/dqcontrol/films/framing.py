@@ -51,10 +51,5 @@ def framing_of_arm(robot: Robot, q: Array, points: Array, meshes: list[LinkMesh]
     else:
         floor = min(0.0, lower[2] - 0.06 * reach) if lower[2] < -0.01 * reach else 0.0
     distance = 1.45 * float(np.linalg.norm(upper - lower)) + 0.2 * reach
-    return Framing(
-        reach,
-        floor,
-        0.5 * (lower + upper),
-        distance,
-        bool(len(corners)) and corners[:, 2].min() < 0.01 * reach + floor,
-    )
+    stands = bool(len(corners)) and bool(corners[:, 2].min() < floor + 0.01 * reach)
+    return Framing(reach, floor, 0.5 * (lower + upper), distance, stands)
