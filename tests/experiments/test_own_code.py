@@ -11,6 +11,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.sweep import read_sweep
 from dqcontrol.extensions import POLICY, REFUSED
 
@@ -169,6 +170,17 @@ def test_the_command_line_says_first_that_it_runs_code_and_refuses_it_on_request
         assert refused.returncode == 2
         assert refused.stderr.count("\n") == 1
         assert "mine.py:transpose" in refused.stderr
+
+
+def test_every_spec_says_which_code_it_brings_and_says_it_again_of_changed_code(folder, capsys):
+    (folder / "second.yaml").write_text(SPEC.replace("mine.py", "yours.py"))
+    (folder / "yours.py").write_text(CODE)
+    told = []
+    for name, change in (("spec", ""), ("spec", ""), ("second", ""), ("second", "\n# changed\n")):
+        (folder / "yours.py").write_text(CODE + change)
+        read_spec(folder / f"{name}.yaml")
+        told.append(capsys.readouterr().err.count("dqcontrol: runs code of"))
+    assert told == [1, 0, 1, 1]
 
 
 PACKAGE = '''
