@@ -53,18 +53,20 @@ def in_process(path, interface, folder):
 
 
 def follow(start, path, folder, interface):
-    """Follow a reference with two processes; return the controller's log and its mean error, mm."""
+    """Follow a reference with two processes; return the mean error, mm."""
     start("robot", path, "--interface", interface)
     controller = start("controller", path, "--interface", interface, "--autostart", "--out", folder, *PATIENT)
     log, _ = controller.communicate(timeout=PATIENCE)
     assert controller.returncode == 0, log
-    return log, json.loads((folder / "metrics.json").read_text())["position"]["mean"]
+    return json.loads((folder / "metrics.json").read_text())["position"]["mean"]
 
 
-def test_two_processes_follow_a_reference_to_its_end(spec, start, tmp_path):
+def test_two_processes_follow_a_reference_to_its_end(spec, start):
     """On a busy machine commands are late; by how much the error differs on a quiet one the next test says."""
-    log, mean = follow(start, spec(), tmp_path / "run", "velocity")
-    assert mean > 0
+    start("robot", path := spec())
+    controller = start("controller", path, "--autostart", *PATIENT)
+    log, _ = controller.communicate(timeout=PATIENCE)
+    assert controller.returncode == 0, log
     assert "inactive: soft stop" in log
 
 
@@ -79,7 +81,7 @@ def test_two_processes_err_as_one_does(spec, start, tmp_path, loop):
 
         path, interface = tmp_path / "p16.yaml", "trajectory"
         path.write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
-    _, mean = follow(start, path, tmp_path / "run", interface)
+    mean = follow(start, path, tmp_path / "run", interface)
     assert 0.9 < mean / in_process(path, interface, tmp_path / "alone") < 1.1
 
 
