@@ -93,6 +93,7 @@ def test_sweep_over_a_parameter(folder):
     assert sorted(errors, reverse=True) == errors
 
 
+@pytest.mark.slow
 def test_worker_processes_find_the_functions(folder):
     text = SPEC.replace("kind: integrator", "kind: servo, encoder_noise: 1.0e-4") + "repeats: 4\n"
     (folder / "spec.yaml").write_text(text)

@@ -189,6 +189,7 @@ def test_results_are_saved_and_compared_like_runs(run, folder, tmp_path):
     same(evaluate_log(tmp_path / "results"), run)
 
 
+@pytest.mark.slow
 def test_results_without_commands_are_saved_too(run, folder, tmp_path):
     columns = ["time", *run.record.joint_names]
     np.savetxt(

@@ -101,6 +101,7 @@ def test_a_plan_asks_for_nothing_outside(robot):
         assert found.outside.max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
 def test_runs_record_it_and_tables_show_its_share(robot, tmp_path):
     spec = {

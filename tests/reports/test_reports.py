@@ -324,6 +324,7 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
     assert (end.good, kept.good) == (False, False)
 
 
+@pytest.mark.slow
 def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch, capsys):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dqcontrol.figures.save_figures", lambda *_: [])
