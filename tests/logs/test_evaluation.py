@@ -78,7 +78,9 @@ def test_tables_in_degrees_at_an_epoch(run, folder):
     table = np.column_stack([run.time + 1.7e9, np.degrees(run.q)])
     header = "time," + ",".join(f"q{i + 1} [deg]" for i in range(7))
     np.savetxt(folder / "degrees.csv", table, delimiter=",", header=header, fmt="%.17g", comments="")
-    found = evaluate_log(folder / "degrees.csv", "iiwa7", folder / "circle.yaml", skip_initial=0.5, low_pass=0)
+    found = evaluate_log(
+        folder / "degrees.csv", "iiwa7", folder / "circle.yaml", skip_initial=0.5, low_pass=0
+    )
     control = (
         "control.integral",
         "control.mean",
@@ -107,7 +109,9 @@ def test_bags_with_poses_and_commands(run, folder, tmp_path, ros):
         path, "iiwa7", reference_topic="/target", command_topic="/command", skip_initial=0.5, low_pass=0
     )
     same(found, run, 1e-8)
-    table = evaluate_log(folder / "log.csv", "iiwa7", path, reference_topic="/target", skip_initial=0.5, low_pass=0)
+    table = evaluate_log(
+        folder / "log.csv", "iiwa7", path, reference_topic="/target", skip_initial=0.5, low_pass=0
+    )
     same(table, run, 1e-8)
 
 

@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 
 from forks import Forks
 from geometry_msgs.msg import WrenchStamped
-from nodes import PATIENCE, PATIENT, UNHURRIED, read_until
+from nodes import PATIENT, UNHURRIED, read_until
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray

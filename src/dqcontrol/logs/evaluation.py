@@ -183,7 +183,9 @@ def evaluate_log(
     time = data.time[kept] - begin if align else np.maximum(data.time[kept] - begin, 0.0)
     q = data.q[kept]
     if skip_initial is not None and as_positive("skip_initial", skip_initial, zero_allowed=True) > time[-1]:
-        raise ValueRangeError(f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}")
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}"
+        )
     if target is not None:
         desired = target.reference.samples(time + (begin - target.begin if target.begin is not None else 0.0))
     elif data.record is not None:
