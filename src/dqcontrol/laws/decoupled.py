@@ -148,15 +148,10 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     gain
         K in 1/s: a number k for kI, or eight diagonal entries (the first is not used, three for the position, four
         for the orientation), or a `Schedule` of k.
-    integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see `IntegralPoseLaw`. 0 for none.
-    inverse
-        How J is inverted; the default is exact away from singularities.
+    integral_gain, integral_position_limit, integral_orientation_limit, inverse, null_space
+        As of `Proportional`.
     hysteresis
         How far Re(r*r_d) must pass 0 before the sign of r_d flips.
-    null_space
-        Motion preferred where the task leaves freedom.
 
     Examples
     --------

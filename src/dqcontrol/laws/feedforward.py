@@ -69,17 +69,8 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
 
     Parameters
     ----------
-    gain
-        K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
-    integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see `IntegralPoseLaw`. 0 for none.
-    inverse
-        How J is inverted; the default is exact away from singularities.
-    hysteresis
-        x_d and −x_d are the same pose; the sign is changed only when Re(x*x_d) has passed 0 by this much.
-    null_space
-        Motion preferred where the task leaves freedom.
+    gain, integral_gain, integral_position_limit, integral_orientation_limit, inverse, hysteresis, null_space
+        As of `Proportional`.
 
     Examples
     --------

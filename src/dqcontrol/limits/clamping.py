@@ -20,7 +20,6 @@ from dqcontrol.limits.position_limit import (
     input_ranges,
     position_limits,
 )
-from dqcontrol.limits.velocity_limit import velocity_scale
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -28,9 +27,6 @@ if TYPE_CHECKING:
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
-# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while
-# the others make up for them.
-_OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
 
 
@@ -120,18 +116,7 @@ def _follow_lags(kept, q, coordinate, period, longest):
 
 @kernel(POSITION_LIMIT)
 def modified_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law again without the joints that it would drive out of their limits, until it keeps them all.
 
@@ -153,7 +138,7 @@ def modified_clamping(
         is_held[i] = 0.0
     for i in range(law_size):
         state_before[i] = state[i]
-    scale, is_first, again = 1.0, True, True
+    again = True
     while again:  # holds a joint more each time
         status = call_law(
             law,
@@ -162,16 +147,14 @@ def modified_clamping(
             pose_jacobian,
             twist_jacobian,
             sample,
-            law_parameters,
+            law_constants,
             state[0:law_size],
             law_work,
             out,
         )
         if status != OK:
             return status
-        if is_first and velocity.shape[0] > 0:
-            scale = min(1.0, _OVERLOAD * velocity_scale(q, velocity, out))
-        is_first, again = False, False
+        again = False
         worst, most_beyond, bound = -1, 0.0, 0.0
         for i in range(n):
             if is_held[i] != 0.0:
@@ -188,8 +171,8 @@ def modified_clamping(
                 again = True
                 continue
             fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
-            room = upper[i] - above if out[i] > 0.0 else below - lower[i]
-            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0)) / scale
+            distance = upper[i] - above if out[i] > 0.0 else below - lower[i]
+            allowed = min(fastest, max(distance / period * _JUST_SHORT, 0.0))
             beyond = abs(out[i]) - allowed
             if beyond > max(most_beyond, 1e-9 * allowed):
                 worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])
@@ -210,7 +193,7 @@ def modified_clamping(
         fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
         least = max(min((lower[i] - (angle + min(lag, 0.0))) / period * _JUST_SHORT, 0.0), -fastest)
         most = min(max((upper[i] - (angle + max(lag, 0.0))) / period * _JUST_SHORT, 0.0), fastest)
-        out[i] = min(max(out[i] * scale, least), most)
+        out[i] = min(max(out[i], least), most)
     return OK
 
 
@@ -267,18 +250,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
 
 @kernel(POSITION_LIMIT)
 def original_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
@@ -287,7 +259,7 @@ def original_clamping(
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)
     status = call_law(
-        law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
     )
     for i in range(n):
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:

@@ -35,18 +35,7 @@ weighting_work = Layout(WeightingWork, "m", "state")
 
 @kernel(POSITION_LIMIT)
 def weighted_least_norm(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law with J W^(−1/2) and W^(−1/2) z, w = 1 + |∂H| of joints that it drives towards a limit, else 1."""
     n = out.shape[0]
@@ -59,7 +48,7 @@ def weighted_least_norm(
     again = True
     while again:  # weighs a joint more each time
         status = call_law(
-            law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+            law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
         )
         if status != OK:
             return status
