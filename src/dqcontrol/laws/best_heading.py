@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
 
@@ -20,7 +20,7 @@ class HeadingWork(NamedTuple):
     column: Annotated[Array, 6]
 
 
-heading_work = Layout(HeadingWork)
+heading_work = MemoryLayout(HeadingWork)
 
 
 @inline

@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
@@ -42,8 +42,8 @@ class CascadeState(NamedTuple):
     virtual: Annotated[Array, "drives", 3]
 
 
-cascade_parameters = Layout(CascadeParameters, "drives")
-cascade_state = Layout(CascadeState, "columns", "drives")
+cascade_parameters = MemoryLayout(CascadeParameters, "drives")
+cascade_state = MemoryLayout(CascadeState, "columns", "drives")
 
 
 @inline

@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol.algebra.dual_quaternion_kernels import multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.integral import (
     IntegralPoseLaw,
@@ -39,7 +39,7 @@ class ClassicWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-classic_work = Layout(ClassicWork, "m")
+classic_work = MemoryLayout(ClassicWork, "m")
 
 
 @inline

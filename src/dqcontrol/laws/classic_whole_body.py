@@ -8,7 +8,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW
@@ -39,8 +39,8 @@ class WholeBodyWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("columns")]
 
 
-whole_body_parameters = Layout(WholeBodyParameters, "drives")
-whole_body_work = Layout(WholeBodyWork, "m", "columns")
+whole_body_parameters = MemoryLayout(WholeBodyParameters, "drives")
+whole_body_work = MemoryLayout(WholeBodyWork, "m", "columns")
 
 
 @kernel(LAW)

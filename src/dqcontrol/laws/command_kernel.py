@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import call_law
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
@@ -94,9 +94,9 @@ class PreparedMemory(NamedTuple):
     limiting: Annotated[Array, "limiting"]
 
 
-_plan = Layout(Plan)
+_plan = MemoryLayout(Plan)
 _MEMORY_SIZES = Plan._fields[7:]
-prepared_memory = Layout(PreparedMemory, *_MEMORY_SIZES)
+prepared_memory = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
 
 
 class Prepared(NamedTuple):

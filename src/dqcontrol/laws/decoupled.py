@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work, weigh
@@ -78,8 +78,8 @@ class PartialWork(NamedTuple):
     solver: Annotated[Array, solver_work.size()]
 
 
-decoupled_work = Layout(DecoupledWork, "m")
-partial_parameters, partial_work = Layout(PartialParameters), Layout(PartialWork, "m")
+decoupled_work = MemoryLayout(DecoupledWork, "m")
+partial_parameters, partial_work = MemoryLayout(PartialParameters), MemoryLayout(PartialWork, "m")
 
 
 @inline

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.integral import (
     IntegralPoseLaw,
@@ -32,7 +32,7 @@ class FeedforwardWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-feedforward_work = Layout(FeedforwardWork, "m")
+feedforward_work = MemoryLayout(FeedforwardWork, "m")
 
 
 @kernel(LAW)

@@ -18,7 +18,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 )
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
@@ -54,7 +54,7 @@ class HInfinityWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-h_infinity_parameters, h_infinity_work = Layout(HInfinityParameters), Layout(HInfinityWork, "m")
+h_infinity_parameters, h_infinity_work = MemoryLayout(HInfinityParameters), MemoryLayout(HInfinityWork, "m")
 
 
 @kernel(LAW)

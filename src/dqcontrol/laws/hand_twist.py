@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.inverses import (
     BY_MANIPULABILITY,
     DAMPED,
@@ -31,7 +31,7 @@ class TwistWork(NamedTuple):
     solver: Annotated[Array, solver_work.size()]
 
 
-twist_work = Layout(TwistWork, "n")
+twist_work = MemoryLayout(TwistWork, "n")
 
 
 @inline

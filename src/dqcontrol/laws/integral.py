@@ -13,7 +13,7 @@ from msgspec import Meta
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated, translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -69,8 +69,8 @@ class IntegralWork(NamedTuple):
     error: Annotated[Array, 6]
 
 
-integral_parameters, integral_state = Layout(IntegralParameters), Layout(IntegralState)
-integral_work = Layout(IntegralWork)
+integral_parameters, integral_state = MemoryLayout(IntegralParameters), MemoryLayout(IntegralState)
+integral_work = MemoryLayout(IntegralWork)
 
 
 @inline

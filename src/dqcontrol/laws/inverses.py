@@ -10,7 +10,7 @@ from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, i
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
@@ -39,7 +39,7 @@ class InverseParameters(NamedTuple):
     length: float
 
 
-inverse_parameters = Layout(InverseParameters)
+inverse_parameters = MemoryLayout(InverseParameters)
 
 
 class SolverWork(NamedTuple):
@@ -51,7 +51,7 @@ class SolverWork(NamedTuple):
     column: Annotated[Array, _MOST_ROWS]
 
 
-solver_work = Layout(SolverWork)
+solver_work = MemoryLayout(SolverWork)
 
 _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 

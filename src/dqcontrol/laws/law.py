@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.command_kernel import (
     LAW_FAILED,
@@ -56,7 +56,7 @@ class Law(
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch."""
 
     kernel: ClassVar[Kernel]
-    work: ClassVar[Layout[Any]] = Layout(LawWork, "m")
+    work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:

@@ -20,7 +20,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 )
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
@@ -72,8 +72,8 @@ class LinearQuadraticWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-pose_feedback, twist_feedback = Layout(PoseFeedback), Layout(TwistFeedback)
-linear_quadratic_work = Layout(LinearQuadraticWork, "m")
+pose_feedback, twist_feedback = MemoryLayout(PoseFeedback), MemoryLayout(TwistFeedback)
+linear_quadratic_work = MemoryLayout(LinearQuadraticWork, "m")
 # In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
 _HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
 _BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)
@@ -83,7 +83,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     """What both linear quadratic laws have in common: weights, horizon, inverse, sign."""
 
     work = linear_quadratic_work
-    feedback: ClassVar[Layout[Any]]
+    feedback: ClassVar[MemoryLayout[Any]]
     error_weight: Weight
     control_weight: Weight
     final_weight: Annotated[

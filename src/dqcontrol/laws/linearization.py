@@ -14,7 +14,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 )
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.pose_error import short_sign
@@ -76,9 +76,9 @@ class LinearizationWork(NamedTuple):
     rates: Annotated[Array, "columns"]
 
 
-linearization_parameters = Layout(LinearizationParameters, "drives")
-linearization_state = Layout(LinearizationState, "columns")
-linearization_work = Layout(LinearizationWork, "m", "columns")
+linearization_parameters = MemoryLayout(LinearizationParameters, "drives")
+linearization_state = MemoryLayout(LinearizationState, "columns")
+linearization_work = MemoryLayout(LinearizationWork, "m", "columns")
 
 # Of the decrease 2 k_v |ξ̃|² of V that the body logarithm has, the inertial one may give up this share.
 _GIVEN_UP = 0.5

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
@@ -47,7 +47,7 @@ class PostureParameters(NamedTuple):
     drives: Annotated[Array, ..., 4]
 
 
-posture_parameters = Layout(PostureParameters, "n")
+posture_parameters = MemoryLayout(PostureParameters, "n")
 
 
 @kernel(PREFERENCE)
@@ -149,7 +149,7 @@ class AvoidanceParameters(NamedTuple):
     coordinate: Annotated[Array, "m"]
 
 
-avoidance_parameters = Layout(AvoidanceParameters, "m")
+avoidance_parameters = MemoryLayout(AvoidanceParameters, "m")
 
 
 @kernel(PREFERENCE)
@@ -265,7 +265,7 @@ class AscentWork(NamedTuple):
     before: Annotated[Array, 6]
 
 
-heading_parameters, ascent_work = Layout(HeadingParameters), Layout(AscentWork)
+heading_parameters, ascent_work = MemoryLayout(HeadingParameters), MemoryLayout(AscentWork)
 
 
 @kernel(PREFERENCE)

@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import Error, as_positive
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW, check_steps
@@ -51,7 +51,7 @@ class PlanParameters(NamedTuple):
     inputs: Annotated[Array, "m"]
 
 
-plan_parameters = Layout(PlanParameters, "n", "m")
+plan_parameters = MemoryLayout(PlanParameters, "n", "m")
 
 
 @inline

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
@@ -28,7 +28,7 @@ class PoseParameters(NamedTuple):
     gain: Annotated[Array, 8]
 
 
-pose_parameters = Layout(PoseParameters)
+pose_parameters = MemoryLayout(PoseParameters)
 
 
 def checked_hysteresis(hysteresis: float) -> float:

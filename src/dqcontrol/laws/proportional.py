@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.integral import (
     IntegralPoseLaw,
@@ -29,7 +29,7 @@ class ProportionalWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-proportional_work = Layout(ProportionalWork, "m")
+proportional_work = MemoryLayout(ProportionalWork, "m")
 
 
 @kernel(LAW)

@@ -11,7 +11,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.law_signature import call_law
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     FIXED,
@@ -82,8 +82,8 @@ class ClampingWork(NamedTuple):
     state_before: Annotated[Array, "state"]
 
 
-clamping_parameters = Layout(ClampingParameters, "m")
-lag_memory, clamping_work = Layout(LagMemory, "m"), Layout(ClampingWork, "m", "state")
+clamping_parameters = MemoryLayout(ClampingParameters, "m")
+lag_memory, clamping_work = MemoryLayout(LagMemory, "m"), MemoryLayout(ClampingWork, "m", "state")
 
 
 @inline

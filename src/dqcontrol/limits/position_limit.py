@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class InputRanges(NamedTuple):
     coordinate: Annotated[Array, "m"]
 
 
-input_ranges = Layout(InputRanges, "m")
+input_ranges = MemoryLayout(InputRanges, "m")
 
 
 def position_limits(field: str, robot: Robot) -> InputRanges:

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.robots.driving import drive_speeds
 
 # q, parameters, command
@@ -20,7 +20,7 @@ class SpeedLimits(NamedTuple):
     drives: Annotated[Array, ..., 4]
 
 
-speed_limits = Layout(SpeedLimits, "m")
+speed_limits = MemoryLayout(SpeedLimits, "m")
 
 
 @kernel(LIMIT)

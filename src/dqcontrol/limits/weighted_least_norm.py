@@ -10,7 +10,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, kernel
 from dqcontrol.compiled.law_signature import call_law
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
@@ -30,7 +30,7 @@ class WeightingWork(NamedTuple):
     state_before: Annotated[Array, "state"]
 
 
-weighting_work = Layout(WeightingWork, "m", "state")
+weighting_work = MemoryLayout(WeightingWork, "m", "state")
 
 
 @kernel(POSITION_LIMIT)

@@ -10,7 +10,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import DivergedError
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
@@ -44,8 +44,8 @@ class DisturbanceWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-disturbance_parameters = Layout(DisturbanceParameters)
-disturbance_work = Layout(DisturbanceWork, "m")
+disturbance_parameters = MemoryLayout(DisturbanceParameters)
+disturbance_work = MemoryLayout(DisturbanceWork, "m")
 
 
 @kernel(DISTURBANCE)

@@ -9,7 +9,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, Kernel
-from dqcontrol.compiled.layout import Layout
+from dqcontrol.compiled.memory_layout import MemoryLayout
 
 
 class Inner(NamedTuple):
@@ -20,7 +20,7 @@ class Inner(NamedTuple):
 class Outer(NamedTuple):
     sign: Annotated[Array, 1]
     gain: float
-    inner: Annotated[Array, Layout(Inner, "k").sized("n + 1")]
+    inner: Annotated[Array, MemoryLayout(Inner, "k").sized("n + 1")]
     table: Annotated[Array, 2, "n"]
     drives: Annotated[Array, ..., 3]
 
@@ -30,7 +30,7 @@ class Given(NamedTuple):
     out: Annotated[Array, WRITE]
 
 
-inner, outer, given = Layout(Inner, "k"), Layout(Outer, "n"), Bundle(Given)
+inner, outer, given = MemoryLayout(Inner, "k"), MemoryLayout(Outer, "n"), Bundle(Given)
 N = 2
 MEMORY = np.arange(22.0)
 

@@ -18,7 +18,7 @@ Fields = TypeVar("Fields", bound=tuple[Any, ...])
 _REST = "rest"  # in place of ``...``
 
 
-class Layout(Generic[Fields]):
+class MemoryLayout(Generic[Fields]):
     """Where the numbers of a flat array stand, in the order of a named tuple's fields.
 
     Called with an array and the sizes that the layout depends on, it returns the tuple of its parts. Kernels call it
@@ -41,7 +41,7 @@ class Layout(Generic[Fields]):
     ...     stiffness: float
     ...     rest: Annotated[Array, "n"]
     ...     rows: Annotated[Array, 2, "n + 1"]
-    >>> spring = Layout(Spring, "n")
+    >>> spring = MemoryLayout(Spring, "n")
     >>> memory = spring.pack(stiffness=5.0, rest=[1.0, 2.0], rows=np.zeros((2, 3)))
     >>> memory.size == spring.size(2)
     True
