@@ -9,6 +9,9 @@ TESTED := .[physics,robots,ros2,coppeliasim]
 WORKERS := -n auto --maxprocesses 4 --dist worksteal
 LOCKED := $(if $(CI),-c ci.lock)
 
+# Without bytecode kept beside them, each process that a test starts would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-all test-oldest test-newest lint docs gallery chromium format bench lock release-check clean
 .DEFAULT_GOAL := help
 

@@ -11,6 +11,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.sweep import read_sweep
 from dqcontrol.extensions import POLICY, REFUSED
 
@@ -92,6 +93,7 @@ def test_sweep_over_a_parameter(folder):
     assert sorted(errors, reverse=True) == errors
 
 
+@pytest.mark.slow
 def test_worker_processes_find_the_functions(folder):
     text = SPEC.replace("kind: integrator", "kind: servo, encoder_noise: 1.0e-4") + "repeats: 4\n"
     (folder / "spec.yaml").write_text(text)
@@ -169,6 +171,17 @@ def test_the_command_line_says_first_that_it_runs_code_and_refuses_it_on_request
         assert refused.returncode == 2
         assert refused.stderr.count("\n") == 1
         assert "mine.py:transpose" in refused.stderr
+
+
+def test_every_spec_says_which_code_it_brings_and_says_it_again_of_changed_code(folder, capsys):
+    (folder / "second.yaml").write_text(SPEC.replace("mine.py", "yours.py"))
+    (folder / "yours.py").write_text(CODE)
+    told = []
+    for name, change in (("spec", ""), ("spec", ""), ("second", ""), ("second", "\n# changed\n")):
+        (folder / "yours.py").write_text(CODE + change)
+        read_spec(folder / f"{name}.yaml")
+        told.append(capsys.readouterr().err.count("dqcontrol: runs code of"))
+    assert told == [1, 0, 1, 1]
 
 
 PACKAGE = '''
@@ -256,7 +269,7 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
         "21",
         "61",
         "11",
-        "spec: reference.seconds: expected 'float' > 0.0, got -1",
+        "spec: reference.seconds: expected a number > 0.0, got -1",
     ]
 
 

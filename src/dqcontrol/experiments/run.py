@@ -22,6 +22,7 @@ from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
@@ -65,6 +66,8 @@ class Run:
         How a run in real time kept time.
     expected
         What was to be expected of its loops, if that was asked before it ran.
+    low_pass
+        Cut-off of the filter behind speeds and accelerations of an evaluated log, Hz; see `measures.evaluate`.
     """
 
     spec: str
@@ -75,6 +78,7 @@ class Run:
     metrics_from: MetricsFrom = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
+    low_pass: float | None = None
 
     def __post_init__(self) -> None:
         lines = self.spec.splitlines()
@@ -139,7 +143,15 @@ class Run:
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return measure(self.record, self.robot, self.skip_initial, self.metrics_from, self.law, self.plant)
+        return measure(
+            self.record,
+            self.robot,
+            self.skip_initial,
+            self.metrics_from,
+            self.law,
+            self.plant,
+            low_pass=self.low_pass,
+        )
 
     @cached_property
     def task(self) -> TaskResult:
@@ -195,6 +207,7 @@ class Run:
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
         (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
+        copy_inputs(parse_yaml("spec", self.spec), folder)
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
@@ -221,13 +234,16 @@ def measure(
     metrics_from: MetricsFrom = "true",
     law: Law | None = None,
     plant: Plant | None = None,
+    *,
+    low_pass: float | None = None,
 ) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_measured(record, robot, metrics_from)
-    metrics = evaluate(shown, limits, skip_initial=min(skip_initial, record.duration), law=law, robot=robot)
+    skip_initial = min(skip_initial, record.duration)
+    metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
     return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 

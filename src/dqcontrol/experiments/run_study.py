@@ -73,7 +73,7 @@ def run_study_to(
     *,
     force: bool = False,
     jobs: int | None = None,
-    figures: bool = True,
+    figures: bool | None = None,
     progress: StudyProgress | None = None,
     computed: Callable[[Study], None] | None = None,
     drawing: Callable[[int, int], None] | None = None,
@@ -92,7 +92,7 @@ def run_study_to(
     force
         Replace the folder, if it holds earlier results, and discard the finished trials of another spec or version.
     figures
-        False: no plots, and reports without figures, which take most of the time of short runs.
+        As for `Study.save`; a single run has its figures unless this is False.
     computed
         Called with the study once it has run, before figures and reports are written.
     drawing
@@ -113,7 +113,7 @@ def run_study_to(
         if computed:
             computed(study)
         if setting.spec.is_single:
-            next(iter(study.runs.values())).save(target, force=force, figures=figures)
+            next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
         else:
             study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study

@@ -71,7 +71,7 @@ def frames(
     """
     mujoco = import_mujoco()
     framing, towards = film.framing, film.azimuth if azimuth is None else azimuth
-    add_scene_background(mujoco, film.spec, framing.reach, framing.floor, towards, (width, height))
+    add_scene_background(mujoco, film.spec, framing, towards, (width, height))
     quality = film.spec.visual.quality
     quality.shadowsize, quality.numslices, quality.numstacks = _SHADOWS, _SLICES, _STACKS
     if width * height > _SMOOTHED:

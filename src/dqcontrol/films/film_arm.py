@@ -11,6 +11,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm
+from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
 
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
     mujoco = import_mujoco()
     desired, actual = translation(record.desired[:, :8]), translation(record.pose)
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
-    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]))
+    meshes, spec = link_meshes(robot), skeleton(robot)
+    add_meshes(spec, robot, meshes)
+    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]), meshes)
     balls = plant.balls(record.time) if plant is not None else []
 
     def decorate(scene: Any, k: int) -> None:
@@ -50,7 +53,7 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
         add_actual(mujoco, scene, actual[: k + 1], framing.reach, _PIECES)
 
     return Film(
-        skeleton(robot),
+        spec,
         framing,
         lambda _: record.q,
         azimuth=130.0,

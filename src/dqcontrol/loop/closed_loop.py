@@ -137,39 +137,43 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
     empty, count = np.zeros(0), len(steps.samples)
-    realised = steps.realised[:count] if disturbance else np.zeros((1, 6))
-    done = np.zeros(10)
+    done, settling = np.zeros(1), np.zeros(9)
     status = compiled.rollout(
-        kernels.twist_kinematics.pointer,
-        supervise.pointer if supervision else 0,
-        disturbance.kernel.pointer if disturbance else 0,
-        plant_pointer,
-        compiled.settled.pointer if stop else 0,
-        law.robot.chain,
-        law.plan,
-        law.memory,
-        steps.law_state,
-        supervision.supervisor.parameters if supervision else empty,
-        supervision.state if supervision else empty,
-        supervision.supervisor.work if supervision else empty,
-        supervision.codes[:count] if supervision else empty,
-        disturbance.rows if disturbance else np.zeros((0, ROW)),
-        disturbance.parameters if disturbance else empty,
-        disturbance.work if disturbance else empty,
-        plant.parameters,
-        plant.state,
-        plant.noise,
-        plant.q,
-        plant.measured,
-        samples,
-        _stop_array(stop),
-        *(record[:count] for record in steps.records),
-        realised,
-        done,
+        compiled.stages(
+            kinematics=kernels.twist_kinematics.pointer,
+            supervisor=supervise.pointer if supervision else 0,
+            disturbance=disturbance.kernel.pointer if disturbance else 0,
+            plant=plant_pointer,
+            settled=compiled.settled.pointer if stop else 0,
+        ),
+        compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
+        compiled.supervisor_arrays(
+            parameters=supervision.supervisor.parameters if supervision else empty,
+            state=supervision.state if supervision else empty,
+            work=supervision.supervisor.work if supervision else empty,
+            codes=supervision.codes[:count] if supervision else empty,
+        ),
+        compiled.disturbance_arrays(
+            rows=disturbance.rows if disturbance else np.zeros((0, ROW)),
+            parameters=disturbance.parameters if disturbance else empty,
+            work=disturbance.work if disturbance else empty,
+            realised=steps.realised[:count] if disturbance else np.zeros((1, 6)),
+        ),
+        compiled.plant_arrays(
+            parameters=plant.parameters,
+            state=plant.state,
+            noise=plant.noise,
+            q=plant.q,
+            measured=plant.measured,
+        ),
+        compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
+        compiled.records(
+            **dict(zip(compiled.Records._fields, (each[:count] for each in steps.records), strict=True))
+        ),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
-    steps.is_sent = status == OK and not (stop and done[1] >= stop.samples)
+    steps.is_sent = status == OK and not (stop and settling[0] >= stop.samples)
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
@@ -210,6 +214,15 @@ class _Steps:
         self.done, self.is_sent, self.rests = 0, True, False
         self._readings = Readings(live, len(self.desired))
         self._fault = ""
+        if clock is not None:
+            self._take_memory()
+
+    def _take_memory(self) -> None:
+        """Write what steps will write: the system gives memory at that, and is not asked while a robot moves."""
+        codes = self.supervision.codes if self.supervision else np.zeros(0)
+        rest = self.desired[len(self.samples) :]
+        for array in (*self.records, rest, self.realised, codes, self._readings.rows):
+            array.fill(0.0)
 
     def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
         """Follow the samples to their end, or to an earlier one."""

@@ -47,18 +47,18 @@ class Readings:
 
     def __init__(self, plant: LivePlant, count: int) -> None:
         self._plant = plant
-        self._rows = np.empty((count, len(plant.readings)))
+        self.rows = np.empty((count, len(plant.readings)))
 
     def take(self, k: int) -> None:
         """Keep the present values as those of sample k."""
-        self._rows[k] = self._plant.readings
+        self.rows[k] = self._plant.readings
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
         found = foreseen_signals(self._plant, count)
         first = 0
         for channel in self._plant.channels:
-            values = self._rows[:count, first : first + channel.size]
+            values = self.rows[:count, first : first + channel.size]
             found[channel.name] = _signal(channel, values)
             first += channel.size
         return found

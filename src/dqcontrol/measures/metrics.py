@@ -21,6 +21,7 @@ from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.measures.contact import peak_contact, recovery_time
+from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 SETTLED_FRACTION = 0.02
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
+_STEP_SHARE = 0.1  # of the largest error: a run whose first error is smaller starts on its target
 
 
 @dataclass(frozen=True)
@@ -117,9 +119,10 @@ class Metrics:
         √∫|u|² dt, rad/√s (and m/√s for prismatic joints and holonomic bases); of differential drives u holds the speeds
         of the wheels in place of v and ω. [S17 Table 5.1]
     settling_time
-        Time from the start after which the error stays in its band, s; NaN if it ends outside.
+        Time from the start after which the error stays in its band, s; NaN if it ends outside, or without a band.
     settling_band
-        The band of |1 − x* x_d|, no unit.
+        The band of |1 − x* x_d|, no unit; NaN if it is a share of the first error and the run starts on its target:
+        the first error is less than a tenth of the largest.
     position_overshoot
         How far the hand passes its target along the direction of the first error, as a fraction of that
         error; NaN if the run starts on its target.
@@ -215,6 +218,7 @@ def evaluate(
     tolerance: float | None = None,
     law: Law | None = None,
     robot: Robot | None = None,
+    low_pass: float | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -232,6 +236,9 @@ def evaluate(
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
     robot
         That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
+    low_pass
+        Cut-off of the filter (`low_passed`) behind joint steps and path, speed and acceleration of the hand, Hz: the
+        noise of encoders is most of the differences of what was measured. Default: none.
 
     Raises
     ------
@@ -263,10 +270,14 @@ def evaluate(
         as_positive("tolerance", tolerance)
     time, intervals = record.time, np.diff(record.time)
     between = (intervals[1:] + intervals[:-1]) / 2
+    moved, position = record.q, record.position
+    if low_pass is not None:
+        cutoff = as_positive("low_pass", low_pass)
+        moved, position = low_passed(time, moved, cutoff), low_passed(time, position, cutoff)
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), record.q, ahead=1)
-        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), record.position, time, ahead=1)
-        acceleration = row_by_row(_acceleration, record.position, time, ahead=2)
+        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), moved, ahead=1)
+        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), position, time, ahead=1)
+        acceleration = row_by_row(_acceleration, position, time, ahead=2)
         control = row_by_row(row_norms, record.command[:-1])
         actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
         effort = math.sqrt(np.sum(row_by_row(row_norms, actuators[:-1]) ** 2 * intervals))
@@ -345,6 +356,8 @@ def _deviation(time: Array, value: Array, start: int) -> Deviation:
 
 def _settling(time: Array, error: Array, tolerance: float | None) -> tuple[float, float]:
     """Return the settling time and the band."""
+    if tolerance is None and float(error[0]) < _STEP_SHARE * float(error.max()):
+        return math.nan, math.nan
     band = SETTLED_FRACTION * float(error[0]) if tolerance is None else tolerance
     outside = np.flatnonzero(~(error <= band))  # NaN is outside
     if not len(outside):
@@ -367,7 +380,7 @@ def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
 def _overshoot(error: Array) -> float:
     """Return the largest component against the first error vector over the latter's length."""
     size = float(np.linalg.norm(error[0]))
-    if not size > _RESTING:
+    if not size > _RESTING or size < _STEP_SHARE * float(row_norms(error).max()):
         return math.nan
     return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
 

@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
-from dqcontrol.measures.task_range import lost_share
+from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
@@ -167,7 +167,8 @@ def task_result(
     )
     if robot is None or outcome != "not reached" or found.is_moving:
         return found
-    return replace(found, is_singular=lost_share(robot, record.q[-1], desired[-1], part) > _LOST)
+    lost = lost_share(robot, record.q[-1], desired[-1], part, inverse_of(law))
+    return replace(found, is_singular=lost > _LOST)
 
 
 def _ends_at_rest(desired: Array) -> bool:

@@ -23,7 +23,7 @@ from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, Plant, limits_before
-from dqcontrol.plants.servo import Servo
+from dqcontrol.plants.servo import Servo, load_servo
 
 __all__ = [
     "BandLimitedTwist",
@@ -58,4 +58,5 @@ __all__ = [
     "WorstCase",
     "WristFault",
     "limits_before",
+    "load_servo",
 ]

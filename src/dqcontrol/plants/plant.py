@@ -218,14 +218,6 @@ def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
     return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
-def whole_periods(field: str, seconds: float, dt: float) -> int:
-    """Return a time of at least 0 in periods dt, or say that it is not a multiple of them."""
-    count = round(_periods(field, seconds, dt))
-    if abs(count * dt - seconds) > 1e-9:
-        raise ValueRangeError(f"{field}: must be a multiple of the period {dt:g} s, got {seconds:g} s")
-    return count
-
-
 def _periods(field: str, seconds: float, dt: float) -> float:
     """Return a time of at least 0 over the period; refuse more periods than there is sense in remembering."""
     periods = as_positive(field, seconds, zero_allowed=True) / dt

@@ -286,7 +286,9 @@ class Following:
     def _retune(self, numbers: dict[str, float]) -> None:
         active = self.control.phase is not Phase.INACTIVE
         allow = self._node.get_parameter(OVERRIDE).value
-        law, supervisor = retune(self.loaded, numbers, active=active, allow_unstable=bool(allow))
+        law, supervisor, unjudged = retune(self.loaded, numbers, active=active, allow_unstable=bool(allow))
+        if unjudged:
+            self._node.get_logger().warning(f"law: {unjudged}")
         if law:
             self.control.law = self.loaded.prepared_law(self._source)
         if supervisor:

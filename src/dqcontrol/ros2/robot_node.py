@@ -25,6 +25,8 @@ from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
+_MOST_BEHIND = 10.0  # periods of motion that it can have missed: its controller has stopped by then
+_CATCH_UP = 0.05  # of its usual speed, that a robot adds to make up for position commands it could not follow
 _TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 
 
@@ -70,6 +72,7 @@ class RobotNode(Node):
         self._asked: Array | None = None
         self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
         self._is_broken = False
+        self._step, self._spread, self._has_missed = 0.0, 1.0, False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
@@ -110,6 +113,8 @@ class RobotNode(Node):
         if self._is_broken:
             return
         late = time.monotonic() - self._begun - self._ticks * self._period
+        stood_still = late > 1.5 * self._period
+        self._has_missed |= stood_still
         if late > _MOST_LATE:
             self._begun += late - self._period
             self._origin += int((late - self._period) * NANOSECONDS)
@@ -124,11 +129,15 @@ class RobotNode(Node):
             return
         if due > 0:
             self._publish()
+        if stood_still:
+            self._has_missed = True  # again: what was commanded meanwhile may be heard only now
+        elif due and not self._waits:
+            self._step = float(np.abs(self._supervisor.rate(self._state)).max()) * self._period
 
     def _move(self) -> None:
         waits = self._why_wait()
         if waits:
-            self._asked = None
+            self._asked, self._has_missed = None, True
         self._before[:] = self._plant.measured
         self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
         if self._ticks and self._ticks % _NOISE_PERIODS == 0:
@@ -162,7 +171,21 @@ class RobotNode(Node):
         if self._interface == "velocity":
             return np.zeros(len(position)) if self._asked is None else self._asked
         goal = position if self._asked is None else self._asked
-        return (goal - (self._before if self._from_measured else position)) / self._period
+        ahead = goal - self._before if self._from_measured else self._paced(goal - position)
+        return ahead / self._period
+
+    def _paced(self, ahead: Array) -> Array:
+        """Return the part of the way to a position command that one period goes.
+
+        It is all of it, but for what came while the robot waited or its process stood still: the robot goes there about
+        as fast as it went before, and catches up with commands that move on a little faster than these.
+        """
+        if self._has_missed:
+            self._has_missed = False
+            behind = float(np.abs(ahead).max()) / self._step if self._step > 0.0 else 1.0
+            self._spread = min(behind, _MOST_BEHIND)
+        self._spread = max(self._spread - _CATCH_UP, 1.0)
+        return ahead / self._spread
 
     def _publish(self) -> None:
         stamp = self._origin + round(self._ticks * self._period * NANOSECONDS)
