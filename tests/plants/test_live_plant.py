@@ -97,8 +97,8 @@ def test_what_it_has_is_heard_also_if_it_comes_later(arm, circle):
 
 @pytest.mark.parametrize(("age", "stops"), [(0.001, False), (1.0, True), (None, False)])
 def test_measurements_that_it_calls_old_stop_it(arm, circle, age, stops):
-    class Aged(LivePlant, Robot):
-        step = Robot.step
+    class Aged(Robot, LivePlant):
+        pass
 
     robot = Aged() if age is not None else Robot()
     if age is not None:
