@@ -123,9 +123,10 @@ def renamed_parameters(**new_names: str) -> Callable[[T], T]:
     def decorate(target: T) -> T:
         if not isinstance(target, type):
             return _with_old_names(target, new_names)
-        target.__init__ = _with_old_names(target.__init__, new_names)
+        kind: Any = target
+        kind.__init__ = _with_old_names(kind.__init__, new_names)
         for old, new in new_names.items():
-            setattr(target, old, _old_field(old, new))
+            setattr(kind, old, _old_field(old, new))
         return target
 
     return decorate

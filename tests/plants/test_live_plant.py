@@ -7,7 +7,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error
-from dqcontrol.experiments.spec.spec_files import locate_plant_files
+from dqcontrol.experiments.spec.spec_files import complete_plants
 from dqcontrol.limits import Supervisor
 from dqcontrol.loop import close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
@@ -97,8 +97,8 @@ def test_what_it_has_is_heard_also_if_it_comes_later(arm, circle):
 
 @pytest.mark.parametrize(("age", "stops"), [(0.001, False), (1.0, True), (None, False)])
 def test_measurements_that_it_calls_old_stop_it(arm, circle, age, stops):
-    class Aged(LivePlant, Robot):
-        step = Robot.step
+    class Aged(Robot, LivePlant):
+        pass
 
     robot = Aged() if age is not None else Robot()
     if age is not None:
@@ -133,7 +133,7 @@ def test_a_spec_finds_files_that_a_kind_of_plant_names(tmp_path):
             "b": {"kind": "servo", "controllers": "x"},
         }
     }
-    locate_plant_files(data, tmp_path)
+    complete_plants(data, tmp_path)
     assert data["plants"]["a"]["controllers"] == str(tmp_path / "mine.yaml")
     assert data["plants"]["b"]["controllers"] == "x"
     assert CompliantPlant(controllers="mine.yaml").files() == [Path("mine.yaml")]

@@ -68,7 +68,7 @@ class Reference(ABC):
     corners: Array
 
     @classmethod
-    def from_spec(cls, start: SpecStart, **parameters: Any) -> Reference:
+    def from_spec(cls, start: SpecStart, *_: Any, **parameters: Any) -> Reference:
         """Return the reference that a spec describes; a subclass says its keys as keyword-only parameters with types.
 
         Without that they are those of the constructor, of a dataclass with a field ``start``.
@@ -83,7 +83,9 @@ class Reference(ABC):
         return cls(start.pose, **parameters)  # type: ignore[call-arg] — of a dataclass
 
     @classmethod
-    def of_robot(cls, reference: Reference, robot: Robot, start: Array, **parameters: Any) -> Reference:
+    def of_robot(
+        cls, reference: Reference, robot: Robot, start: Array, *_: Any, **parameters: Any
+    ) -> Reference:
         """Return what a robot at its start configuration, shape (n,), makes of the reference of a spec.
 
         Parameters
