@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -26,6 +27,7 @@ from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record
 from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator
+from dqcontrol.robots import Robot
 
 Array = np.ndarray
 ROBOTS, COUNT, SEED = ("panda", "iiwa7", "ur5"), 124, 3
@@ -44,25 +46,25 @@ class Circle:
 
     number: int
     start: Array
-    arguments: dict[str, object]
+    arguments: dict[str, Any]
     share: float
     beyond: float
 
-    def reference(self, arm: dqc.SerialArm, slower: float = 1.0) -> dqc.references.Circle:
+    def reference(self, arm: Robot, slower: float = 1.0) -> dqc.references.Circle:
         """Return the motion, in more time."""
         given = self.arguments | {"duration": slower * self.arguments["duration"]}
         return dqc.references.Circle(arm.fkm(self.start), **given)
 
 
 def follow(
-    arm: dqc.SerialArm, circle: Circle, law: dqc.laws.Law, limits: CommandLimits | None, slower: float = 1.0
+    arm: Robot, circle: Circle, law: dqc.laws.Law, limits: CommandLimits | None, slower: float = 1.0
 ) -> Record:
     """Return a run along a circle."""
     reference = circle.reference(arm, slower)
     return dqc.simulate(arm, reference, law, Integrator(), circle.start, PERIOD, limits=limits)
 
 
-def circles(arm: dqc.SerialArm) -> list[Circle]:
+def circles(arm: Robot) -> list[Circle]:
     """Return those that can be followed without limits and go beyond them."""
     lower, upper, rng = arm.limits.lower, arm.limits.upper, np.random.default_rng(SEED)
     found = []
@@ -70,7 +72,7 @@ def circles(arm: dqc.SerialArm) -> list[Circle]:
         start = rng.uniform(0.9 * np.maximum(lower, -WIDEST), 0.9 * np.minimum(upper, WIDEST))
         if np.linalg.svd(arm.hand_jacobian(start), compute_uv=False)[-1] < REGULAR:
             continue
-        arguments = {"radius": rng.uniform(0.08, 0.2), "duration": rng.uniform(1.5, 4.0)}
+        arguments: dict[str, Any] = {"radius": rng.uniform(0.08, 0.2), "duration": rng.uniform(1.5, 4.0)}
         arguments["plane"] = str(rng.choice(["xz", "yz", "xy"]))
         circle = Circle(number, start, arguments, 0.0, 0.0)
         free = follow(arm, circle, LAW, None)
@@ -81,7 +83,7 @@ def circles(arm: dqc.SerialArm) -> list[Circle]:
     return found
 
 
-def asked(arm: dqc.SerialArm, q: Array, sample: dqc.Sample) -> Array:
+def asked(arm: Robot, q: Array, sample: dqc.Sample) -> Array:
     """Return the hand's [ω ; ṗ] that feed-forward and 1/s of the way to the desired pose ask for."""
     pose = arm.fkm(q)
     back = algebra.conjugate(pose)
@@ -90,7 +92,7 @@ def asked(arm: dqc.SerialArm, q: Array, sample: dqc.Sample) -> Array:
     return algebra.adjoint_twist(np.concatenate([pose[:4], np.zeros(4)]), body)
 
 
-def best_samples(arm: dqc.SerialArm, circle: Circle) -> float:
+def best_samples(arm: Robot, circle: Circle) -> float:
     """Return the largest position error where each sample's command is the best within the limits, m."""
     reference, q, worst, n = circle.reference(arm), circle.start.copy(), 0.0, arm.input_size
     lower, upper, fastest = arm.limits.lower, arm.limits.upper, arm.limits.velocity
@@ -109,7 +111,7 @@ def best_samples(arm: dqc.SerialArm, circle: Circle) -> float:
     return worst
 
 
-def errors(arm: dqc.SerialArm, circle: Circle) -> list[float]:
+def errors(arm: Robot, circle: Circle) -> list[float]:
     """Return the largest position error in each way of keeping the limits, mm; NaN where slower does not help."""
     runs = (
         follow(arm, circle, LAW, CommandLimits(velocity=True, position=None)),
