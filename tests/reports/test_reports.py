@@ -221,7 +221,7 @@ def test_arguments_are_quoted_and_what_is_off_is_left_out():
         "joints": ["a", "b"],
     }
     assert evaluation_command(about | {"skip_initial": 0.0}) == (
-        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --settle 0.0 --joints a,b --out again"
+        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --skip-initial 0.0 --joints a,b --out again"
     )
 
 
@@ -324,6 +324,7 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
     assert (end.good, kept.good) == (False, False)
 
 
+@pytest.mark.slow
 def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch, capsys):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dqcontrol.figures.save_figures", lambda *_: [])

@@ -25,6 +25,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
+    "identify": "Find what the servos of a robot are from its logs: lag, delay, gain, sag, encoder, with intervals.",
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
     "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",

@@ -28,9 +28,13 @@ class EvaluationSpec(Part, frozen=True, kw_only=True):
     joint_topic: str | None = None
     command_topic: str | None = None
     angles: Literal["rad", "deg"] | None = None
-    start: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    reference_joints: str | list[str] | None = None
+    missing: Literal["interpolate", "skip"] = "interpolate"
+    align: bool = False
+    start: Annotated[float, Meta(description="s")] = 0.0
     duration: Annotated[float, Meta(gt=0, description="s")] | None = None
     skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    low_pass: Annotated[float, Meta(gt=0, description="Hz")] | None = None
 
 
 class _SavedEvaluation(Part, frozen=True, kw_only=True):
@@ -51,4 +55,4 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
     use_copies(data, spec.parent)
     what = convert(spec, data, _SavedEvaluation).evaluation
     robot = what.robot.load()
-    return Run(text, robot, record, what.skip_initial, Path(what.log).stem)
+    return Run(text, robot, record, what.skip_initial, Path(what.log).stem, low_pass=what.low_pass)

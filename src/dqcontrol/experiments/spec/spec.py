@@ -20,7 +20,7 @@ from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
-from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files, use_copies
+from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
@@ -30,7 +30,7 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.robots import Posture, Robot, SerialArm, load_robot, postures
+from dqcontrol.robots import ReachingPosture, Robot, SerialArm, load_robot, postures
 from dqcontrol.robots.robot_file import arm_from, plain_arm
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class HandStart(Part, frozen=True, kw_only=True):
     quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
     rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
-    def postures(self, robot: Robot) -> list[Posture]:
+    def postures(self, robot: Robot) -> list[ReachingPosture]:
         """Return configurations that bring the hand there, the best to start from first; see `robots.postures`.
 
         Raises
@@ -334,7 +334,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     rename_old_keys(where, data)
-    locate_controllers(data, folder)
+    complete_plants(data, folder)
     admit(where, data, folder)
     spec = convert(where, _with_numbers(where, data), Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):

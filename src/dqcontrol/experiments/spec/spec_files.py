@@ -5,21 +5,34 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error
+from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.plants import Plant
+from dqcontrol.plants.servo.servo_file import servo_parameters
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 
 
-def locate_controllers(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of controller files absolute."""
-    for plant in _plants(data):
-        plant["controllers"] = str((folder / plant["controllers"]).resolve())
+def complete_plants(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of files of plants absolute, and put what files of servos hold in their place.
+
+    What a spec says besides ``file`` counts in place of what the file says.
+    """
+    for plant, key in _plants(data):
+        plant[key] = str((folder / plant[key]).resolve())
+    for plant in _plant_tables(data):
+        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
+            own = {key: value for key, value in plant.items() if key != "file"}
+            held = servo_parameters(folder / plant["file"])
+            plant.clear()
+            plant.update(held | own)
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -74,7 +87,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
-    yield from ((part, "controllers") for part in _plants(data))
+    yield from _plants(data)
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
     )
@@ -102,12 +115,23 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
         yield from _references(part)
 
 
-def _plants(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    for plant in _plant_tables(data):
+        for key in _file_keys().get(str(plant.get("kind")), ()):
+            if isinstance(plant.get(key), str):
+                yield plant, key
+
+
+def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
     several = data.get("plants")
     plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    yield from (
-        plant for plant in plants if isinstance(plant, dict) and isinstance(plant.get("controllers"), str)
-    )
+    yield from (plant for plant in plants if isinstance(plant, dict))
+
+
+@cache
+def _file_keys() -> dict[str, tuple[str, ...]]:
+    """Return by kind of plant the keys that name files."""
+    return {tag: kind.file_keys for tag, kind in by_tag(Plant, "dqcontrol.plants").items()}
 
 
 def _parts(robot: Path) -> Iterator[Path]:
