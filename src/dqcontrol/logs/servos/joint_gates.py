@@ -136,7 +136,7 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     found = fit(segments, period)
     kept, dropped = _without_outliers(segments, found, resolution)
     if dropped:
-        found = fit(kept, period)
+        found = fit(kept, period, near=found)
     floor = noise_of(found.residual, resolution)
     if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
         return replace(
@@ -188,7 +188,7 @@ def _judged(
         sag, sag_interval = found.sag, _interval(found.sag, found.error(3))
         if abs(found.sag) < _SURE * found.error(3):
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period)
+            found = fit(segments, period, near=found)
             lag_error, delay_error = found.error(0), found.error(1)
     residual = _checked(segments, found, period)
     noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
@@ -285,6 +285,6 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> float:
         rest += [(each, ~early)] if (~early).sum() > 20 else []
     if not begun or not rest:
         return math.nan
-    from_begin = fit(begun, period)
+    from_begin = fit(begun, period, near=found)
     left = [(each.positions - predicted(from_begin, each))[late] for each, late in rest]
     return float(np.sqrt(np.mean(np.concatenate([each - each.mean() for each in left]) ** 2)))
