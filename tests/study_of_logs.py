@@ -28,9 +28,7 @@ def one(rng, case, bad=None):
     reached = np.clip(target, -np.inf, 0.6 * target.max()) if bad == "clamped" else target
     noise = 1e-3 if bad == "ambiguous" else 5e-5 if resolution else 2e-4
     gain = rng.uniform(0.98, 1.02)
-    seen = encoder(
-        rng, gain * answer(time, reached, lag, delay, time), resolution, 5e-5 if resolution else 2e-4
-    )
+    seen = encoder(rng, gain * answer(time, reached, lag, delay, time), resolution, noise)
     kept = np.sort(rng.permutation(count)[: round(rng.uniform(0.95, 1.0) * count)])
     log = CommandedLog(Path("log"), time[kept], seen[kept][:, None], time[kept], target[kept][:, None], True)
     return identify_joint("joint", "rad", log.segments(0, "positions", None), log.period), lag, delay, period
