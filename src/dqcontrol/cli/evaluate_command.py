@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -29,8 +30,9 @@ def evaluate(
     start: float = 0.0,
     align: Annotated[bool, Parameter(negative=())] = False,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
     low_pass: float | None = None,
+    settle: Annotated[float | None, Parameter(show=False)] = None,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -69,19 +71,31 @@ def evaluate(
         Find the start at which the reference fits the log best.
     duration
         How many seconds from there on are judged.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
     low_pass
         Cut-off of the filter behind speeds and accelerations, Hz; 0 for none; default 10, none for own recordings.
+    settle
+        Old name of --skip-initial.
     out
         New folder for record, metrics, plots and report.
     force
         Replace an earlier folder of results.
     """
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
     from dqcontrol.measures import summary_table
 
+    if settle is not None:
+        if skip_initial is not None:
+            raise ValueRangeError("--settle: is the old name of --skip-initial, which is given too")
+        warnings.warn(
+            "--settle is now called --skip-initial; the old name works for one more release",
+            FutureWarning,
+            stacklevel=2,
+        )
+        skip_initial = settle
     if out is not None:
         check_new(out, force=force)
     result = evaluate_log(
@@ -100,7 +114,7 @@ def evaluate(
         start=start,
         align=align,
         duration=duration,
-        settle=settle,
+        skip_initial=skip_initial,
         low_pass=low_pass,
     )
     if out is not None:

@@ -29,6 +29,7 @@ from dqcontrol.logs.joint_messages import holds_joint_states, is_recording, read
 from dqcontrol.logs.joint_table import Angles, column_names
 from dqcontrol.logs.missing_cells import Missing
 from dqcontrol.loop import Record
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
@@ -54,6 +55,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     start: Start | None = None
 
 
+@renamed_parameters(settle="skip_initial")
 def evaluate_log(
     log: str | Path,
     robot: str | Path | None = None,
@@ -71,7 +73,7 @@ def evaluate_log(
     start: float = 0.0,
     align: bool = False,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
     low_pass: float | None = None,
 ) -> Run:
     """Measure a joint log against a reference.
@@ -109,7 +111,7 @@ def evaluate_log(
         robot is then no longer counts as error.
     duration
         s from there on; the rest is left out. Default: to the end of the log.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s; default: as the spec says, if the reference or the
         recording has one, else 0.
     low_pass
@@ -153,15 +155,15 @@ def evaluate_log(
     cutoff = _cutoff(low_pass, data)
     begin = as_positive("start", start, zero_allowed=True)
     if reference_joints is not None:
-        target, its_settle = _from_columns(data, arm, file, reference_topic), None
+        target, its_skipped = _from_columns(data, arm, file, reference_topic), None
     elif reference_topic is not None:
-        target, its_settle = _from_topic(data, arm, file, reference_topic, joints), None
+        target, its_skipped = _from_topic(data, arm, file, reference_topic, joints), None
     elif file is not None:
         first = data.q[min(np.searchsorted(data.time, begin - _SNAP), len(data.q) - 1)]
-        reference_of_file, its_settle = _from_file(file, arm, first, options)
+        reference_of_file, its_skipped = _from_file(file, arm, first, options)
         target = _Target(reference_of_file, None)
     else:
-        target, its_settle = None, None
+        target, its_skipped = None, None
     if align:
         if begin or target is None or target.begin is not None:
             raise ValueRangeError(
@@ -180,8 +182,10 @@ def evaluate_log(
     kept = _kept(data, begin, duration)
     time = data.time[kept] - begin if align else np.maximum(data.time[kept] - begin, 0.0)
     q = data.q[kept]
-    if settle is not None and as_positive("settle", settle, zero_allowed=True) > time[-1]:
-        raise ValueRangeError(f"settle: must be ≤ the {time[-1]:g} s that are judged, got {settle:g}")
+    if skip_initial is not None and as_positive("skip_initial", skip_initial, zero_allowed=True) > time[-1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}"
+        )
     if target is not None:
         desired = target.reference.samples(time + (begin - target.begin if target.begin is not None else 0.0))
     elif data.record is not None:
@@ -196,7 +200,7 @@ def evaluate_log(
     desired[:, TIME] = time
     command = np.full((len(time), arm.input_size), np.nan) if data.command is None else data.command[kept]
     record = Record(time, q, q, command, arm.fkm(q), desired, arm.joint_names, stopped=STOPPED)
-    own_settle = float(about.get("skip_initial", 0.0)) if its_settle is None else its_settle
+    skipped = float(about.get("skip_initial", 0.0)) if its_skipped is None else its_skipped
     spec = EvaluationSpec(
         log=str(data.path.resolve()),
         robot=_absolute(chosen),
@@ -213,7 +217,7 @@ def evaluate_log(
         start=begin if align else start,
         align=align,
         duration=duration,
-        skip_initial=own_settle if settle is None else settle,
+        skip_initial=skipped if skip_initial is None else skip_initial,
         low_pass=cutoff,
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)

@@ -25,6 +25,7 @@ from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
@@ -71,7 +72,7 @@ class Deviation:
     final
         At the last sample.
     settled_mean, settled_rms, settled_peak
-        The same without the start: only samples from ``settle`` on.
+        The same without the start: only samples from ``skip_initial`` on.
     """
 
     mean: float
@@ -96,7 +97,7 @@ class Metrics:
     error
         |vec8(1 − x* x_d)|, no unit; "Err" [P16 5.1]. Half the distance in m, about half the angle in rad.
     settled_error
-        The same without the start: only samples from ``settle`` on, its integral over them only [P16 Table 5.6].
+        The same without the start: only samples from ``skip_initial`` on, its integral over them only [P16 Table 5.6].
     final_error
         |vec8(1 − x* x_d)| at the last sample.
     control
@@ -208,11 +209,12 @@ class Metrics:
         return _flatten(self.to_dict())
 
 
+@renamed_parameters(settle="skip_initial")
 def evaluate(
     record: Record,
     limits: Limits | None = None,
     *,
-    settle: float = 0.0,
+    skip_initial: float = 0.0,
     tolerance: float | None = None,
     law: Law | None = None,
     robot: Robot | None = None,
@@ -226,7 +228,7 @@ def evaluate(
         The run; true configurations and poses are judged, not measured ones.
     limits
         Of the configuration variables, for the margin, and of the inputs' speeds.
-    settle
+    skip_initial
         Length of the start that the settled error and deviations leave out, s.
     tolerance
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
@@ -241,7 +243,7 @@ def evaluate(
     Raises
     ------
     ValueRangeError
-        If ``settle`` is negative or longer than the run, or ``tolerance`` is not positive.
+        If ``skip_initial`` is negative or longer than the run, or ``tolerance`` is not positive.
     ShapeError
         If the limits do not fit the record.
 
@@ -256,10 +258,14 @@ def evaluate(
     >>> evaluate(record).control.integral
     6.0
     """
-    as_positive("settle", settle, zero_allowed=True)
-    if settle > record.duration:
-        raise ValueRangeError(f"settle: must be ≤ the run's {record.duration:g} s, got {settle:g}")
-    start = min(int(np.searchsorted(record.time, record.time[0] + settle * (1 - 1e-12))), len(record) - 1)
+    as_positive("skip_initial", skip_initial, zero_allowed=True)
+    if skip_initial > record.duration:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the run's {record.duration:g} s, got {skip_initial:g}"
+        )
+    start = min(
+        int(np.searchsorted(record.time, record.time[0] + skip_initial * (1 - 1e-12))), len(record) - 1
+    )
     if tolerance is not None:
         as_positive("tolerance", tolerance)
     time, intervals = record.time, np.diff(record.time)
@@ -300,7 +306,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, settle=settle, robot=robot).words,
+            task=task_result(record, law=law, skip_initial=skip_initial, robot=robot).words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -14,7 +14,15 @@ from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, un
 from dqcontrol.files.long_array import long_array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import CompiledPlant, Plant, begun_periods, start_configuration
+from dqcontrol.plants.plant import (
+    COMMAND_MODES,
+    CommandMode,
+    CompiledPlant,
+    EncoderErrors,
+    Plant,
+    begun_periods,
+    start_configuration,
+)
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
@@ -23,7 +31,6 @@ from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
-COMMAND_MODES = ("integrated", "measured")
 Each: TypeAlias = float | list[float]
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
@@ -76,7 +83,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     """
 
     has_velocity_limits: ClassVar[bool] = True
-    command_mode: Literal["integrated", "measured"] = "integrated"
+    command_mode: CommandMode = "integrated"
     time_constant: Annotated[Each, Meta(description="τ, s")] = 0.05
     gain: Annotated[Each, Meta(description="share of a commanded move that is made")] = 1.0
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
@@ -138,6 +145,14 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             else np.zeros((steps, n))
         )
         return CompiledPlant(servo, parameters, state, q0, noise)
+
+    def target_mode(self) -> CommandMode:
+        """Return its command mode."""
+        return self.command_mode
+
+    def encoder_errors(self) -> EncoderErrors:
+        """Return noise and resolution of its encoders."""
+        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return the joints without sag, encoder and rate limit: positions, then their targets, newest first.
