@@ -119,6 +119,11 @@ def _searched(segments: list[Segment]) -> tuple[float, float]:
     return min(found)[1:]
 
 
+def squares_at(segments: list[Segment], lag: float, delays: Array) -> float:
+    """Return the least sum of squares that a lag leaves with one of some delays."""
+    return min(float(np.sum(_solve(segments, lag, delay).residual ** 2)) for delay in delays.tolist())
+
+
 def fit_at(segments: list[Segment], lag: float, delay: float) -> Fit:
     """Return the fit at a given lag and delay, with its uncertainty as if these had been fitted."""
     found = _solve(segments, lag, delay)

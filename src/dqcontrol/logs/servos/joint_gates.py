@@ -19,6 +19,7 @@ from dqcontrol.logs.servos.joint_fit import (
     fit,
     fit_at,
     predicted,
+    squares_at,
 )
 from dqcontrol.logs.servos.noise import QUANTUM, noise_of, resolution_of
 
@@ -31,6 +32,7 @@ _FAR = 6.0  # standard deviations
 _UNEXPLAINED = 2.5  # times the noise, a residual that may hide a clamp
 _CLAMPED = 0.5  # of the sum of squares that a clamp leaves
 _TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay; share of the lag that its standard error is
+_SAME = 10.0  # times the variance, a sum of squares that is no worse
 _POOR = 0.15  # of what moved, a residual at which no servo of this kind explains the log
 _BEGIN = 0.7  # of a joint's path is fitted, the rest checks
 _SURE = 3.0  # standard errors, of a sag that is there
@@ -169,8 +171,15 @@ def _judged(
             f"{spread:.3g} that it moved",
         )
     no_lag = found.lag <= LEAST_LAG * 1.01
-    unsure = max(lag_error, delay_error) > period if no_lag else lag_error > _UNSURE * found.lag
-    if abs(found.correlation) > _TRADED and unsure:
+    unsure = abs(found.correlation) > _TRADED and lag_error > _UNSURE * found.lag
+    if found.lag < period / 2:  # answers are steps then, whose slopes tell nothing: is a longer lag as good?
+        longer = squares_at(
+            segments,
+            found.lag + period,
+            found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
+        )
+        unsure = longer < (1 + _SAME / len(found.residual)) * float(np.sum(found.residual**2))
+    if unsure:
         both = found.lag + found.delay
         return replace(
             bare,
