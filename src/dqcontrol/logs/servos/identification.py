@@ -346,12 +346,13 @@ def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
 
     What targets that follow the measured positions leave of servos that do not is more, by the noise in these.
     """
-    left = {mode: np.array([each.residual for each in joints]) for mode, joints in tried.items()}
+    modes = list(tried)
+    left = {mode: np.array([each.residual for each in tried[mode]]) for mode in modes}
     both = np.all([np.isfinite(each) & (each > 0) for each in left.values()], axis=0)
     if both.any():
         least = np.min([each[both] for each in left.values()], axis=0)
-        return max(left, key=lambda mode: int((left[mode][both] == least).sum()))
-    return max(left, key=lambda mode: int(np.isfinite(left[mode]).sum()))
+        return max(modes, key=lambda mode: int((left[mode][both] == least).sum()))
+    return max(modes, key=lambda mode: int(np.isfinite(left[mode]).sum()))
 
 
 def _jsonable(value: Any) -> Any:

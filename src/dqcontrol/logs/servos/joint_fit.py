@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from dqcontrol.logs.servos.lag_response import (
 LEAST_LAG, MOST_LAG, MOST_DELAY = 2e-4, 2.0, 0.3  # s
 NORMAL_95 = 1.96
 _GRID_LAGS = np.geomspace(2e-3, 0.8, 11)
+_GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 1200, 5000
 _STARTS = 3
 
@@ -88,7 +89,7 @@ class _Linear(NamedTuple):
     residual: Array
 
 
-def fit(segments: list[Segment], period: float) -> Fit:
+def fit(segments: list[Segment], period: float, near: Fit | None = None) -> Fit:
     """Return the best first-order servo of some segments, with its uncertainty.
 
     Parameters
@@ -97,19 +98,30 @@ def fit(segments: list[Segment], period: float) -> Fit:
         One or more, with motion.
     period
         Median time between commands, s: minima may hide beside whole periods.
+    near
+        A fit of almost the same: the search begins there.
     """
+    lag, delay = (near.lag, near.delay) if near is not None else _searched(segments)
+    found = [_descend(segments, lag, begin) for begin in (delay, delay - period / 2, delay + period / 2)]
+    _, lag, delay = min(found)
+    return fit_at(segments, lag, delay)
+
+
+def _searched(segments: list[Segment]) -> tuple[float, float]:
+    """Return the lag and delay of the best minimum that a grid leads to."""
     coarse, middle = _thinned(segments, _GRID_SAMPLES), _thinned(segments, _START_SAMPLES)
-    delays = np.linspace(0.0, MOST_DELAY, 31)
     costs = [
         (float(np.sum(_solve(coarse, lag, delay).residual ** 2)), lag, delay)
         for lag in _GRID_LAGS
-        for delay in delays
+        for delay in _GRID_DELAYS
     ]
     found = [_descend(middle, lag, delay) for _, lag, delay in sorted(costs)[:_STARTS]]
-    _, lag, delay = min(found)
-    found = [_descend(segments, lag, near) for near in (delay, delay - period / 2, delay + period / 2)]
-    _, lag, delay = min(found)
-    return fit_at(segments, lag, delay)
+    return min(found)[1:]
+
+
+def squares_at(segments: list[Segment], lag: float, delays: Array) -> float:
+    """Return the least sum of squares that a lag leaves with one of some delays."""
+    return min(float(np.sum(_solve(segments, lag, delay).residual ** 2)) for delay in delays.tolist())
 
 
 def fit_at(segments: list[Segment], lag: float, delay: float) -> Fit:
@@ -168,9 +180,9 @@ def _solve(segments: list[Segment], lag: float, delay: float) -> _Linear:
     small = np.abs(np.diag(triangle)) < 1e-9 * np.abs(np.diag(triangle)).max()
     projected = basis.T @ positions
     if small.any():  # as a transient that is over before the second sample
-        factors = np.linalg.lstsq(triangle, projected, rcond=1e-9)[0]
+        factors = np.asarray(np.linalg.lstsq(triangle, projected, rcond=1e-9)[0], dtype=np.float64)
     else:
-        factors = np.linalg.solve(triangle, projected)
+        factors = np.asarray(np.linalg.solve(triangle, projected), dtype=np.float64)
     residual = positions - columns @ factors
     return _Linear(columns, by_lag @ factors, by_delay * factors[0], basis, factors, residual)
 
@@ -196,7 +208,7 @@ def _descend(segments: list[Segment], lag: float, delay: float) -> tuple[float, 
     done = least_squares(
         lambda point: solved(point).residual / scale,
         start,
-        jac=lambda point: jacobian(point) / scale,
+        jac=cast("Any", lambda point: jacobian(point) / scale),
         bounds=([LEAST_LAG, 0.0], [MOST_LAG, MOST_DELAY]),
         x_scale=[0.02, 0.005],
         xtol=1e-9,

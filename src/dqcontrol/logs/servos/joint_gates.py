@@ -19,6 +19,7 @@ from dqcontrol.logs.servos.joint_fit import (
     fit,
     fit_at,
     predicted,
+    squares_at,
 )
 from dqcontrol.logs.servos.noise import QUANTUM, noise_of, resolution_of
 
@@ -31,6 +32,7 @@ _FAR = 6.0  # standard deviations
 _UNEXPLAINED = 2.5  # times the noise, a residual that may hide a clamp
 _CLAMPED = 0.5  # of the sum of squares that a clamp leaves
 _TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay; share of the lag that its standard error is
+_SAME = 10.0  # times the variance, a sum of squares that is no worse
 _POOR = 0.15  # of what moved, a residual at which no servo of this kind explains the log
 _BEGIN = 0.7  # of a joint's path is fitted, the rest checks
 _SURE = 3.0  # standard errors, of a sag that is there
@@ -136,7 +138,7 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     found = fit(segments, period)
     kept, dropped = _without_outliers(segments, found, resolution)
     if dropped:
-        found = fit(kept, period)
+        found = fit(kept, period, near=found)
     floor = noise_of(found.residual, resolution)
     if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
         return replace(
@@ -169,8 +171,15 @@ def _judged(
             f"{spread:.3g} that it moved",
         )
     no_lag = found.lag <= LEAST_LAG * 1.01
-    unsure = max(lag_error, delay_error) > period if no_lag else lag_error > _UNSURE * found.lag
-    if abs(found.correlation) > _TRADED and unsure:
+    unsure = abs(found.correlation) > _TRADED and lag_error > _UNSURE * found.lag
+    if found.lag < period / 2:  # answers are steps then, whose slopes tell nothing: is a longer lag as good?
+        longer = squares_at(
+            segments,
+            found.lag + period,
+            found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
+        )
+        unsure = longer < (1 + _SAME / len(found.residual)) * float(np.sum(found.residual**2))
+    if unsure:
         both = found.lag + found.delay
         return replace(
             bare,
@@ -188,7 +197,7 @@ def _judged(
         sag, sag_interval = found.sag, _interval(found.sag, found.error(3))
         if abs(found.sag) < _SURE * found.error(3):
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period)
+            found = fit(segments, period, near=found)
             lag_error, delay_error = found.error(0), found.error(1)
     residual = _checked(segments, found, period)
     noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
@@ -285,6 +294,6 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> float:
         rest += [(each, ~early)] if (~early).sum() > 20 else []
     if not begun or not rest:
         return math.nan
-    from_begin = fit(begun, period)
+    from_begin = fit(begun, period, near=found)
     left = [(each.positions - predicted(from_begin, each))[late] for each, late in rest]
     return float(np.sqrt(np.mean(np.concatenate([each - each.mean() for each in left]) ** 2)))

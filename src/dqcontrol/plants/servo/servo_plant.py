@@ -173,8 +173,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         sizes = [len(model.transition) for model in models]
         begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
         order = np.concatenate([begins, np.setdiff1d(np.arange(sum(sizes)), begins)])
-        transition = block_diag(*(model.transition for model in models))[np.ix_(order, order)]
-        inputs = block_diag(*(model.inputs for model in models))[order]
+        transition = np.asarray(block_diag(*(model.transition for model in models)))[np.ix_(order, order)]
+        inputs = np.asarray(block_diag(*(model.inputs for model in models)))[order]
         return LinearModel(transition, inputs).reduced(round(_HORIZON / dt))
 
     def _joint_model(self, answer: _Answer, gain: float, dt: float) -> LinearModel:
