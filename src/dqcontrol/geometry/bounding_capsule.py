@@ -78,9 +78,10 @@ def _seeds(points: Array) -> Array:
 
 def _frame(axis: Array) -> tuple[Array, Array]:
     """Return two unit vectors across an axis."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    return first, np.cross(axis, first)
+    first: Array = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first = first / np.linalg.norm(first)
+    second: Array = np.cross(axis, first)
+    return first, second
 
 
 def _start(axis: Array, points: Array) -> tuple[Array, Array, Array]:
