@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
@@ -77,6 +78,7 @@ __all__ = [
     "figures",
     "films",
     "geometry",
+    "identify",
     "laws",
     "limits",
     "load_robot",
@@ -122,6 +124,7 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",

@@ -5,20 +5,16 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import pytest
 import yaml
+from nodes import NODES, PATIENCE, read_until
 
 from dqcontrol.ros2 import middleware
 
-# A machine full of other tests stalls processes for longer than a robot's would be.
-PATIENCE = 240.0  # s: of what waits for something that is to come; no test says how soon it has to
-PATIENT = ("--", "-p", "supervisor.stale_after:=0.5")
-NODES = [sys.executable, "-u", "-m", "dqcontrol", "ros2"]
 SPEC = {
     "name": "tiny",
     "robot": "iiwa7",
@@ -86,16 +82,6 @@ def start():
             process.wait(10)
         except subprocess.TimeoutExpired:
             process.kill()
-
-
-def read_until(process, text):
-    """Return the log up to the line that has a text."""
-    log = ""
-    for line in process.stdout:
-        log += line
-        if text in line:
-            return log
-    raise AssertionError(f"'{text}' never came in:\n{log}")
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENCE, PATIENT
+from nodes import PATIENCE, PATIENT
 
 import dqcontrol as dqc
 from dqcontrol.ros2.interfaces import COMMANDS
@@ -67,6 +67,7 @@ def check(noted, interface):
         assert noted[what] > 10, what
 
 
+@pytest.mark.slow
 def test_messages_lost_late_twice_and_swapped_cross_no_limit(spec, start, tmp_path):
     noted = spoiled(spec, start, tmp_path, "velocity", (0.2, 0.01, 0.2), 1, PATIENT)
     check(noted, "velocity")

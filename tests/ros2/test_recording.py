@@ -1,5 +1,7 @@
 """The recording of a controller's motion: watched while it grows, killed, and on a full disk."""
 
+import errno
+import resource
 import signal
 import time
 
@@ -7,12 +9,13 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from conftest import PATIENCE, PATIENT
+from nodes import PATIENCE, PATIENT
 
 from dqcontrol.browser import growing_recording
 from dqcontrol.cli.view_command import _follow, _take_news
 from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
+from dqcontrol.experiments.run import Run
 from dqcontrol.limits import list_interventions
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.recording import load_record
@@ -22,13 +25,12 @@ from dqcontrol.ros2.recorder import Recorder
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
 
 
-def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_and_a_full_disk_stops_it(
-    spec, start, tmp_path
-):
+@pytest.mark.slow
+def test_a_loop_is_watched_while_it_goes_on_and_killed_it_leaves_what_was_seen(spec, start, tmp_path):
     out, path = tmp_path / "out", spec(reference=CIRCLE)
     start("robot", path)
     controller = start("controller", path, "--autostart", "--out", out, *PATIENT, until="active")
-    active, tracks = time.monotonic(), []
+    tracks = []
     following = _follow(growing_recording(out), "loop", tracks)
     growing, track = following
     for _ in range(4):
@@ -37,58 +39,102 @@ def test_a_loop_is_watched_while_it_goes_on_killed_it_leaves_all_but_a_second_an
             assert time.monotonic() < end
             assert _take_news([following], None)
             time.sleep(0.02)
-    assert time.monotonic() - active - track.record.time[-1] < 3.0  # a second on a quiet machine
     controller.send_signal(signal.SIGKILL)
-    killed = time.monotonic() - active
     controller.wait()
     growing.close()
     record = load_run(out).record
-    assert record.time[-1] > killed - 3.0  # a second, and what a machine full of tests is late
+    assert record.time[-1] >= track.record.time[-1]
     assert record.stopped.startswith("cut off at")
-    assert record.position_error.max() < 0.05
 
-    words = (
-        "controller",
-        path,
-        "--autostart",
-        "--out",
-        out,
-        "--force",
-        *PATIENT,
-        "-p",
-        "start_tolerance:=1.0",
-    )
-    log, _ = start(*words, file_limit=40_000).communicate(timeout=PATIENCE)
+
+@pytest.mark.slow
+def test_a_full_disk_stops_a_process_and_its_last_line_says_so(spec, start, tmp_path):
+    out, path = tmp_path / "out", spec(reference=CIRCLE)
+    start("robot", path)
+    controller = start("controller", path, "--autostart", "--out", out, *PATIENT, file_limit=40_000)
+    log, _ = controller.communicate(timeout=PATIENCE)
     assert "stopped: stop category 1: emergency stop: the recording cannot be written: File too large" in log
-    assert log.splitlines()[-1] == (
-        f"dqcontrol: {out}/record.mcap: the recording cannot be written: File too large"
+    assert (
+        log.splitlines()[-1]
+        == f"dqcontrol: {out}/record.mcap: the recording cannot be written: File too large"
     )
-    assert 20 < len(load_record(out / "record.mcap")) != len(record)
+    assert len(load_record(out / "record.mcap")) > 20
 
 
-def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_beside_it(spec, tmp_path):
+@pytest.fixture
+def moved(spec, tmp_path):
+    """Return what moves a robot that obeys at once, with control and recorder, until it has stopped for some reason."""
     loaded = load(spec(reference=CIRCLE))
     control = Control(
         loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor("velocity")
     )
     recorder, start = Recorder(tmp_path / "out", loaded), loaded.case.scene.start
-    with pytest.raises(Error, match="never active"):
-        recorder.save()
-    for motion in (1, 2):
+
+    def move(act):
         recorder.start()
         control.activate(start)
-        for k in range(200):
-            if k == 30 and motion == 1:
-                control.deactivate()
-            elif k == 30:
-                control.emergency_stop()
-            control.step(0.01 * k, control.position.copy(), 0.0)  # as a robot that obeys at once
+        for k in range(3000):
+            act(k)
+            control.step(0.01 * k, control.position.copy(), 0.0)
             recorder.take(control, 0.01 * (k - k % 2))  # messages may say the same time twice
             if control.phase in (Phase.INACTIVE, Phase.STOPPED):
-                break
-        recorder.end(control.phase, control.reason)
+                recorder.end(control.phase, control.reason)
+                return
+        raise AssertionError("it never stopped")
+
+    return move, control, recorder
+
+
+def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_beside_it(moved, tmp_path):
+    move, control, recorder = moved
+    with pytest.raises(Error, match="never active"):
+        recorder.save()
+    move(lambda k: k == 30 and control.deactivate())
+    move(lambda k: k == 30 and control.emergency_stop())
     record, first = (load_record(tmp_path / "out" / f"{name}.mcap") for name in ("record", "record-1"))
     assert first.stopped == "soft stop"
     assert record.stopped == f"halted at {record.time[-1]:g} s: emergency stop"
     told = list_interventions(record.time, record.readings["interventions"].values)
     assert told[-1] == (0.3, record.time[-1], "emergency stop")
+
+
+def test_a_full_disk_stops_a_motion(moved, tmp_path):
+    move, control, recorder = moved
+    move(lambda k: k == 30 and control.deactivate())  # what it compiles is kept before the disk is full
+
+    def wait(k):
+        if k == 600:  # more than fits
+            recorder._stream._thread.join(PATIENCE)
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, hard))
+        move(wait)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert control.stop == (
+        "stop category 1: emergency stop: the recording cannot be written: File too large"
+    )
+    with pytest.raises(Error) as caught:
+        recorder.save()
+    path = tmp_path / "out" / "record.mcap"
+    assert str(caught.value) == f"{path}: the recording cannot be written: File too large"
+    assert len(load_record(path)) > 20
+
+
+def test_what_stopped_a_motion_is_said_even_if_the_disk_is_full_in_the_end(moved, tmp_path, monkeypatch):
+    move, control, recorder = moved
+
+    def write(_run, _folder):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    move(lambda k: k == 30 and control.emergency_stop())
+    monkeypatch.setattr(Run, "write", write)
+    with pytest.raises(Error) as caught:
+        recorder.save()
+    halted = load_record(tmp_path / "out" / "record.mcap").stopped
+    assert str(caught.value) == (
+        f"{tmp_path / 'out'}: cannot be written: No space left on device; "
+        f"the recording is there, and ends with: {halted}"
+    )
+    assert halted.endswith("emergency stop")

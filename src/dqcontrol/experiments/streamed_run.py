@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from dqcontrol.errors import writing
+from dqcontrol.errors import Error, writing
 from dqcontrol.experiments.results_folder import SPEC_FILE, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.record import Record
@@ -73,10 +75,10 @@ class StreamedRun:
         Raises
         ------
         Error
-            If it cannot be written.
+            If it cannot be written; it says what stopped the motion.
         """
-        kept = save_last_seconds(last_seconds, self.folder / FOLDER, self._spec)
-        with writing(self.folder):
+        with _telling(last_seconds.stopped), writing(self.folder):
+            kept = save_last_seconds(last_seconds, self.folder / FOLDER, self._spec)
             note_contents(self.folder)
         return kept
 
@@ -86,7 +88,16 @@ class StreamedRun:
         Raises
         ------
         Error
-            If it cannot be written; the recording is then still there.
+            If it cannot be written; it says what ended the motion, and the recording is still there.
         """
-        with writing(self.folder), added_files(self.folder) as new:
+        with _telling(run.record.stopped), writing(self.folder), added_files(self.folder) as new:
             run.write(new)
+
+
+@contextmanager
+def _telling(stopped: str) -> Iterator[None]:
+    """Say, where something cannot be written after a motion, what ended the motion: nothing else may say it."""
+    try:
+        yield
+    except Error as error:
+        raise Error(f"{error}; the recording is there, and ends with: {stopped}") from None

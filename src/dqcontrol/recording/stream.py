@@ -91,19 +91,7 @@ class RecordStream:
     def take(
         self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
     ) -> None:
-        """Hand over one sample; returns at once.
-
-        Parameters
-        ----------
-        sample
-            As of ``Sample.data``, shape (21,); the time increases.
-        q, measured
-            True and measured configuration, shape (n,), rad or m.
-        command
-            Inputs after all limits, shape (m,), rad/s or m/s.
-        interventions
-            Code of the supervisor.
-        """
+        """Hand over one sample, as `SampleSink.take` says; returns at once."""
         self._waiting.append((sample.copy(), q.copy(), measured.copy(), command.copy(), interventions))
 
     def close(self, stopped: str = "") -> None:
@@ -112,7 +100,7 @@ class RecordStream:
         Raises
         ------
         Error
-            If the file could not be written.
+            If the file could not be written; it also says why the motion ended, if that was not for it.
         """
         if self._end.is_set():
             return
@@ -132,7 +120,8 @@ class RecordStream:
             with suppress(OSError):  # said already
                 self._file.close()
         if self.failure:
-            raise Error(f"{self.path}: {self.failure}")
+            other = f"; the motion ended with: {stopped}" if stopped and self.failure not in stopped else ""
+            raise Error(f"{self.path}: {self.failure}{other}")
 
     def __enter__(self) -> RecordStream:
         return self

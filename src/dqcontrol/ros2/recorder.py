@@ -6,7 +6,6 @@ import math
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 from dqcontrol.errors import Error
@@ -45,6 +44,7 @@ class Recorder:
         self._streamed = StreamedRun(folder, loaded.robot, text, force=force)
         self._stream: RecordStream | None = None
         self._is_open, self._last = False, -math.inf
+        self._lost: Error | None = None
         self._keeping: threading.Thread | None = None
 
     def start(self) -> None:
@@ -58,6 +58,7 @@ class Recorder:
         self._wait()
         if not self._is_open:  # or the last start failed
             self._stream, self._last, self._is_open = self._streamed.record(), -math.inf, True
+            self._lost = None
 
     def take(self, control: Control, time: float) -> None:
         """Record the controller's last step, at a time since the start, s; what comes after the reference is left out.
@@ -74,8 +75,10 @@ class Recorder:
         if self._stream and self._is_open:
             self._is_open = False
             halted = f"halted at {max(self._last, 0.0):g} s: " if phase is Phase.STOPPED else ""
-            with suppress(Error):  # `save` says it, and the robot was stopped for it
+            try:
                 self._stream.close(halted + outcome)
+            except Error as error:
+                self._lost = error  # `save` says it
 
     def keep(self, black_box: BlackBox, stopped: str, tell: Callable[[str], object]) -> None:
         """Write the last seconds before a stop beside the recording, in a thread: it takes up to some seconds.
@@ -122,8 +125,8 @@ class Recorder:
         self._wait()
         if not self._stream or self._last < 0:
             raise Error("ros2: the controller was never active, so there is nothing to save")
-        if self._stream.failure:
-            raise Error(f"{self._stream.path}: {self._stream.failure}")
+        if self._lost:
+            raise self._lost
         loaded, record = self._loaded, load_record(self._stream.path)
         text = loaded.setting.single_text(loaded.case, 0)
         run = Run(text, loaded.robot, record, loaded.setting.spec.skip_initial, "ROS 2", "measured")
