@@ -26,18 +26,16 @@ def surface(capsule, rng, count=400):
 
 def test_points_of_a_capsule_give_it_back():
     rng = np.random.default_rng(1)
-    for _ in range(2):
-        capsule = random_shape("capsule", rng)
-        points = surface(capsule, rng)
-        points = points[[geometry.distance(geometry.Point(p), capsule).distance > -1e-9 for p in points]]
-        found = geometry.bounding_capsule(points)
-        assert depth(found, points) < 1e-12
-        assert found.volume < 1.02 * capsule.volume
+    capsule = random_shape("capsule", rng)
+    points = surface(capsule, rng)
+    found = geometry.bounding_capsule(points)
+    assert depth(found, points) < 1e-12
+    assert found.volume < 1.02 * capsule.volume
 
 
 def test_points_of_boxes_are_inside():
     rng = np.random.default_rng(2)
-    for _ in range(3):
+    for _ in range(2):
         corners = rng.uniform(0.1, 1, 3) * (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5)
         pose = random_pose(rng)
         matrix = dqc.algebra.matrix_from_pose(pose)

@@ -169,7 +169,7 @@ def test_joints_that_move_both_bodies_drop_out():
 
 def brute_force(a, b, n=400):
     """Least distance of the cores of two capsules on a grid, refined three times."""
-    s0, s1, t0, t1 = 0.0, 1.0, 0.0, 1.0
+    least, s0, s1, t0, t1 = np.inf, 0.0, 1.0, 0.0, 1.0
     for _ in range(4):
         s, t = np.meshgrid(np.linspace(s0, s1, n), np.linspace(t0, t1, n), indexing="ij")
         difference = (a.start - b.start) + s[..., None] * (a.end - a.start) - t[..., None] * (b.end - b.start)

@@ -57,8 +57,8 @@ def optimality(flat, answers, n, m):
         finite = np.isfinite(program.upper)
         rest = max(
             np.abs(y[free] * slack[free]).max(initial=0),
-            np.abs(up * (program.upper - u))[finite].max(initial=0),
-            np.abs(low * (u - program.lower))[finite].max(initial=0),
+            np.abs(up[finite] * (program.upper - u)[finite]).max(initial=0),
+            np.abs(low[finite] * (u - program.lower)[finite]).max(initial=0),
         )
         signs = min(y[free].min(initial=0), up.min(), low.min())
         worst = np.maximum(worst, [-kept, -signs / scale, np.abs(balance).max() / scale, rest / scale])

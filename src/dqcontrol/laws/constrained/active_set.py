@@ -27,7 +27,7 @@ SOLVED, INFEASIBLE, LIMIT, INDEFINITE = range(4)
 LARGEST = 30  # inputs
 TOLERANCE = 1e-11  # violation, relative to 1 + |bound|, above which a constraint becomes active
 _CONSISTENT = 1e-8  # violation of a row that depends on active ones, above which it contradicts them
-_DEPENDENT = 1e-10  # square of the sine between a constraint and the active ones
+_DEPENDENT = 1e-9  # square of the sine between a constraint and the active ones
 _REFINED = 1e-12  # residual of an active constraint above which multipliers are computed again
 _EQUAL = 0.5
 _RIDGE = 1e-6  # ρ² of least squares, relative to the largest row's square
@@ -397,7 +397,7 @@ def _refine(program, memory, chosen, q, u, n, m):
 
 
 @_in_order
-def _most_violated(program, memory, chosen, q, u, n, m):
+def _most_violated(program, memory, chosen, q, u, n, m, tolerance):
     """Return the constraint that is violated most and beyond the tolerance, −1 if none is, and how much."""
     for j in range(q):
         if chosen[1 + j] < m:
@@ -406,14 +406,14 @@ def _most_violated(program, memory, chosen, q, u, n, m):
     for i in range(m):
         if memory.residual[i] > worst:
             value = memory.residual[i]
-            if value > TOLERANCE * (1.0 + abs(program.bounds[i])):
+            if value > tolerance * (1.0 + abs(program.bounds[i])):
                 worst, found = value, i
     for k in range(n):
         value = u[k] - program.upper[k]
-        if value > worst and value > TOLERANCE * (1.0 + abs(program.upper[k])):
+        if value > worst and value > tolerance * (1.0 + abs(program.upper[k])):
             worst, found = value, m + k
         value = program.lower[k] - u[k]
-        if value > worst and value > TOLERANCE * (1.0 + abs(program.lower[k])):
+        if value > worst and value > tolerance * (1.0 + abs(program.lower[k])):
             worst, found = value, m + n + k
     return found, worst
 
@@ -530,8 +530,10 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
     if chosen[0] > 0 or equations > 0.0:
         fixed, q, skipped = _start(program, memory, chosen, n, m)
     room = memory.pivots.shape[0]
-    status, fresh = LIMIT, True
-    for _ in range(limit):
+    status, fresh, tolerance = LIMIT, True, TOLERANCE
+    for iteration in range(1, limit + 1):
+        if iteration % (4 * n + 40) == 0:  # rounding may let a constraint come and go for ever
+            tolerance = min(10.0 * tolerance, _CONSISTENT)
         if not fresh:
             _multipliers(memory, q)
             step, out = 1.0, -1
@@ -552,7 +554,7 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
         _follow(program, memory, q, n, m, u)
         if _is_off(program, memory, chosen, q, u, n, m):
             _refine(program, memory, chosen, q, u, n, m)
-        p, worst = _most_violated(program, memory, chosen, q, u, n, m)
+        p, worst = _most_violated(program, memory, chosen, q, u, n, m, tolerance)
         if p < 0:
             status = SOLVED
             break
@@ -646,7 +648,7 @@ def _least_squares(program, memory, chosen, n, m, limit, u):
 
 
 @shared
-def _set_level(given, program, levels, level, n, m):
+def _set_level(given, program, levels, level, ridge, n, m):
     """Let the rows of a level be soft, and ignore those of later ones."""
     largest = 0.0
     for p in range(m):
@@ -655,7 +657,7 @@ def _set_level(given, program, levels, level, n, m):
             for k in range(n):
                 square += given.columns[k, p] ** 2
             largest = max(largest, square)
-    softness = _RIDGE * (largest if largest > 0.0 else 1.0)
+    softness = ridge * (largest if largest > 0.0 else 1.0)
     for p in range(m):
         if levels[p] == level:
             program.bounds[p], program.equal[p] = given.bounds[p], given.equal[p]
@@ -700,8 +702,13 @@ def solve_levels(flat, levels, count, n, m, limit, work, u, chosen, scratch):
         memory.center[i] = min(max(0.0, program.lower[i]), program.upper[i])
     chosen[0] = 0
     for level in range(count):
-        _set_level(given, program, levels, level, n, m)
-        status = _least_squares(program, memory, chosen, n, m, limit, u)
+        ridge, status = _RIDGE, LIMIT
+        for _ in range(3):  # a larger ρ needs more rounds, but loses fewer digits
+            _set_level(given, program, levels, level, ridge, n, m)
+            status = _least_squares(program, memory, chosen, n, m, limit, u)
+            if status == SOLVED:
+                break
+            ridge *= 100.0
         if status != SOLVED:
             for i in range(n):
                 u[i] = memory.center[i]
