@@ -343,3 +343,13 @@ def test_when_the_robot_dies_on_a_busy_machine_commands_come_to_rest_within_a_te
             one.kill()
     print(f"{interface}: {1e3 * (moving[-1] - killed):.0f} ms")
     assert moving[-1] - killed < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems tell no child that its parent was killed")
+def test_the_graph_of_pereira_ends_with_its_launcher_even_if_that_is_killed(start):
+    launch = start("pereira2016", "kuka", until="robot_controlling_node]: active")
+    launch.kill()
+    log = launch.stdout.read()  # until both have ended, whose output it is too
+    assert "robot_controlling_node]: stopping" in log
+    assert "Traceback" not in log
