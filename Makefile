@@ -96,7 +96,7 @@ lock: $(RELEASE)/tools
 	  --custom-compile-command 'make lock' -o ci.lock
 
 # The least releases that pyproject.toml allows, and the newest with Numba's upper bound lifted. The tests of ROS 2 and
-# of the site are left out for want of their packages; all others run.
+# of the site are left out because their packages are missing; all others run.
 test-oldest: $(RELEASE)/tools
 	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-oldest
 	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-oldest $(UV) pip install -q --resolution lowest-direct -e '.[physics,robots]' --group test

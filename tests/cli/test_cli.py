@@ -172,8 +172,8 @@ def test_robots(here, capsys):
         ({"law": {"kind": "proportional", "gain": float("nan")}}, r"spec.yaml: law.gain: must be finite"),
         ({"start": [0, 1]}, r"start: expected shape \(…, 7\), got shape \(2,\)"),
         ({"start": [0, 9, 0, 0, 0, 0, 0]}, r"start: joint_2 is 9, outside its limits"),
-        ({"repeats": 0}, r"spec.yaml: repeats: expected 'int' >= 1, got 0"),
-        ({"seed": -1}, r"spec.yaml: seed: expected 'int' >= 0, got -1"),
+        ({"repeats": 0}, r"spec.yaml: repeats: expected a whole number >= 1, got 0"),
+        ({"seed": -1}, r"spec.yaml: seed: expected a whole number >= 0, got -1"),
         (
             {"parameter_sets": {"a": {"proportionl": {}}}},
             r"spec.yaml: parameter_sets.a: unknown name .* did you mean 'proportional'",

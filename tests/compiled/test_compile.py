@@ -11,7 +11,7 @@ import pytest
 from numba.core.caching import FunctionCache
 
 import dqcontrol
-from dqcontrol.compiled import kernel_cache
+from dqcontrol.compiled import kernel_cache, numba_internals
 from dqcontrol.errors import CacheWarning
 
 PACKAGE = Path(dqcontrol.__file__).parent
@@ -150,7 +150,7 @@ def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
 
     monkeypatch.setattr(FunctionCache, "save_overload", save)
     monkeypatch.setattr(kernel_cache, "_warned", False)
-    cache = object.__new__(kernel_cache.KernelCache)
+    cache = object.__new__(numba_internals.KernelCache)
     with pytest.warns(CacheWarning, match="kernels are compiled anew in each process"):
         cache.save_overload(None, None)
     cache.save_overload(None, None)  # says no more

@@ -6,7 +6,9 @@ number, waits for its end, and tells the exit code. In the background SIGINT is 
 
 import json
 import os
+import select
 import signal
+import subprocess
 import sys
 
 from dqcontrol.cli import main
@@ -46,6 +48,56 @@ def serve(spec):
             sys.exit()
         print(child, flush=True)
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+
+
+class Forks:
+    """Runs commands of ours one after the other in forks of one process."""
+
+    def __init__(self, spec, folder):
+        self.log_file, self.begun = folder / "log", False
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, str(spec)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        assert self._process.stdout
+        self._said = self._process.stdout
+        assert self._said.readline() == "ready\n"
+
+    def start(self, words, background):
+        self.log_file.unlink(missing_ok=True)
+        line = {"words": ["ros2", *map(str, words)], "log": str(self.log_file), "background": background}
+        print(json.dumps(line), file=self._process.stdin, flush=True)
+        return int(self._said.readline())
+
+    def end(self, child):
+        """Return exit code and log; a child that was not yet there to hear a signal gets another one."""
+        if not self.has_ended(60.0):
+            assert not self.begun, self.log
+            os.kill(child, signal.SIGTERM)
+        return int(self._said.readline()), self.log
+
+    def kill(self, child, number):
+        self.begun = bool(self.log)
+        os.kill(child, number)
+
+    def has_ended(self, seconds=0.0):
+        """Return whether the child ends within some time."""
+        return bool(select.select([self._said], [], [], seconds)[0])
+
+    @property
+    def log(self):
+        """What the child has said so far."""
+        return self.log_file.read_text() if self.log_file.exists() else ""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        os.killpg(self._process.pid, signal.SIGKILL)  # a child too, if a test has failed
+        self._process.wait()
 
 
 if __name__ == "__main__":

@@ -11,8 +11,9 @@ from nodes import PATIENCE, read_until
 from rclpy.parameter import Parameter
 
 from dqcontrol.cli import main
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.ros2 import middleware
+from dqcontrol.ros2.gain_check import check_stable
 from dqcontrol.ros2.loading import load
 
 
@@ -106,6 +107,24 @@ def test_what_could_not_be_configured_may_be_mended_and_configured_again(spec, m
     assert taken.successful
     node.set_parameters([Parameter("law.gain", value=7.0)])
     assert node.following.loaded.law.gain == 7.0
+
+
+def test_a_law_that_cannot_be_judged_is_said_or_refused(spec, made, capfd):
+    delayed = {"kind": "servo", "delay": 2.0}
+    made(lambda: controller(spec(plant=delayed)))
+    assert (
+        "law: proportional · servo: cannot be decided: plant and supervisor have a model of"
+        in capfd.readouterr().err
+    )
+    law = {"kind": "feedback-linearization", "stiffness": 20.0, "damping": 9.0, "logarithm": "inertial"}
+    loaded = load(spec(law=law))
+    prepared = loaded.prepared_law("spec")
+    assert check_stable(loaded, loaded.law, prepared, loaded.supervisor, moves=False) == ""
+    with pytest.raises(ValueRangeError, match="its loop gains are unknown, so it may be changed only while"):
+        check_stable(loaded, loaded.law, prepared, loaded.supervisor, moves=True)
+    fast = load(spec(law={**law, "damping": 900.0}))
+    with pytest.raises(ValueRangeError, match="unstable"):
+        check_stable(fast, fast.law, fast.prepared_law("spec"), fast.supervisor, moves=False)
 
 
 def refused(monkeypatch, capsys, *words):

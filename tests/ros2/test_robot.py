@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.errors import FallenError
+from dqcontrol.ros2 import robot_node
 from dqcontrol.ros2.loading import load
 
 MEKA = {"robot": "meka-a2", "plant": {"kind": "compliant", "hand": True, "payload": {"mass": 1.5}}}
@@ -127,3 +128,44 @@ def test_trajectories_that_do_not_fit_are_refused(spec, node, diagnostics, capfd
         assert node.publish(commands, wrong, lambda why=why: last_refused(diagnostics).startswith(why)), why
         assert f"refused: {why}" in capfd.readouterr().err
     np.testing.assert_array_equal(robot._plant.q, start)
+
+
+class MadeTime:
+    """A time that passes when it is told to."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+
+def test_a_robot_that_stood_still_does_not_jump_to_the_positions_that_it_missed(spec, node, monkeypatch):
+    """Its controller went on for a while: it braked then, or goes on still."""
+    made, loaded, period = MadeTime(), load(spec(plant={"kind": "integrator"})), 0.01
+    monkeypatch.setattr(robot_node, "time", made)
+    robot = robot_node.RobotNode(loaded, interface="position")
+    node.host(robot)
+    start, path, speed, goal = loaded.case.scene.start, [], 0.2 * period, 0.0
+
+    def tick(step):
+        nonlocal goal
+        made.now, goal = made.now + period, goal + step
+        robot._asked, robot._heard = start + goal * np.eye(7)[0], made.now
+        robot._tick()
+        path.append(robot._supervisor.position(robot._state)[0])
+
+    for seconds, goes_on in ((0.079, False), (1.5, True)):
+        for k in range(60):
+            tick(min(k / 20, 1.0) * speed)
+        assert path[-1] == pytest.approx(goal, abs=1e-9)
+        path.clear()
+        made.now += seconds
+        tick(6 * speed)
+        path.clear()  # a robot that stood still for less than a second makes up for its periods at once
+        for _ in range(130):
+            tick(goes_on * speed)
+        assert np.diff(path).max() <= 1.2 * speed  # four times as fast without
+        assert path[-1] == pytest.approx(goal, abs=1e-6)
+        for k in range(30):
+            tick(goes_on * max(1 - k / 20, 0.0) * speed)

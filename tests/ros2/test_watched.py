@@ -1,22 +1,20 @@
 """A robot that is watched: signals, controllers that stand still, clocks that jump, strangers, heartbeat, enabling."""
 
-import json
 import os
-import select
 import signal
 import subprocess
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
+from forks import Forks
 from geometry_msgs.msg import WrenchStamped
-from nodes import PATIENCE, PATIENT, UNHURRIED, read_until
+from nodes import PATIENT, UNHURRIED, read_until
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
@@ -31,7 +29,6 @@ from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, WRENCH
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS
 
-FORKS = Path(__file__).with_name("forks.py")
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 60.0, "turns": 10}  # 0.052 m/s
 SPEED = 2 * np.pi * CIRCLE["radius"] * CIRCLE["turns"] / CIRCLE["duration"]
 IIWA = dqc.load_robot("iiwa7")
@@ -225,47 +222,6 @@ def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node
     assert controller.phase is Phase.ACTIVE
 
 
-class Forks:
-    """Runs commands of ours one after the other in forks of one process."""
-
-    def __init__(self, spec, folder):
-        self._log = folder / "log"
-        self._process = subprocess.Popen(
-            [sys.executable, str(FORKS), str(spec)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        assert self._process.stdout
-        self._said = self._process.stdout
-        assert self._said.readline() == "ready\n"
-
-    def start(self, words, background):
-        self._log.unlink(missing_ok=True)
-        line = {"words": ["ros2", *map(str, words)], "log": str(self._log), "background": background}
-        print(json.dumps(line), file=self._process.stdin, flush=True)
-        return int(self._said.readline())
-
-    def end(self, child):
-        """Return exit code and log; a child that was not yet there to hear a signal gets another one."""
-        if not select.select([self._said], [], [], PATIENCE / 4)[0]:
-            assert not self.begun, self._log.read_text()
-            os.kill(child, signal.SIGTERM)
-        return int(self._said.readline()), self._log.read_text()
-
-    def kill(self, child, number):
-        self.begun = self._log.exists() and self._log.stat().st_size > 0
-        os.kill(child, number)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        os.killpg(self._process.pid, signal.SIGKILL)  # a child too, if a test has failed
-        self._process.wait()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["controller", "robot"])
 def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, start, node, tmp_path, kind):
@@ -281,7 +237,13 @@ def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, s
     words, moved = (kind, path), 0
     if kind == "controller":
         start("robot", path, until="serves")
-        words = (*words, "--autostart", *PATIENT)
+        words = (
+            *words,
+            "--autostart",
+            *PATIENT,
+            "-p",
+            "start_tolerance:=3.0",
+        )  # whoever was before left it anywhere
     with Forks(path, tmp_path) as forks:
         for trial in range(count):
             commands.clear()
@@ -296,7 +258,8 @@ def test_signals_at_random_moments_end_it_cleanly_with_the_robot_at_rest(spec, s
             code, log = forks.end(child)
             about = f"trial {trial}, {number.name}, background {background}, code {code}:\n{log}"
             # Before there is a node it is 130; before its first line the system may have ended it.
-            assert code in (0, 130) or (code == -number and not log), about
+            stopped_before = code == 2 and "stopped: stop category" in log  # by a machine that was too busy
+            assert code in (0, 130) or stopped_before or (code == -number and not log), about
             for word in ("Traceback", "ignored in", "terminate called"):
                 assert word not in log, about
             if kind == "controller":

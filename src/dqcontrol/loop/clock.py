@@ -119,8 +119,9 @@ class Clock:
     @contextmanager
     def running(self, period: float, steps: int) -> Iterator[None]:
         """Pace so many steps at most with a period (s), without garbage collection meanwhile."""
-        self._begin, self._computation, self._idle = np.zeros(steps), np.zeros(steps), np.zeros(steps)
-        self._late, self._period, self._steps = np.zeros(steps, dtype=bool), period, 0
+        # Filled, not only zero: the system gives memory when it is written, and is not asked within the loop.
+        self._begin, self._computation, self._idle = (np.full(steps, 0.0) for _ in range(3))
+        self._late, self._period, self._steps = np.full(steps, False), period, 0
         self.overran, self._ends_late = "", self._overrun == "stop"
         collecting = gc.isenabled()
         gc.collect()

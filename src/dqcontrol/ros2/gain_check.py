@@ -13,6 +13,7 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import Supervisor
 from dqcontrol.measures.stability import (
     MOST_STATES,
+    LoopGain,
     loop_gains,
     spectral_radius,
     with_integral,
@@ -27,9 +28,9 @@ _STABLE = 1 + 1e-9  # spectral radius: a gain of 0 has 1
 
 
 def check_stable(
-    loaded: Loaded, law: AnyLaw, prepared: PreparedLaw, supervisor: Supervisor, *, advise: bool
-) -> None:
-    """Check a law's loops, as `dqcontrol check` does, on the spec's plant.
+    loaded: Loaded, law: AnyLaw, prepared: PreparedLaw, supervisor: Supervisor, *, moves: bool
+) -> str:
+    """Check a law's loops, as `dqcontrol check` does, on the spec's plant; return why they cannot be judged, if so.
 
     Parameters
     ----------
@@ -39,32 +40,51 @@ def check_stable(
         What is to be judged, and the same ready to run.
     supervisor
         Whose smoothing is part of the loops.
-    advise
-        Also find the gain to choose, which takes up to half a second.
+    moves
+        Whether it moves a robot: there is no time then to find the gain to choose, up to half a second, nor to
+        linearise a law.
 
     Raises
     ------
     ValueRangeError
-        If a loop is expected to be unstable.
+        If a loop is expected to be unstable; or the law's gains are unknown and it moves a robot.
     """
     gains, model = loop_gains(law, prepared), loaded.linear_model
-    if gains is None or model is None:
-        return
+    if gains is None:
+        if moves:
+            why = "its loop gains are unknown, so it may be changed only while the controller is inactive"
+            raise ValueRangeError(f"law: {why}; the parameter {OVERRIDE} lets it through")
+        return _as_check_says(loaded, law, gains, supervisor)
+    if model is None:
+        return "" if moves else _as_check_says(loaded, law, gains, supervisor)
     mode, period = command_mode(loaded.case.plant), loaded.period
     window = supervisor.prepare(loaded.robot, period, mode).window
     model = with_mean(model, window, period, from_measured=mode == "measured")
     if len(model.transition) > MOST_STATES:
-        return
+        return "" if moves else _as_check_says(loaded, law, gains, supervisor)
     for gain in gains:
         lagged = with_lag(model, gain.lag, loaded.period)
         closed = with_integral(lagged, gain.integral_share * abs(gain.value), loaded.period)
         radius = spectral_radius(closed.poles(gain.value))
         if radius <= _STABLE:
             continue
-        why = f"{gain.loop} unstable: k = {abs(gain.value):.3g} 1/s, spectral radius {radius:.3g}"
-        if advise:
-            case = replace(loaded.case, gains=gains)
-            spec = msgspec.structs.replace(loaded.setting.spec, supervisor=supervisor)
-            (checked,) = loop_checks(replace(loaded.setting, spec=spec, cases=(case,)))
-            why = checked.remark or why
-        raise ValueRangeError(f"law: {why}; the parameter {OVERRIDE} lets it through")
+        if not moves:
+            _as_check_says(loaded, law, gains, supervisor)
+        raise _unstable(f"{gain.loop} unstable: k = {abs(gain.value):.3g} 1/s, spectral radius {radius:.3g}")
+    return ""
+
+
+def _as_check_says(
+    loaded: Loaded, law: AnyLaw, gains: tuple[LoopGain, ...] | None, supervisor: Supervisor
+) -> str:
+    """Return why `dqcontrol check` cannot judge a law; raise a `ValueRangeError` if it expects it to be unstable."""
+    case = replace(loaded.case, variant=replace(loaded.case.variant, law=law), gains=gains, prepared=None)
+    spec = msgspec.structs.replace(loaded.setting.spec, supervisor=supervisor)
+    (checked,) = loop_checks(replace(loaded.setting, spec=spec, cases=(case,)))
+    if checked.verdict == "unstable":
+        raise _unstable(checked.remark)
+    return checked.remark if checked.unknown else ""
+
+
+def _unstable(why: str) -> ValueRangeError:
+    return ValueRangeError(f"law: {why}; the parameter {OVERRIDE} lets it through")

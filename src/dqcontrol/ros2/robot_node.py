@@ -14,8 +14,7 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
-from dqcontrol.plants.channels import SensingPlant
-from dqcontrol.plants.plant import CompiledPlant, EffortPlant, GuardedPlant
+from dqcontrol.plants.live_plant import LivePlant, live_plant
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH, publishers_of
 from dqcontrol.ros2.loading import Loaded
@@ -26,6 +25,8 @@ from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
+_MOST_BEHIND = 10.0  # periods of motion that it can have missed: its controller has stopped by then
+_CATCH_UP = 0.05  # of its usual speed, that a robot adds to make up for position commands it could not follow
 _TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 
 
@@ -66,12 +67,12 @@ class RobotNode(Node):
         self._supervisor, self._from_measured = loaded.limits_alone(interface)
         self._state = self._supervisor.start(start)
         self._warm_up(loaded)
-        self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
-        self._guarded = self._plant if isinstance(self._plant, GuardedPlant) else None
-        self._efforts = self._plant if isinstance(self._plant, EffortPlant) else None
+        plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
+        self._plant = live_plant(plant)
         self._asked: Array | None = None
         self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
         self._is_broken = False
+        self._step, self._spread, self._has_missed = 0.0, 1.0, False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
@@ -112,6 +113,8 @@ class RobotNode(Node):
         if self._is_broken:
             return
         late = time.monotonic() - self._begun - self._ticks * self._period
+        stood_still = late > 1.5 * self._period
+        self._has_missed |= stood_still
         if late > _MOST_LATE:
             self._begun += late - self._period
             self._origin += int((late - self._period) * NANOSECONDS)
@@ -126,21 +129,25 @@ class RobotNode(Node):
             return
         if due > 0:
             self._publish()
+        if stood_still:
+            self._has_missed = True  # again: what was commanded meanwhile may be heard only now
+        elif due and not self._waits:
+            self._step = float(np.abs(self._supervisor.rate(self._state)).max()) * self._period
 
     def _move(self) -> None:
         waits = self._why_wait()
         if waits:
-            self._asked = None
+            self._asked, self._has_missed = None, True
         self._before[:] = self._plant.measured
         self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
-        if isinstance(self._plant, CompiledPlant) and self._ticks and self._ticks % _NOISE_PERIODS == 0:
+        if self._ticks and self._ticks % _NOISE_PERIODS == 0:
             self._plant.rewind()
         self._plant.step(self._input)
         self._ticks += 1
         if waits != self._waits:
             self._waits = waits
             self._diagnostics.tell(self._state_in_words)
-        fault = self._guarded.fault if self._guarded else ""
+        fault = self._plant.fault
         if fault and fault != self._fault:
             self._fault = fault
             self._diagnostics.alarm(f"motors off: {fault}")
@@ -164,15 +171,28 @@ class RobotNode(Node):
         if self._interface == "velocity":
             return np.zeros(len(position)) if self._asked is None else self._asked
         goal = position if self._asked is None else self._asked
-        return (goal - (self._before if self._from_measured else position)) / self._period
+        ahead = goal - self._before if self._from_measured else self._paced(goal - position)
+        return ahead / self._period
+
+    def _paced(self, ahead: Array) -> Array:
+        """Return the part of the way to a position command that one period goes.
+
+        It is all of it, but for what came while the robot waited or its process stood still: the robot goes there about
+        as fast as it went before, and catches up with commands that move on a little faster than these.
+        """
+        if self._has_missed:
+            self._has_missed = False
+            behind = float(np.abs(ahead).max()) / self._step if self._step > 0.0 else 1.0
+            self._spread = min(behind, _MOST_BEHIND)
+        self._spread = max(self._spread - _CATCH_UP, 1.0)
+        return ahead / self._spread
 
     def _publish(self) -> None:
         stamp = self._origin + round(self._ticks * self._period * NANOSECONDS)
         measured = self._plant.measured
         velocity = (measured - self._before) / self._period
         message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
-        if self._efforts:
-            message.effort = self._efforts.effort.tolist()
+        message.effort = np.asarray(self._plant.effort, dtype=np.float64).tolist()
         stamp_of(stamp, message.header.stamp)
         self._joint_states.publish(message)
         if self._wrench:
@@ -180,21 +200,15 @@ class RobotNode(Node):
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         words = ", ".join(self._supervisor.reasons(self._state))
-        values = {"interface": self._interface, "limits": words or "let all through", "periods": self._ticks}
+        values = {"interface": self._interface, "limits": words or "no intervention", "periods": self._ticks}
         if self._fault:
             return "error", f"{'broken' if self._is_broken else 'motors off'}: {self._fault}", values
         return "ok", self._state_in_words, values
 
 
-def wrench_publisher(node: Node, plant: object) -> Callable[[int], None] | None:
+def wrench_publisher(node: Node, plant: LivePlant) -> Callable[[int], None] | None:
     """Return what publishes a plant's wrench at a time in ns; None if it senses none."""
-    if not isinstance(plant, SensingPlant):
-        return None
-    place, places = 0, {}
-    for channel in plant.channels:
-        places[channel.name] = slice(place, place + channel.size)
-        place += channel.size
-    if not {"wrist_force", "wrist_torque"} <= places.keys():
+    if not len(plant.wrench):
         return None
     publisher = node.create_publisher(WrenchStamped, WRENCH, SENT)
 
@@ -202,8 +216,10 @@ def wrench_publisher(node: Node, plant: object) -> Callable[[int], None] | None:
         message = WrenchStamped()
         message.header.frame_id = "tool0"
         stamp_of(stamp, message.header.stamp)
-        force, torque = plant.readings[places["wrist_force"]], plant.readings[places["wrist_torque"]]
-        for vector, values in ((message.wrench.force, force), (message.wrench.torque, torque)):
+        for vector, values in (
+            (message.wrench.force, plant.wrench[:3]),
+            (message.wrench.torque, plant.wrench[3:]),
+        ):
             vector.x, vector.y, vector.z = map(float, values)
         publisher.publish(message)
 

@@ -61,8 +61,8 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
 
 def retune(
     loaded: Loaded, numbers: Mapping[str, float], *, active: bool, allow_unstable: bool
-) -> tuple[bool, bool]:
-    """Change law, supervisor and speeds; return whether law and supervisor did.
+) -> tuple[bool, bool, str]:
+    """Change law, supervisor and speeds; return whether law and supervisor did, and why that law cannot be judged.
 
     Parameters
     ----------
@@ -87,10 +87,11 @@ def retune(
     if active and law is not loaded.law and law.horizon(loaded.case.scene.reference) > 0:
         raise Error("this law depends on time; it may be changed only while the controller is inactive")
     prepared = law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
+    unjudged = ""
     if not allow_unstable and (law is not loaded.law or not active):
-        check_stable(loaded, law, prepared, supervisor, advise=not active)
+        unjudged = check_stable(loaded, law, prepared, supervisor, moves=active)
     supervisor.prepare(loaded.robot, loaded.period)
-    changes = law is not loaded.law, supervisor is not loaded.supervisor
+    changes = law is not loaded.law, supervisor is not loaded.supervisor, unjudged
     loaded.law, loaded.supervisor = law, supervisor
     loaded.speeds.linear = numbers.get("linear_speed", loaded.speeds.linear)
     loaded.speeds.angular = numbers.get("angular_speed", loaded.speeds.angular)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +23,7 @@ CONTROLLER = "robot_controlling_node"
 _PRIORITY = (
     20  # of both processes, where that is allowed: their periods are 8 ms, and their work is a tenth of it
 )
+_SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 _LOOK = 0.2  # s between two looks at whether a user wants it to end
 _TRAJECTORY = "/joint_trajectory_controller/joint_trajectory"
 
@@ -132,7 +135,11 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
     with counted_interrupts() as interrupts:
         interrupts.only_count()
         running = [  # in sessions of their own: Ctrl-C is for this process, which ends them in order
-            subprocess.Popen([sys.executable, "-m", "dqcontrol", "ros2", *words], start_new_session=True)
+            subprocess.Popen(
+                [sys.executable, "-m", "dqcontrol", "ros2", *words],
+                start_new_session=True,
+                preexec_fn=_end_with_parent,
+            )
             for words in lines
         ]
         robot, controller = running
@@ -151,3 +158,10 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
                 process.wait()
         code = controller.returncode or (0 if survived else robot.returncode)
         return code if code >= 0 else 128 - code
+
+
+def _end_with_parent() -> None:
+    """Ask for SIGTERM when the launching process is killed, on Linux: no robot moves on with nobody to stop it."""
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # a C library without it
+            ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
