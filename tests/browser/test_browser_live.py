@@ -136,7 +136,7 @@ def test_the_page_is_for_this_machine_only(monkeypatch):
     fake = SimpleNamespace(ViserServer=lambda **options: asked.update(options) or 1 / 0)
     monkeypatch.setattr("dqcontrol.browser.page.import_viser", lambda: fake)
     with pytest.raises(ZeroDivisionError):
-        __import__("dqcontrol").view.browser.Page([], 8080)
+        Page([], 8080)
     assert asked["host"] == HOST == "127.0.0.1"
 
 

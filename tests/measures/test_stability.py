@@ -274,7 +274,7 @@ def test_overshoot_is_that_of_the_run(arm, plant, share):
     gain = share * gain_limits(model, T).stable / T
     goal, law = SetPoint(arm.fkm(Q0 + 1e-4)), Proportional(gain=gain)
     record = dqc.simulate(arm, goal, law, PLANTS[plant], Q0, T, 5.0)
-    found = dqc.experiments.evaluate(record).position_overshoot
+    found = dqc.measures.evaluate(record).position_overshoot
     assert found == pytest.approx(overshoot(model, gain), abs=0.01)
 
 

@@ -51,7 +51,8 @@ def check(noted, interface):
     assert np.abs(velocities).max() <= 0.25 * (1 + 1e-6)
     change = np.abs(np.diff(velocities, axis=0)).max(axis=1)
     assert (change <= ACCELERATION * T * periods * (1 + 1e-6) + 1e-9).all(), change.max()
-    assert ((positions >= arm.limits.lower) & (positions <= arm.limits.upper)).all()
+    beyond = np.maximum(arm.limits.lower - positions, positions - arm.limits.upper).max()
+    assert beyond < 1e-9  # the command never is, but ideal joints sum its rates, and round
     assert np.abs(velocities).max() > 0.05  # it did move
 
     assert np.isfinite(commands).all()
