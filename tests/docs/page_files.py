@@ -89,10 +89,15 @@ def _servo_log(folder: Path) -> None:
     write_log(folder / "arm.csv", time, targets, encoder(rng, seen, 0.0, 1e-4))
 
 
+def _servo_log_and_results(folder: Path) -> None:
+    _servo_log(folder)
+    (folder / "examples" / "results").symlink_to(folder / "results")  # specs of pages are read in examples
+
+
 _OWN_FILES = {
     "README.md": _readme,
     "reports.md": _circle_and_demo,
     "sweeps.md": _short_sweep,
     "own-data.md": _logs,
-    "identify.md": _servo_log,
+    "identify.md": _servo_log_and_results,
 }
