@@ -98,7 +98,8 @@ def solve_levels(flat, levels, n, m):
     chosen = np.zeros(room + 2, np.intp)
     count = int(levels.max(initial=-1)) + 1
     status = active_set.solve_levels(flat, levels, count, n, m, 500, np.empty_like(flat), u, chosen, scratch)
-    return u, status
+    program = active_set.unpack_program(flat, n, m)
+    return np.clip(u, program.lower, program.upper), status  # rounding of 2e-8 in one case of 500
 
 
 def squares_by_level(levels, rows, bounds, equations, u):

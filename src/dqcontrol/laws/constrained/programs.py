@@ -238,7 +238,7 @@ def lexicographic_program(
     gave = violations > 1e-9 * (1 + np.abs(np.where(np.isfinite(program.bounds), program.bounds, 0.0)))
     worst = [int(i) for i in np.argsort(-violations, kind="stable") if gave[i]]
     return LevelSolution(
-        np.clip(u, program.lower, program.upper),
+        u,
         violations,
         tuple(f"row {i}" if names is None else names[i] for i in worst),
         "solved" if status == active_set.SOLVED else "iteration limit",
@@ -316,7 +316,8 @@ def _by_levels(flat: Array, levels: NDArray[np.intp], count: int, n: int, m: int
     status = active_set.solve_levels(
         flat, levels, count, n, m, ITERATIONS, np.empty_like(flat), u, chosen, scratch
     )
-    return u, status
+    program = active_set.unpack_program(flat, n, m)
+    return np.clip(u, program.lower, program.upper), status
 
 
 def _violations(program: active_set.Program, u: Array) -> Array:
