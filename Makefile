@@ -9,6 +9,9 @@ TESTED := .[physics,robots,ros2,coppeliasim]
 WORKERS := -n auto --maxprocesses 4 --dist worksteal
 LOCKED := $(if $(CI),-c ci.lock)
 
+# Without bytecode kept beside them, each process that a test starts would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-all test-oldest test-newest lint docs gallery chromium format bench lock release-check clean
 .DEFAULT_GOAL := help
 
@@ -93,7 +96,7 @@ lock: $(RELEASE)/tools
 	  --custom-compile-command 'make lock' -o ci.lock
 
 # The least releases that pyproject.toml allows, and the newest with Numba's upper bound lifted. The tests of ROS 2 and
-# of the site are left out for want of their packages; all others run.
+# of the site are left out because their packages are missing; all others run.
 test-oldest: $(RELEASE)/tools
 	@$(UV) venv -q --clear --python $(PYTHON) $(VENV)-oldest
 	@VIRTUAL_ENV=$(CURDIR)/$(VENV)-oldest $(UV) pip install -q --resolution lowest-direct -e '.[physics,robots]' --group test

@@ -21,7 +21,7 @@ np.savetxt(folder / "log.csv", table, delimiter=",", header=header, comments="",
 # Where the hand should have been: the same mapping as in an experiment.
 (folder / "circle.yaml").write_text("reference: {kind: circle, radius: 0.08, duration: 6}\n")
 
-mine = dqc.logs.evaluate_log(folder / "log.csv", "ur5", folder / "circle.yaml", settle=1)
+mine = dqc.logs.evaluate_log(folder / "log.csv", "ur5", folder / "circle.yaml", skip_initial=1)
 print(
     f"RMS error {mine.metrics.position.settled_rms:.1f} mm, largest {mine.metrics.position.settled_peak:.1f} mm"
 )

@@ -12,8 +12,8 @@ from dqcontrol import moved
 NAMES = [
     (module, name, new)
     for module, places in moved._NAMES.items()
-    for new, names in places.items()
-    for name in names
+    for new in places
+    for name in moved.names_at(module, new)
 ]
 
 

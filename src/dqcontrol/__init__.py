@@ -14,6 +14,7 @@ if TYPE_CHECKING:
         experiments,
         figures,
         films,
+        geometry,
         laws,
         limits,
         logs,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
@@ -75,6 +77,8 @@ __all__ = [
     "experiments",
     "figures",
     "films",
+    "geometry",
+    "identify",
     "laws",
     "limits",
     "load_robot",
@@ -100,6 +104,7 @@ _ROOMS = (
     "experiments",
     "figures",
     "films",
+    "geometry",
     "laws",
     "limits",
     "logs",
@@ -119,6 +124,7 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",

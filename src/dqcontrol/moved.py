@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import wraps
 from importlib import import_module
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 _MODULES = {  # that are gone
     "dqcontrol.compile": "dqcontrol.compiled.compile",
@@ -31,32 +34,12 @@ _MODULES = {  # that are gone
     "dqcontrol.view.physics_picture": "dqcontrol.films.physics_picture",
     "dqcontrol.view.style": "dqcontrol.figures.style",
 }
-_NAMES = {  # that have left a module
+_NAMES: dict[
+    str, dict[str, tuple[str, ...]]
+] = {  # that have left a module; () for all that the new one offers
     "dqcontrol.experiments": {
         "dqcontrol.logs": ("JointLog", "evaluate_log", "read_joint_log"),
-        "dqcontrol.measures": (
-            "Attenuation",
-            "Certificate",
-            "Column",
-            "Gammas",
-            "Metrics",
-            "PlusMinus",
-            "PremiseError",
-            "Table",
-            "TaskRange",
-            "attenuation",
-            "attenuation_table",
-            "certificate",
-            "comparison_table",
-            "confidence_table",
-            "differences_table",
-            "evaluate",
-            "means_table",
-            "repeatability_table",
-            "summary_table",
-            "task_range",
-            "verify_attenuation",
-        ),
+        "dqcontrol.measures": (),
     },
     "dqcontrol.loop": {
         "dqcontrol.recording": (
@@ -71,6 +54,7 @@ _NAMES = {  # that have left a module
 }
 
 _RENAMED = {  # names that changed in the module where they stand
+    "dqcontrol.robots": {"Posture": "ReachingPosture"},
     "dqcontrol.compiled.compile": {
         "attached": "shared",
         "inlined": "inline",
@@ -84,8 +68,6 @@ class _MovedModule(ModuleType):
     """A module that is gone: it has what stands in its new place."""
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
         return find_moved(self.__name__, name)
 
 
@@ -105,7 +87,9 @@ def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
     """
     if (inner := f"{module}.{name}") in _MODULES:
         return sys.modules[inner]
-    places = (new for new, names in _NAMES.get(module, {}).items() if name in names)
+    if name.startswith("_"):
+        raise AttributeError(f"module '{module}' has no attribute '{name}'")
+    places = (new for new in _NAMES.get(module, {}) if name in names_at(module, new))
     new = next(places, _MODULES.get(module))
     renamed = _RENAMED.get(module, {}).get(name, name)
     if new is None and renamed != name:
@@ -117,6 +101,58 @@ def find_moved(module: str, name: str, stacklevel: int = 3) -> Any:
     return found
 
 
+def names_at(module: str, new: str) -> Sequence[str]:
+    """Return the names that left a module for another."""
+    return _NAMES[module][new] or import_module(new).__all__
+
+
 def names_moved_from(module: str) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a module where names have left or changed."""
     return lambda name: find_moved(module, name)
+
+
+def renamed_parameters(**new_names: str) -> Callable[[T], T]:
+    """Let a function take parameters, and a dataclass have fields, under their old names too, with a warning.
+
+    Parameters
+    ----------
+    **new_names
+        By old name the new one.
+    """
+
+    def decorate(target: T) -> T:
+        if not isinstance(target, type):
+            return _with_old_names(target, new_names)
+        target.__init__ = _with_old_names(target.__init__, new_names)
+        for old, new in new_names.items():
+            setattr(target, old, _old_field(old, new))
+        return target
+
+    return decorate
+
+
+def _with_old_names(function: Any, new_names: dict[str, str]) -> Any:
+    @wraps(function)
+    def call(*arguments: Any, **named: Any) -> Any:
+        for old in new_names.keys() & named.keys():
+            _warn_renamed(old, new_names[old])
+            if new_names[old] in named:
+                raise TypeError(f"{old}: is the old name of '{new_names[old]}', which is given too")
+            named[new_names[old]] = named.pop(old)
+        return function(*arguments, **named)
+
+    return call
+
+
+def _old_field(old: str, new: str) -> property:
+    def read(self: Any) -> Any:
+        _warn_renamed(old, new)
+        return getattr(self, new)
+
+    return property(read)
+
+
+def _warn_renamed(old: str, new: str) -> None:
+    warnings.warn(
+        f"{old} is now called {new}; the old name works for one more release", FutureWarning, stacklevel=3
+    )

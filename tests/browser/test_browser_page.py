@@ -142,6 +142,7 @@ def difference(one, other):
     return (np.abs(one - other).max(axis=2) > 12).mean()
 
 
+@pytest.mark.slow
 def test_two_runs_in_a_browser(arm, browser):
     tracks = [Track("first run", arm, moved(arm, 0.0)), Track("second run", arm, moved(arm, 0.05))]
     serving = Serving(tracks)
@@ -181,6 +182,7 @@ def test_two_runs_in_a_browser(arm, browser):
         serving.close()
 
 
+@pytest.mark.slow
 def test_playing_and_a_run_that_goes_on(arm, browser):
     whole = moved(arm, 0.0)
 

@@ -11,7 +11,7 @@ import pytest
 from numba.core.caching import FunctionCache
 
 import dqcontrol
-from dqcontrol.compiled import kernel_cache
+from dqcontrol.compiled import kernel_cache, numba_internals
 from dqcontrol.errors import CacheWarning
 
 PACKAGE = Path(dqcontrol.__file__).parent
@@ -104,6 +104,7 @@ def test_a_first_run_has_the_last_digits_of_all_others(tmp_path):
     assert first == second
 
 
+@pytest.mark.slow
 def test_an_edit_in_another_file_is_seen(tmp_path):
     """The kernel is in loop/, what it calls in algebra/: Numba alone would use the old machine code."""
     copy = tmp_path / "source" / "dqcontrol"
@@ -126,7 +127,7 @@ def test_an_edit_in_another_file_is_seen(tmp_path):
     assert call(cache, copy.parent)[:2] == (0.0, 1), "the old code is still cached beside the new"
 
 
-@pytest.mark.parametrize("where", ["DQCONTROL_CACHE", "HOME"])
+@pytest.mark.parametrize("where", ["DQCONTROL_CACHE", pytest.param("HOME", marks=pytest.mark.slow)])
 def test_without_a_writable_cache_it_works_and_warns_once(tmp_path, where):
     file = tmp_path / "file"
     file.write_text("in the way")
@@ -149,7 +150,7 @@ def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
 
     monkeypatch.setattr(FunctionCache, "save_overload", save)
     monkeypatch.setattr(kernel_cache, "_warned", False)
-    cache = object.__new__(kernel_cache.KernelCache)
+    cache = object.__new__(numba_internals.KernelCache)
     with pytest.warns(CacheWarning, match="kernels are compiled anew in each process"):
         cache.save_overload(None, None)
     cache.save_overload(None, None)  # says no more
@@ -158,10 +159,10 @@ def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
 @pytest.mark.parametrize(
     ("suffix", "damage"),
     [
-        ("nbi", lambda data: data[: len(data) // 2]),
-        ("nbi", lambda data: b""),
+        pytest.param("nbi", lambda data: data[: len(data) // 2], marks=pytest.mark.slow),
+        pytest.param("nbi", lambda data: b"", marks=pytest.mark.slow),
         ("nbi", lambda data: b"\x00garbage" * 20),
-        ("nbc", lambda data: data[: len(data) // 2]),
+        pytest.param("nbc", lambda data: data[: len(data) // 2], marks=pytest.mark.slow),
     ],
     ids=["index cut short", "index empty", "index garbage", "code cut short"],
 )

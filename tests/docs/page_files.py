@@ -6,6 +6,7 @@ import numpy as np
 import yaml
 from log_files import CIRCLE, EPOCH, joint_state, numbers, pose_stamped, write_bag, write_mcap
 from page_blocks import ROOT, blocks
+from servo_simulator import answer, encoder, multisine, write_log
 
 import dqcontrol as dqc
 from dqcontrol.experiments.results_folder import folder_names
@@ -51,6 +52,7 @@ def _short_sweep(folder: Path) -> None:
 def _readme(folder: Path) -> None:
     _demo(folder)
     _short_sweep(folder)
+    _servo_log(folder)
 
 
 def _circle_and_demo(folder: Path) -> None:
@@ -76,9 +78,21 @@ def _logs(folder: Path) -> None:
     np.savetxt(folder / "taught.csv", taught, delimiter=",", header=header, comments="")
 
 
+def _servo_log(folder: Path) -> None:
+    """Six joints of an arm on multisines, as its driver would log them."""
+    rng = np.random.default_rng(1)
+    time = np.arange(1500) * 0.008
+    targets = np.column_stack([multisine(rng, time) for _ in range(6)])
+    seen = np.column_stack(
+        [answer(time, target, 0.03 + 0.01 * i, 0.01 + 0.003 * i, time) for i, target in enumerate(targets.T)]
+    )
+    write_log(folder / "arm.csv", time, targets, encoder(rng, seen, 0.0, 1e-4))
+
+
 _OWN_FILES = {
     "README.md": _readme,
     "reports.md": _circle_and_demo,
     "sweeps.md": _short_sweep,
     "own-data.md": _logs,
+    "identify.md": _servo_log,
 }

@@ -28,11 +28,12 @@ NOT_RUN = {  # patterns of whole commands
     "ssh .*": "needs another computer",
     "dqcontrol ros2 .*": "goes on until it is stopped: tests/ros2",
     "dqcontrol jog .*": "waits for keys: tests/cli/test_cli_jog.py",
+    "dqcontrol robots view .*": "waits for a browser: tests/browser/test_robot_page.py",
     "dqcontrol view .*": "waits for a browser: tests/browser/test_browser_page.py",
     "dqcontrol reproduce pereira2016(/spiral)?": "thousands of runs; two repeats of each are slow enough",
 }
 SLOW = {  # parts of commands and of Python
-    "README.md": ("run examples/", "reproduce", "paint", "clip"),
+    "README.md": ("run examples/", "reproduce", "paint", "clip", "report results"),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "mobile-bases.md": ("run examples/",),
     "mobile-physics.md": ("run examples/",),

@@ -42,6 +42,7 @@ def cluster():
         process.wait()
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_changes_no_number(tmp_path, cluster, monkeypatch):
     address, workers = cluster
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 20)

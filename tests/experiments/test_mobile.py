@@ -181,7 +181,7 @@ def test_drives_that_cannot_be(changes, message, tmp_path, capsys, monkeypatch):
     robot.write_text(yaml.safe_dump({"name": "r", "angles": "radians", "parts": [DRIVE | changes, ARM]}))
     if "displacement" not in changes:  # the file's reader sees the others first
         field, value = next(iter(changes.items()))
-        message = rf"robot\.yaml: parts\[0\]\.{field}: expected 'float' > 0\.0, got {value}"
+        message = rf"robot\.yaml: parts\[0\]\.{field}: expected a number > 0\.0, got {value}"
     _refused({**SPEC, "robot": str(robot)}, message, tmp_path, capsys, monkeypatch)
 
 

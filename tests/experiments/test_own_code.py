@@ -11,6 +11,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.sweep import read_sweep
 from dqcontrol.extensions import POLICY, REFUSED
 
@@ -92,6 +93,7 @@ def test_sweep_over_a_parameter(folder):
     assert sorted(errors, reverse=True) == errors
 
 
+@pytest.mark.slow
 def test_worker_processes_find_the_functions(folder):
     text = SPEC.replace("kind: integrator", "kind: servo, encoder_noise: 1.0e-4") + "repeats: 4\n"
     (folder / "spec.yaml").write_text(text)
@@ -171,6 +173,17 @@ def test_the_command_line_says_first_that_it_runs_code_and_refuses_it_on_request
         assert "mine.py:transpose" in refused.stderr
 
 
+def test_every_spec_says_which_code_it_brings_and_says_it_again_of_changed_code(folder, capsys):
+    (folder / "second.yaml").write_text(SPEC.replace("mine.py", "yours.py"))
+    (folder / "yours.py").write_text(CODE)
+    told = []
+    for name, change in (("spec", ""), ("spec", ""), ("second", ""), ("second", "\n# changed\n")):
+        (folder / "yours.py").write_text(CODE + change)
+        read_spec(folder / f"{name}.yaml")
+        told.append(capsys.readouterr().err.count("dqcontrol: runs code of"))
+    assert told == [1, 0, 1, 1]
+
+
 PACKAGE = '''
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -201,6 +214,14 @@ class Rest(Reference):
 
     def motion(self, times):
         return SetPoint(self.start).motion(times)
+
+class Pause(SetPoint):
+    """Rest until a time that is given in minutes."""
+    kind = "pause"
+
+    @classmethod
+    def from_spec(cls, start, *, minutes: Annotated[float, Meta(gt=0)] = 1.0):
+        return cls(start.pose, 60.0 * minutes)
 '''
 POINTS = """
 [dqcontrol.laws]
@@ -209,6 +230,7 @@ doubled = someones_package:Doubled
 other = someones_package:Other
 [dqcontrol.references]
 rest = someones_package:Rest
+pause = someones_package:Pause
 """
 USES = """
 import dqcontrol as dqc
@@ -216,6 +238,10 @@ spec = {"name": "a", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "pe
         "reference": {"kind": "rest-for", "seconds": 0.2}, "law": {"kind": "doubled", "gain": 3.0},
         "plant": {"kind": "other"}}
 print(len(dqc.run(spec).record.time))
+print(len(dqc.run(spec | {"reference": {"kind": "pause", "minutes": 0.01}}).record.time))
+from someones_package import Pause
+start = dqc.load_robot("iiwa7").fkm(spec["start"])
+print(len(dqc.run(spec | {"reference": Pause(start, 0.1)}).record.time))
 spec["reference"]["seconds"] = -1
 try:
     dqc.run(spec)
@@ -239,7 +265,12 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["21", "spec: reference.seconds: expected 'float' > 0.0, got -1"]
+    assert done.stdout.splitlines() == [
+        "21",
+        "61",
+        "11",
+        "spec: reference.seconds: expected a number > 0.0, got -1",
+    ]
 
 
 def test_two_kinds_of_one_name_are_refused():

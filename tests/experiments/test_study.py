@@ -11,6 +11,7 @@ from study_specs import AT_ONCE, FAR, LATER, spec
 import dqcontrol as dqc
 from dqcontrol.errors import ExistsError, FileFormatError, LimitWarning, ValueRangeError
 from dqcontrol.experiments import load_rows, load_run, load_runs, load_study, run_study_to
+from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.shortfall import beyond_limits
 from dqcontrol.laws import LinearQuadraticR8
 
@@ -247,6 +248,9 @@ def test_rows_of_several_studies_and_runs_are_joined(tmp_path):
 
 
 def test_studies_of_single_runs_do_without_pyarrow(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        Run, "write", lambda run, folder, *_, **__: run.write_data(folder)
+    )  # without pictures
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     run_study_to(
         spec(
@@ -261,7 +265,8 @@ def test_studies_of_single_runs_do_without_pyarrow(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
-def test_labels_name_the_study_where_there_are_two(tmp_path):
+def test_labels_name_the_study_where_there_are_two(tmp_path, monkeypatch, without_pictures):
+    monkeypatch.setattr(Run, "write", lambda run, folder, *_, **__: run.write_data(folder))
     one = spec(laws=None, law={"kind": "proportional", "gain": 4}, repeats=None, duration=0.05)
     two = spec(repeats=None, duration=0.05)
     for name in ("slow", "fast"):

@@ -117,6 +117,7 @@ run_sweep_to(sys.argv[1], sys.argv[2], jobs=2, progress=wait_once_trials_are_kep
 """
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on(tmp_path, monkeypatch):
     """With kill -9, in the middle of the sweep; its processes are wherever they are then."""
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 40)
@@ -130,6 +131,7 @@ def test_a_killed_sweep_goes_on(tmp_path, monkeypatch):
     assert load_study(target).rows == load_study(tmp_path / "whole").rows
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path):
     def peak():
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # MiB

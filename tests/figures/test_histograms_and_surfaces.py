@@ -86,7 +86,7 @@ def test_the_grid_of_a_study_is_sorted_and_its_repeats_are_averaged(monkeypatch)
     np.testing.assert_allclose(x, [[1, 1, 1], [3, 3, 3]])
     np.testing.assert_allclose(10.0**y, [[0.1, 1, 10]] * 2)
     np.testing.assert_allclose(z, x / 10.0**y + 1)
-    assert [axes.get_title() for axes in figure.axes] == ["Error integral [s]"]
+    assert [axes.get_title() for axes in figure.axes] == ["Pose error integral [s]"]
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def test_every_repeat_is_a_point_beside_mean_and_interval():
     (axes,) = drawn(figure)
     assert points(axes) == [[3.0, 3.3, 3.9], [1.0, 2.0, 1.5]]
     assert [text.get_text() for text in axes.get_xticklabels()] == ["K", "HIR"]
-    assert axes.get_ylabel() == "Error integral [s]"
+    assert axes.get_ylabel() == "Pose error integral [s]"
     means = [float(line.get_ydata()[0]) for line in axes.lines if len(line.get_ydata()) == 1]
     assert means == pytest.approx([3.4, 1.5])
     (ends,) = axes.containers[1].lines[2][0].get_segments()

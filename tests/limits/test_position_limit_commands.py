@@ -4,10 +4,12 @@ import msgspec
 import numpy as np
 import pytest
 from hand_twist import error_rate, hand_jacobian, inertial_from_hand, nearest
+from scipy.optimize import lsq_linear
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.laws import (
+    DecoupledProportional,
     HInfinity,
     LimitAvoidance,
     ManipulabilityAscent,
@@ -181,6 +183,28 @@ def test_one_overloaded_joint_does_not_slow_the_path():
     )
     assert np.abs(record.command / panda.limits.velocity).max() <= 1
     assert record.position_error.max() < 2.2e-3
+
+
+def test_far_overloaded_joints_leave_what_the_best_speeds_within_limits_leave():
+    """The residual of a twist that asks joints for 2 to 6 times their limits, against bounded least squares."""
+    arm, rng, law = dqc.load_robot("ur5"), np.random.default_rng(SEED), DecoupledProportional(gain=1e6)
+    prepared = law.prepare(arm, None, T, CommandLimits(position=ModifiedClamping(), velocity=True))
+    fastest, weight, more = arm.limits.velocity, np.diag([0.3] * 3 + [1.0] * 3), []
+    while len(more) < 40:
+        q, way = rng.uniform(-2, 2, 6), rng.standard_normal(3)
+        matrix = weight @ hand_jacobian(arm, q)
+        if np.linalg.svd(matrix, compute_uv=False)[-1] < 0.1:
+            continue
+        wanted = np.r_[np.zeros(3), way]
+        wanted *= rng.uniform(2, 6) / np.abs(np.linalg.solve(matrix, wanted) / fastest).max()
+        goal = arm.fkm(q)
+        goal = algebra.pose(goal[:4], algebra.translation(goal) + 1e-6 * wanted[3:])
+        u = prepared.command(q, dqc.Sample(goal), prepared.initial_state(q))
+        assert (np.abs(u) <= fastest).all()
+        best = lsq_linear(matrix, wanted, (-fastest, fastest), method="bvls").x
+        left, least = (np.linalg.norm(matrix @ each - wanted) for each in (u, best))
+        more.append((left - least) / np.linalg.norm(wanted))
+    assert np.quantile(more, 0.8) < 1e-3, "scaled as a whole beyond twice the limit: 0.04"
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.016])

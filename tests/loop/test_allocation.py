@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import json
 import numpy as np
@@ -48,6 +50,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_a_step_allocates_nothing_and_an_allocating_law_is_caught():
     environment = dict(os.environ, NUMBA_NRT_STATS="1")
     done = subprocess.run(

@@ -244,6 +244,7 @@ def spec(**changes):
     return base | changes
 
 
+@pytest.mark.slow
 def test_a_spec_with_a_disturbance_runs_saves_and_repeats(arm, tmp_path):
     result = dqc.run(spec())
     assert result.q == pytest.approx(run(arm, PUSH, 0.5).q, abs=1e-13)

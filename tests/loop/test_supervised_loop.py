@@ -107,7 +107,7 @@ def test_a_spec_chooses_and_the_report_lists(tmp_path):
     }
     run = dqc.run(spec)
     assert np.abs(run.command).max() <= 0.05
-    run.save(tmp_path / "out")
+    run.save(tmp_path / "out", figures=False)
     report = (tmp_path / "out" / "report.html").read_text()
     assert "Interventions of the supervisor" in report
     assert "velocity limit" in report
@@ -287,6 +287,7 @@ def test_a_frozen_loop_stops_instead_of_making_up_for_it(arm, overrun):
     assert speeds[60:].max() <= 1.1 * speeds[40:60].max()
 
 
+@pytest.mark.slow
 def test_the_black_box_holds_the_last_seconds_and_is_drawn(arm, tmp_path):
     fast = dqc.references.Circle(arm.fkm(Q0), radius=0.1, duration=40.0)
     spec = (

@@ -40,7 +40,7 @@ def along_x(x):
 def test_exponential_decay_of_the_position_error():
     time, k, start = np.linspace(0, 4, 4001), 2.0, 0.1
     decay = np.exp(-k * time)
-    found = evaluate(record(time, along_x(start * decay)), settle=1.0)
+    found = evaluate(record(time, along_x(start * decay)), skip_initial=1.0)
     assert found.error.integral == pytest.approx(start / 2 / k * (1 - np.exp(-8)), rel=1e-5)
     assert found.error.rms == pytest.approx(start / 2 * np.sqrt((1 - np.exp(-16)) / (2 * k) / 4), rel=1e-5)
     assert found.error.peak == pytest.approx(0.05)
@@ -183,8 +183,8 @@ def test_flat_names_every_number_once():
 @pytest.mark.parametrize(
     ("options", "kind", "message"),
     [
-        ({"settle": 2.0}, ValueRangeError, "settle: must be ≤ the run's 1 s, got 2"),
-        ({"settle": -1.0}, ValueRangeError, "settle: must be ≥ 0, got -1"),
+        ({"skip_initial": 2.0}, ValueRangeError, "skip_initial: must be ≤ the run's 1 s, got 2"),
+        ({"skip_initial": -1.0}, ValueRangeError, "skip_initial: must be ≥ 0, got -1"),
         ({"tolerance": 0.0}, ValueRangeError, "tolerance: must be > 0"),
         ({"limits": Limits.none(3)}, ShapeError, "limits: expected 2 as in the record's q, got 3"),
     ],

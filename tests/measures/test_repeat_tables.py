@@ -37,7 +37,7 @@ def test_means_show_the_labels_that_differ():
         "Law",
         "Runs",
         "Failed",
-        "Error integral [s]",
+        "Pose error integral [s]",
         "Control integral [rad or m]",
     ]
     assert table.texts() == [
@@ -75,7 +75,7 @@ def test_the_set_of_a_grid_is_not_told_twice():
 
 def test_csv_of_means_has_all_digits():
     cells = list(csv.reader(io.StringIO(means_table(rows(), ["error.integral"]).csv())))
-    assert cells[0] == ["Law", "Runs", "Failed", "Error integral [s]", "± Error integral [s]"]
+    assert cells[0] == ["Law", "Runs", "Failed", "Pose error integral [s]", "± Pose error integral [s]"]
     assert [float(cells[1][i]) for i in (3, 4)] == pytest.approx(
         [3.3, np.std(ERRORS["K"], ddof=1)], rel=1e-15
     )
@@ -117,7 +117,7 @@ def test_differences_are_paired_by_seed():
     stats = pytest.importorskip("scipy.stats")
     shuffled = [rows()[i] for i in (3, 1, 7, 0, 5, 4, 2, 6)]
     table = differences_table(shuffled, "error.integral", "K")
-    assert table.title == "Error integral: paired differences from K"
+    assert table.title == "Pose error integral: paired differences from K"
     assert headings(table)[:4] == ["Law", "Pairs", "Law − K (± 95 %) [s]", "Relative [%]"]
     truth = stats.ttest_rel(ERRORS["HIR"], ERRORS["K"])
     law, pairs, difference, *numbers, verdict = table.rows[0]
@@ -153,7 +153,7 @@ def test_repeatability_names_the_noise_and_compares_spreads():
     assert table.title == "Spread of repeated runs under encoder noise 0.1 mrad"
     deviations = {law: float(np.std(errors, ddof=1)) for law, errors in ERRORS.items()}
     first, second, third, _ = table.rows
-    assert list(first[:3]) == ["Error integral [s]", "K", 4]
+    assert list(first[:3]) == ["Pose error integral [s]", "K", 4]
     assert first[3:] == [pytest.approx(deviations["K"]), pytest.approx(100 * deviations["K"] / 3.3)] + 3 * [
         None
     ]

@@ -21,8 +21,10 @@ from dqcontrol.laws import (
     ProportionalFeedforward,
 )
 from dqcontrol.measures.stability import (
+    damped_overshoot,
     gain_limits,
     large_error_limit,
+    loop_gains,
     overshoot,
     spectral_radius,
     with_lag,
@@ -290,3 +292,19 @@ def test_delays_that_end_within_a_period(arm, delay):
 def test_no_lag_at_all():
     limits = limits_of(Servo(time_constant=0.0))
     assert (limits.stable, limits.monotone) == pytest.approx((2, 1))
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize(
+    ("gain", "integral"), [(1e-308, 1e-300), (1e-300, 0.0), (1e-15, 0.0), (1e300, 1e300)]
+)
+def test_extreme_gains_are_judged_without_a_warning(gain, integral):
+    """So small ones leave a pole at 1 but for rounding, where the damping ratio is 0/0."""
+    arm, law = dqc.load_robot("iiwa7"), Proportional(gain=gain, integral_gain=integral)
+    found = loop_gains(law, law.prepare(arm, None, T))
+    assert found is not None
+    for loop in found:
+        share = loop.integral_share
+        limits = gain_limits(Servo().linear_model(arm, None, T), T, 1.0, share)
+        assert limits.stable == 0 if share else limits.stable > 0
+    assert damped_overshoot(np.array([1.0, 0.5], dtype=complex)) == 0

@@ -190,7 +190,7 @@ def test_comparison_has_a_row_a_run():
     table = comparison_table({"K": metrics(0.1), "LQR": metrics(0.2)}, PUBLISHED)
     assert [c.heading for c in table.columns][:3] == [
         "Run",
-        "Error integral [s]",
+        "Pose error integral [s]",
         "Control integral [rad or m]",
     ]
     assert [row[:2] for row in table.rows] == [["K", pytest.approx(0.05)], ["LQR", pytest.approx(0.1)]]

@@ -14,7 +14,7 @@ from dqcontrol.figures import range_condition
 from dqcontrol.laws import FeedbackLinearization, FilteredInverse, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.measures import task_range
-from dqcontrol.measures.task_range import RANGE, outside_range, with_range
+from dqcontrol.measures.task_range import RANGE, lost_share, outside_range, with_range
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, SetPoint, random_goals
 
@@ -101,6 +101,7 @@ def test_a_plan_asks_for_nothing_outside(robot):
         assert found.outside.max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
 def test_runs_record_it_and_tables_show_its_share(robot, tmp_path):
     spec = {
@@ -147,3 +148,26 @@ def test_picture(robot, tmp_path):
     figure = range_condition(task_range(robot, record), record.error)
     figure.savefig(tmp_path / "range.png")
     assert [len(axes.lines) for axes in figure.axes] == [1, 2, 1]
+
+
+def test_what_a_singularity_takes_follows_the_inverse_of_the_law_and_its_part():
+    """Nearly upright, and asked to turn about x: how much of that is lost depends on ℓ and on the threshold."""
+    arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.03, 0, 0.06, 0, 0.03, 0])
+    turned = algebra.multiply(algebra.pose([np.cos(0.1), np.sin(0.1), 0, 0], [0, 0, 0]), arm.fkm(q))
+    turned = algebra.pose(turned[:4], algebra.translation(arm.fkm(q)))
+    found = []
+    for length, threshold in ((0.1, 0.005), (1.0, 0.005), (1.0, 0.02), (0.3, 0.02)):
+        inverse = FilteredInverse(threshold=threshold, characteristic_length=length)
+        weight = np.array([length] * 3 + [1.0] * 3)
+        left, values, _ = np.linalg.svd(weight[:, None] * arm.hand_jacobian(q))
+        found.append(lost_share(arm, q, turned, inverse=inverse))
+        wanted = np.linalg.norm(left[0, values < threshold])  # of a turn about x
+        assert found[-1] == pytest.approx(wanted, abs=1e-9)
+    assert found[0] > 0.98
+    assert found[1] == 0
+    assert 0.4 < found[2] < 0.6
+    down = algebra.multiply(algebra.pose([1, 0, 0, 0], [0, 0, -0.1]), arm.fkm(q))
+    least = np.linalg.svd(arm.hand_jacobian(q)[3:], compute_uv=False)[-1]
+    for threshold, lost in ((1.1 * least, 1.0), (0.9 * least, 0.0)):
+        inverse = FilteredInverse(threshold=threshold)
+        assert lost_share(arm, q, down, "position", inverse) == pytest.approx(lost, abs=0.01)

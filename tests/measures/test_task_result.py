@@ -111,6 +111,29 @@ def test_an_arm_with_five_joints_is_told_before_and_after():
     )
 
 
+def test_a_path_to_the_side_of_a_base_is_told_before(tmp_path):
+    """The arm moves in the plane of the wheels' motion only: sideways the hand cannot keep its heading."""
+    links = "".join(
+        f"  - {{name: j{i}, dh: {{theta: 0, d: 0, a: {a}, alpha: 0}}, limits: {{velocity: 100}}}}\n"
+        for i, a in enumerate([0.3, 0.3, 0.2, 0.1])
+    )
+    (tmp_path / "arm.yaml").write_text(
+        f"name: planar\nangles: degrees\nconvention: standard\njoints:\n{links}"
+    )
+    (tmp_path / "cart.yaml").write_text(
+        "name: cart\nangles: radians\nparts:\n"
+        "  - {kind: differential-drive, wheel_radius: 0.1, half_track: 0.2, rim_speed: 0.5}\n"
+        "  - {kind: pose, position: [0, 0, 0.3], rpy: [1.5707963267948966, 0, 0]}\n"
+        "  - {kind: arm, robot: arm.yaml}\n"
+    )
+    path = {"kind": "spiral", "radius": 1e-4, "length": 0.2, "axis": "y", "duration": 5}
+    spec = {"name": "side", "robot": str(tmp_path / "cart.yaml"), "start": [0, 0, 0, 0.9, -0.9, -0.9, 0.3]}
+    spec |= {"period": 0.02, "reference": path, "plant": {"kind": "integrator"}}
+    spec["law"] = {"kind": "proportional-feedforward", "gain": 1}
+    assert any("a base with wheels cannot go sideways" in text for text in check(spec).tasks)
+    assert not check(spec | {"reference": path | {"axis": "x"}}).tasks
+
+
 def test_velocities_that_a_path_needs_are_told_before_and_after():
     circle = {"kind": "circle", "radius": 0.05, "duration": 0.3, "plane": "xz"}
     spec = IIWA | {"reference": circle, "law": {"kind": "proportional-feedforward", "gain": 10}}

@@ -215,7 +215,7 @@ def test_a_controller_file_lies_beside_its_spec(tmp_path):
     [
         (
             lambda data: data["joints"][2]["motor"].update(resistance=0),
-            r"mine.yaml: joints\[2\].motor.resistance: expected 'float' > 0.0",
+            r"mine.yaml: joints\[2\].motor.resistance: expected a number > 0.0",
         ),
         (
             lambda data: data["joints"][0]["range"].update(torq=1),

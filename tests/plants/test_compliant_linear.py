@@ -11,6 +11,7 @@ from dqcontrol.plants.linear_model import LinearModel
 
 pytest.importorskip("mujoco")
 
+SLOW = pytest.mark.slow
 STARTS = {
     "meka-a2": np.array([0, np.pi / 3.7, 0, np.pi / 2, 0, np.pi / 3.7, 0]),
     "iiwa7": np.array([0, 0.6, 0, 1.6, 0, 0.6, 0]),
@@ -35,7 +36,9 @@ def motions(robot, plant, q0, gain, period):
     return [float(np.linalg.norm(part)) for part in np.array_split(np.array(moves), 4)]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", ["iiwa", *(pytest.param(case, marks=SLOW) for case in CASES if case != "iiwa")]
+)
 def test_the_arm_shakes_from_the_gain_that_the_model_says(case):
     name, period, options = CASES[case]
     robot, q0, plant = dqc.load_robot(name), STARTS[name], CompliantPlant(**options)
@@ -49,7 +52,12 @@ def test_the_arm_shakes_from_the_gain_that_the_model_says(case):
 
 @pytest.mark.parametrize(
     ("name", "springs"),
-    [("meka-a2", "default"), ("meka-a2", [None] * 7), ("iiwa7", "default"), ("iiwa7", "elastic")],
+    [
+        ("iiwa7", "default"),
+        pytest.param("iiwa7", "elastic", marks=SLOW),
+        pytest.param("meka-a2", "default", marks=SLOW),
+        pytest.param("meka-a2", [None] * 7, marks=SLOW),
+    ],
 )
 def test_arms_stand_by_themselves_wherever_they_are(name, springs):
     robot = dqc.load_robot(name)
@@ -69,7 +77,9 @@ def test_a_plant_far_beyond_stability_has_a_model_that_says_so():
 
 
 @pytest.mark.parametrize("mode", ["integrated", "measured"])
-@pytest.mark.parametrize("period", [0.001, 0.004, 0.008, 0.02])
+@pytest.mark.parametrize(
+    "period", [0.02, *(pytest.param(period, marks=SLOW) for period in (0.001, 0.004, 0.008))]
+)
 def test_no_state_that_matters_is_left_out(mode, period, monkeypatch):
     robot, q0 = dqc.load_robot("meka-a2"), STARTS["meka-a2"]
     plant = CompliantPlant(command_mode=mode, hand=True)
@@ -112,6 +122,7 @@ def test_joints_that_commands_do_not_move_have_none_and_the_arm_runs(stiffness):
     assert record.stopped == "duration"
 
 
+@SLOW
 def test_check_judges_compliant_arms():
     spec = {
         "name": "shaking",

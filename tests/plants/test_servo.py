@@ -277,3 +277,53 @@ def test_a_delay_that_ends_within_a_period_is_exact(arm, tau, share):
         for k in range(ratio):  # the target moves at once, as over a whole period
             exact.step(ratio * command if k == 0 else np.zeros(3))
         assert coarse.q == pytest.approx(exact.q, abs=1e-12)
+
+
+def test_every_joint_has_its_own_servo(arm):
+    """Lists give each joint what a single number gives all of them, to the last bit; gains scale moves."""
+    lags, delays, gains = [0.02, 0.05, 0.11], [0.0, 0.0137, 0.032], [1.0, 0.98, 1.02]
+    commands = random_commands(200)
+    plant = Servo(
+        time_constant=lags, delay=delays, encoder_noise=[0, 1e-3, 1e-4], encoder_resolution=[1e-3, 0, 1e-4]
+    )
+    q, measured = drive(plant, arm, np.zeros(N), commands, seed=3)
+    for i in range(N):
+        noise, step = [0, 1e-3, 1e-4][i], [1e-3, 0, 1e-4][i]
+        alone = Servo(time_constant=lags[i], delay=delays[i], encoder_noise=noise, encoder_resolution=step)
+        same_q, same_measured = drive(alone, arm, np.zeros(N), commands, seed=3)
+        assert np.array_equal(q[:, i], same_q[:, i])
+        assert np.array_equal(measured[:, i], same_measured[:, i])
+    scaled, _ = drive(Servo(time_constant=lags, gain=gains), arm, np.zeros(N), commands)
+    plain, _ = drive(Servo(time_constant=lags), arm, np.zeros(N), commands)
+    assert scaled == pytest.approx(plain * gains, abs=1e-12)
+
+
+def test_the_linear_model_of_different_servos_has_the_poles_of_each(arm):
+    lags, delays = [0.02, 0.05, 0.11], [0.0, 0.0137, 0.032]
+    whole = Servo(time_constant=lags, delay=delays).linear_model(arm, np.zeros(N), T)
+    assert whole is not None
+    assert whole.inputs.shape[1] == N
+    alone = [
+        Servo(time_constant=lag, delay=delay).linear_model(arm, np.zeros(N), T)
+        for lag, delay in zip(lags, delays, strict=True)
+    ]
+    for gain in (1.0, 5.0, 20.0):
+        each = [model.poles(gain) for model in alone if model is not None]
+        assert np.abs(whole.poles(gain)).max() == pytest.approx(max(np.abs(p).max() for p in each), rel=1e-6)
+    same = Servo(time_constant=[0.05] * N, delay=0.01).linear_model(arm, np.zeros(N), T)
+    assert same is not None
+    assert same.inputs.shape[1] == 1  # one stands for all
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"time_constant": [0.1, 0.2]}, r"plant\.time_constant: expected one number or 3, got shape \(2,\)"),
+        ({"time_constant": -1.0}, r"plant\.time_constant: must be ≥ 0, got -1"),
+        ({"delay": [0.0, 0.0, -0.1]}, r"plant\.delay: must be ≥ 0, got -0\.1"),
+        ({"gain": 0.0}, r"plant\.gain: must be > 0, got 0"),
+    ],
+)
+def test_lists_that_do_not_fit_are_refused(arm, parameters, message):
+    with pytest.raises((ShapeError, ValueRangeError), match=message):
+        Servo(**parameters).start(arm, np.zeros(N), T, 10, 0)

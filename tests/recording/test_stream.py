@@ -33,8 +33,8 @@ samples = circle.samples(0.005 * np.arange(round(seconds / 0.005)))
 recording = RecordStream(path, arm, "name: killed")
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-record = simulate_prepared(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1.0), clock=Clock(),
-    recording=recording,
+record = simulate_prepared(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1000.0),
+    clock=Clock(), recording=recording,
     progress=lambda done, count: print(samples[done - 1, -1], flush=True))
 print("ended", record.stopped, np.abs(record.command[-1]).max(), flush=True)
 recording.close(record.stopped)
@@ -129,6 +129,7 @@ def test_a_full_disk_stops_the_robot_and_says_so(tmp_path):
 
 
 def test_a_full_disk_without_a_supervisor_ends_the_loop(arm, tmp_path, monkeypatch):
+    driven(arm, tmp_path / "before.mcap")  # what it compiles is kept before the disk is full
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     circle = dqc.references.Circle(arm.fkm(Q0), radius=0.05, duration=2.0)
     law = dqc.laws.Proportional(gain=10.0).prepare(arm, circle, T)

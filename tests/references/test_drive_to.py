@@ -104,10 +104,23 @@ def test_bad_input():
     robot = dqc.load_robot("little-john")
     with pytest.raises(Error, match=r"goal: expected shape \(…, 8\)"):
         DriveTo(robot, START, np.zeros(7))
-    with pytest.raises(Error, match="share: must be > 0, got 0"):
-        DriveTo(robot, START, START, share=0)
+    with pytest.raises(Error, match="speed_fraction: must be > 0, got 0"):
+        DriveTo(robot, START, START, speed_fraction=0)
     with pytest.raises(ValueRangeError, match="pose: little-john does not get there: unreachable"):
         DriveTo.pose(robot, START, algebra.pose([1, 0, 0, 0], [0, 0, 3.0]))
     unlimited = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1), dqc.load_robot("ax18")])
     with pytest.raises(ValueRangeError, match=r"robot: v of .* has no velocity limit to plan with"):
         DriveTo(unlimited, START, START + np.eye(8)[0])
+
+
+def test_the_old_name_of_the_speed_fraction_works_and_warns():
+    robot = dqc.load_robot("little-john")
+    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
+        way = DriveTo(robot, START, START, share=0.25)
+    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
+        assert way.share == way.speed_fraction == 0.25
+    with (
+        pytest.warns(FutureWarning),
+        pytest.raises(TypeError, match="share: is the old name of 'speed_fraction'"),
+    ):
+        DriveTo.pose(robot, START, robot.fkm(START), share=0.25, speed_fraction=0.5)

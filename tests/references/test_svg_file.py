@@ -1,10 +1,12 @@
 import math
 import sys
+import warnings
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.strokes import Arc, Line, PenPath
 
@@ -95,6 +97,41 @@ def test_refused_before_anything_reads_it(svg, tmp_path):
     page.write_text("<html/>")
     with pytest.raises(FileFormatError, match="expected <svg>, got <html>"):
         load_svg(page)
+
+
+def test_files_of_other_programs(svg, tmp_path):
+    """A harmless document type, paths without ``d``, a background, hidden layers; text and images are named."""
+    pytest.importorskip("svgelements")
+    head = (
+        '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">'
+        '<svg xmlns="http://www.w3.org/2000/svg" width="210mm" height="297mm" viewBox="0 0 210 297">'
+    )
+    body = (
+        '<rect width="210" height="297" style="fill:#ffeecc;stroke:none"/>'
+        '<rect x="20" y="20" width="90" height="90" style="fill:#ffffff"/><path id="empty"/>'
+        '<path style="fill:none;stroke:none" d="M1 1 L2 2"/><g style="display:none"><path d="M0 0 L9 9"/></g>'
+        '<path style="fill:none;stroke:#000000" d="m 50,50 40,20"/><text>Hello</text><image width="9" height="9"/>'
+    )
+    with pytest.warns(
+        NoteWarning, match="left out: text 'Hello' .*, an image, a background as large as the page"
+    ):
+        (pen,) = load_svg(svg(body, head))
+    assert pen.start == pytest.approx((50 * 96 / 25.4, -50 * 96 / 25.4))
+    with pytest.raises(FileFormatError, match="defines entities"):
+        load_svg(svg("<path d='M0 0 L1 1'/>", head.replace('dtd">', 'dtd" [<!ENTITY a "b">]>')))
+
+
+def test_a_figure_of_matplotlib_is_its_lines(tmp_path):
+    pytest.importorskip("svgelements")
+    figure = Figure(figsize=(2, 2))
+    axes = figure.subplots()
+    axes.plot([0, 1, 2], [0, 1, 0])
+    axes.axis("off")
+    figure.savefig(tmp_path / "figure.svg")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NoteWarning)
+        (pen,) = load_svg(tmp_path / "figure.svg")
+    assert len(pen.strokes) == 2
 
 
 def test_without_paths(svg):

@@ -24,7 +24,7 @@ def test_units_of_ways():
     assert unit_of_way([arm, base]) == unit_of_way([base]) == "rad or m"
 
 
-@pytest.mark.parametrize("record", ["all", "metrics"])
+@pytest.mark.parametrize("record", [pytest.param("all", marks=pytest.mark.slow), "metrics"])
 def test_figures_of_revolute_arms_say_rad(tmp_path, monkeypatch, record):
     pytest.importorskip("matplotlib")
     given = []

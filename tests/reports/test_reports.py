@@ -1,15 +1,18 @@
 """Reports of runs and studies: what they say of a run, and the line that gives it again, pasted as it stands."""
 
+import re
 import shlex
 import shutil
 import sys
 from dataclasses import replace
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from matplotlib.figure import Figure
 
 import dqcontrol as dqc
 import dqcontrol.figures
@@ -21,6 +24,7 @@ from dqcontrol.loop import Timing
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports import rewrite_reports
 from dqcontrol.reports.provenance import command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import run_verdicts
 from dqcontrol.reports.study_report import study_verdicts
@@ -90,6 +94,74 @@ def test_the_line_of_a_study_gives_it_again_and_its_page_leads_to_the_runs(tmp_p
     assert (first / "fast-servo/report.html").is_file()
 
 
+@pytest.fixture
+def one_line(monkeypatch):
+    """Draw figures that take no time."""
+    figure = Figure(figsize=(1, 1))
+    figure.subplots().plot([0, 1])
+    monkeypatch.setattr("dqcontrol.figures.run_figures", lambda *_, **__: {"errors": lambda: figure})
+    monkeypatch.setattr("dqcontrol.figures.comparison_figures", lambda *_, **__: {"paths": lambda: figure})
+    monkeypatch.setattr("dqcontrol.figures.robot_picture", lambda *_: figure)
+
+
+@pytest.mark.usefixtures("one_line")
+def test_figures_of_the_runs_of_a_study_are_drawn_on_demand(tmp_path):
+    spec = {key: value for key, value in SPEC.items() if key != "law"}
+    spec |= {"laws": {"slow": SPEC["law"], "fast": SPEC["law"] | {"gain": 10}}}
+    study = tmp_path / "study"
+    run_study_to(spec, study)
+    assert (study / "paths.png").is_file()
+    assert not list(study.glob("*/*.png"))
+    page = (study / "fast-servo/report.html").read_text(encoding="utf-8")
+    assert "dqcontrol report ." in page
+    assert "<img" not in page
+    command = page.partition('<pre class="command">')[2].partition("</pre>")[0]
+    assert [path.parent.name for path in rewrite_reports([study], jobs=1)] == ["fast-servo", "slow-servo"]
+    page = (study / "fast-servo/report.html").read_text(encoding="utf-8")
+    assert (study / "fast-servo/errors.png").is_file()
+    assert page.count("<img") == 2
+    assert "dqcontrol report ." not in page
+    assert f'<pre class="command">{command}</pre>' in page
+    run_study_to(spec, study, force=True, figures=False)  # nothing foreign lies there now
+    assert not list(study.glob("**/*.png"))
+    run_study_to(spec, study, force=True, figures=True, jobs=1)
+    assert len(list(study.glob("*/errors.png"))) == 2
+
+
+@pytest.mark.usefixtures("plain")
+def test_the_head_says_what_a_run_is_about(run, tmp_path):
+    page = (run.save(tmp_path / "run") / "report.html").read_text(encoding="utf-8")
+    head = page.partition('<div class="about">')[2].partition("</div><")[2].partition("</div>")[0]
+    told = [unescape(cell) for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", head)]
+    facts = dict(zip(told[::2], told[1::2], strict=True))
+    assert facts["Robot"].startswith("ax18: 5 joints, reach ")
+    assert facts["Law"] == "partial-proportional: part position, gain 2 1/s"
+    assert facts["Motion"] == "circle: radius 0.02 m, duration 0.4 s"
+    assert facts["Plant"] == "servo: encoder noise 0.0001 rad or m"
+    assert facts["Control period"] == "20 ms"
+    assert facts["Verdict"].startswith(("✗ not followed", "✓ followed"))
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d", facts["Date"])
+
+
+@pytest.mark.usefixtures("plain")
+def test_results_run_again_where_their_files_are_not(tmp_path):
+    """Another machine: robot, drawing and function are gone, and their copies are used."""
+    source = tmp_path / "source"
+    source.mkdir()
+    shutil.copy(Path(dqc.robots.__file__).parent / "models/ax18.yaml", source / "arm.yaml")
+    (source / "line.txt").write_text("speed 0.05\nline 0.01 0\n")
+    spec = SPEC | {"robot": "arm.yaml", "reference": {"kind": "drawing", "file": "line.txt"}}
+    (source / "spec.yaml").write_text(yaml.safe_dump(spec))
+    first = run_study_to(source / "spec.yaml", tmp_path / "run").runs
+    shutil.rmtree(source)
+    moved = (tmp_path / "run").rename(tmp_path / "moved")
+    assert sorted(path.name for path in (moved / "inputs").iterdir()) == ["arm.yaml", "line.txt"]
+    again = dqc.run(moved / "spec.yaml")
+    np.testing.assert_array_equal(again.q, next(iter(first.values())).q)
+    loaded = load_run(moved)
+    np.testing.assert_array_equal(dqc.run(yaml.safe_load(loaded.spec)).q, again.q)
+
+
 @pytest.mark.usefixtures("plain")
 def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")
@@ -149,7 +221,7 @@ def test_arguments_are_quoted_and_what_is_off_is_left_out():
         "joints": ["a", "b"],
     }
     assert evaluation_command(about | {"skip_initial": 0.0}) == (
-        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --settle 0.0 --joints a,b --out again"
+        "dqcontrol evaluate l.csv --robot ax18 --tip-link tip --skip-initial 0.0 --joints a,b --out again"
     )
 
 
@@ -252,6 +324,7 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
     assert (end.good, kept.good) == (False, False)
 
 
+@pytest.mark.slow
 def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch, capsys):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dqcontrol.figures.save_figures", lambda *_: [])

@@ -42,12 +42,12 @@ def test_example_robot_data():
         (
             "iiwa",
             UnknownNameError,
-            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml or .urdf",
+            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml, .urdf or .xacro",
         ),
         ("", UnknownNameError, "robot: unknown name ''"),
         ("none.yaml", FileFormatError, "none.yaml: cannot be read: No such file"),
         ("none.urdf", FileFormatError, "none.urdf: cannot be read: No such file"),
-        ("arm.urdf.xacro", FileFormatError, "arm.urdf.xacro: is a xacro file; expand it first"),
+        ("arm.urdf.xacro", FileFormatError, "arm.urdf.xacro: cannot be read: No such file"),
         (
             PANDA.replace("panda.urdf", "pandas.urdf"),
             UnknownNameError,

@@ -74,7 +74,7 @@ parts:
 
 
 CHANGES = [  # text, what it becomes, message
-    ("wheel_radius: 0.05", "wheel_radius: 0", r"parts\[0\].wheel_radius: expected 'float' > 0.0, got 0"),
+    ("wheel_radius: 0.05", "wheel_radius: 0", r"parts\[0\].wheel_radius: expected a number > 0.0, got 0"),
     ("half_track: 0.2, ", "", r"parts\[0\]: missing key 'half_track'"),
     ("displacement: 0.3", "displacement: 0", r"toy.yaml: parts\[0\]: displacement: must not be 0"),
     ("rim_speed", "rimspeed", r"parts\[0\]: unknown key 'rimspeed'; did you mean 'rim_speed'"),
@@ -88,7 +88,7 @@ CHANGES = [  # text, what it becomes, message
     ("robot: ax18", "robot: ax18, tip_link: hand", r"parts\[2\]: tip_link: only URDF files have links"),
     ("angles: degrees", "angles: degrees\nform: holonomic", r"form: unknown name 'holonomic'"),
     ("angles: degrees", "angles: degrees\njoints: []", r"unknown key 'joints'"),
-    (BODY[BODY.index("  - ") :], "  []\n", r"parts: expected 'array' of length >= 1"),
+    (BODY[BODY.index("  - ") :], "  []\n", r"parts: expected a list of length >= 1"),
     (
         BODY[BODY.index("  - ") :],
         "  - {kind: pose}\n",

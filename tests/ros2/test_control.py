@@ -7,7 +7,7 @@ from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps
-from dqcontrol.ros2.period_monitor import Pace
+from dqcontrol.ros2.period_monitor import PeriodMonitor
 
 SPEC = {
     "name": "tiny", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
@@ -88,7 +88,7 @@ def test_measurements_that_are_no_numbers_stop_it(loaded):
 def test_bursts_never_give_more_steps_than_periods():
     rng = np.random.default_rng(3)
     for _ in range(50):
-        pace, times = Pace(0.01), np.sort(rng.uniform(0, 2, 600))
+        pace, times = PeriodMonitor(0.01), np.sort(rng.uniform(0, 2, 600))
         pace.start(0.0, 0.0)
         taken = [t for t in times if pace.hear(t, t)]
         steps = np.arange(len(taken))
@@ -105,7 +105,7 @@ def test_no_limit_is_crossed_whatever_the_messages_do(loaded, interface):
     for seed in range(40):
         rng = np.random.default_rng([seed, 7])
         loss, delay, twice = rng.uniform(0, 0.5), rng.uniform(0, 0.06), rng.uniform(0, 0.5)
-        control, pace, stamps = control_of(loaded, interface), Pace(period), Stamps("joint states")
+        control, pace, stamps = control_of(loaded, interface), PeriodMonitor(period), Stamps("joint states")
         guard, from_measured = loaded.limits_alone(interface)
         state = guard.start(loaded.case.scene.start)
         plant = loaded.case.plant.start(loaded.robot, loaded.case.scene.start, period, 200, 0)
@@ -164,7 +164,7 @@ def send(rng, down, now, control, interface, faults):
 
 def test_a_clock_of_another_speed_does_not_make_messages_old_and_a_queue_that_fills_does():
     for drift, age in ((2e-4, 0.0), (-2e-4, 0.0), (-5e-3, 0.4)):  # s a second; the last one is a queue
-        pace = Pace(0.01)
+        pace = PeriodMonitor(0.01)
         now = 0.0
         pace.start(now, 1000.0)
         for k in range(1, 10_000):

@@ -67,6 +67,7 @@ def check(noted, interface):
         assert noted[what] > 10, what
 
 
+@pytest.mark.slow
 def test_messages_lost_late_twice_and_swapped_cross_no_limit(spec, start, tmp_path):
     noted = spoiled(spec, start, tmp_path, "velocity", (0.2, 0.01, 0.2), 1, PATIENT)
     check(noted, "velocity")

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -53,19 +52,21 @@ def in_process(path, interface, folder):
     return measure(record, loaded.robot, loaded.setting.spec.skip_initial, "measured").position.mean
 
 
-def compare_with_in_process(start, path, folder, interface):
+def follow(start, path, folder, interface):
+    """Follow a reference with two processes; return the mean error, mm."""
     start("robot", path, "--interface", interface)
     controller = start("controller", path, "--interface", interface, "--autostart", "--out", folder, *PATIENT)
     log, _ = controller.communicate(timeout=PATIENCE)
     assert controller.returncode == 0, log
-    run = json.loads((folder / "metrics.json").read_text())
-    return run["position"]["mean"] / in_process(path, interface, folder.with_name("alone")), log
+    return json.loads((folder / "metrics.json").read_text())["position"]["mean"]
 
 
-def test_two_processes_follow_a_reference_to_its_end(spec, start, tmp_path):
-    """A busy machine may make commands late; by how much the error differs on a quiet one the slow test says."""
-    ratio, log = compare_with_in_process(start, spec(), tmp_path / "run", "velocity")
-    assert 0.9 < ratio < 2.0
+def test_two_processes_follow_a_reference_to_its_end(spec, start):
+    """On a busy machine commands are late; by how much the error differs on a quiet one the next test says."""
+    start("robot", path := spec())
+    controller = start("controller", path, "--autostart", *PATIENT)
+    log, _ = controller.communicate(timeout=PATIENCE)
+    assert controller.returncode == 0, log
     assert "inactive: soft stop" in log
 
 
@@ -74,15 +75,17 @@ def test_two_processes_follow_a_reference_to_its_end(spec, start, tmp_path):
 def test_two_processes_err_as_one_does(spec, start, tmp_path, loop):
     if loop == "500 Hz":
         path = spec(period=0.002, reference={"kind": "circle", "radius": 0.07, "duration": 10.0})
-        ratio, _ = compare_with_in_process(start, path, tmp_path / "run", "velocity")
+        interface = "velocity"
     else:
         import yaml
 
-        (tmp_path / "p16.yaml").write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
-        ratio, _ = compare_with_in_process(start, tmp_path / "p16.yaml", tmp_path / "run", "trajectory")
-    assert 0.9 < ratio < 1.1
+        path, interface = tmp_path / "p16.yaml", "trajectory"
+        path.write_text(yaml.safe_dump(graph_spec(SIDES["meka"], "K", "servo")))
+    mean = follow(start, path, tmp_path / "run", interface)
+    assert 0.9 < mean / in_process(path, interface, tmp_path / "alone") < 1.1
 
 
+@pytest.mark.slow
 def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot_says_so(spec, start, node):
     circle = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
     path = spec(period=0.005, reference=circle, plant={"kind": "integrator"})
@@ -259,6 +262,7 @@ def sockets_of(process):
     return found
 
 
+@pytest.mark.slow
 def test_pereira_s_graph_has_his_nodes_and_topics_and_stays_on_the_loopback(start, node):
     launch = start("pereira2016", "--plant", "servo", until="robot_controlling_node]: active")
     wanted = {"robot_controlling_node", "hum_controller"}
@@ -304,12 +308,3 @@ def test_pereira_s_kuka_draws_its_circle_to_the_end(start):
     log, _ = launch.communicate(timeout=PATIENCE)
     assert launch.returncode == 0, log
     assert "inactive: soft stop" in log
-
-
-def test_without_ros_one_line_says_what_to_install(spec):
-    code = "import sys; sys.modules['rclpy'] = None; sys.argv[1:] = ['ros2', 'robot', 'x.yaml']\n"
-    code += "from dqcontrol.cli import main; main()"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "pip install 'dqcontrol[ros2]'" in done.stderr

@@ -1,15 +1,16 @@
 """Parameters given at the start and later: wrong ones are refused in one line, and none is left out silently."""
 
 import signal
-import subprocess
+import sys
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from nodes import NODES, PATIENCE, read_until
+from nodes import PATIENCE, read_until
 from rclpy.parameter import Parameter
 
+from dqcontrol.cli import main
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.ros2 import middleware
 from dqcontrol.ros2.gain_check import check_stable
@@ -126,24 +127,34 @@ def test_a_law_that_cannot_be_judged_is_said_or_refused(spec, made, capfd):
         check_stable(fast, fast.law, fast.prepared_law("spec"), fast.supervisor, moves=False)
 
 
+def refused(monkeypatch, capsys, *words):
+    """Return what the command line says of its own words."""
+    monkeypatch.setattr("sys.argv", ["dqcontrol", "ros2", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    return said
+
+
 @pytest.mark.parametrize("name", ["two words", "1st"])
-def test_names_that_ros_does_not_allow(spec, name):
-    done = subprocess.run(
-        [*NODES, "controller", spec(), "--name", name], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith("dqcontrol: ros2: Invalid node name: node name must not ")
-    assert done.stderr.count("\n") == 1
+def test_names_that_ros_does_not_allow(spec, monkeypatch, capsys, name):
+    said = refused(monkeypatch, capsys, "controller", spec(), "--name", name)
+    assert said.startswith("dqcontrol: ros2: Invalid node name: node name must not ")
 
 
-def test_a_spec_that_is_not_there_is_said_at_once(tmp_path):
-    done = subprocess.run(
-        [*NODES, "controller", tmp_path / "none.yaml"], capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "none.yaml: cannot be read" in done.stderr
+def test_a_spec_that_is_not_there_is_said_at_once(tmp_path, monkeypatch, capsys):
+    said = refused(monkeypatch, capsys, "controller", tmp_path / "none.yaml")
+    assert "none.yaml: cannot be read" in said
 
 
+def test_without_ros_one_line_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    assert "pip install 'dqcontrol[ros2]'" in refused(monkeypatch, capsys, "robot", "x.yaml")
+
+
+@pytest.mark.slow
 def test_time_of_a_simulation_that_stands_still_stops_no_watch(spec, start):
     """Nobody publishes /clock: a robot that falls silent is noticed nevertheless, and Ctrl-C is heard."""
     path = spec(reference={"kind": "circle", "radius": 0.05, "duration": 60.0, "turns": 20})

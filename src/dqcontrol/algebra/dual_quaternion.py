@@ -109,6 +109,16 @@ class DualQuaternion:
         return self._data
 
     @property
+    def P(self) -> Array:  # noqa: N802 - the papers' name
+        """Primary part, shape (…, 4), read-only."""
+        return self._data[..., :4]
+
+    @property
+    def D(self) -> Array:  # noqa: N802 - the papers' name
+        """Dual part, shape (…, 4), read-only."""
+        return self._data[..., 4:]
+
+    @property
     def vec6(self) -> Array:
         """[Im P ; Im D], shape (…, 6), of a pure dual quaternion."""
         return functions.vec6(self._data)
@@ -124,14 +134,9 @@ class DualQuaternion:
         return functions.vec3(self._data)
 
     @property
-    def P(self) -> Array:  # noqa: N802 - the papers' name
-        """Primary part, shape (…, 4), read-only."""
-        return self._data[..., :4]
-
-    @property
-    def D(self) -> Array:  # noqa: N802 - the papers' name
-        """Dual part, shape (…, 4), read-only."""
-        return self._data[..., 4:]
+    def batch_shape(self) -> tuple[int, ...]:
+        """Shape of the batch; () for one."""
+        return self._data.shape[:-1]
 
     @property
     def rotation(self) -> Array:
@@ -147,11 +152,6 @@ class DualQuaternion:
     def body_translation(self) -> Array:
         """Position p_b = 2P*D of a pose in its own frame, shape (…, 3), m."""
         return functions.body_translation(self._data)
-
-    @property
-    def batch_shape(self) -> tuple[int, ...]:
-        """Shape of the batch; () for one."""
-        return self._data.shape[:-1]
 
     def matrix(self) -> Array:
         """Return the homogeneous matrices [R p; 0 1] of a pose, shape (…, 4, 4)."""

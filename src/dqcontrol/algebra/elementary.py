@@ -240,3 +240,18 @@ def adjoint_matrix(x, out):
             px * b - py * a,
         )
         out[21 + column], out[27 + column], out[33 + column] = a, b, c
+
+
+@inline
+def half_twist_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
+    """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
+    return (
+        -a * x - b * y - c * z,
+        a * w + b * z - c * y,
+        b * w + c * x - a * z,
+        c * w + a * y - b * x,
+        -a * dx - b * dy - c * dz - d * x - e * y - f * z,
+        a * dw + b * dz - c * dy + d * w + e * z - f * y,
+        b * dw + c * dx - a * dz + e * w + f * x - d * z,
+        c * dw + a * dy - b * dx + f * w + d * y - e * x,
+    )

@@ -121,7 +121,7 @@ def sclerp(x1: ArrayLike, x2: ArrayLike, t: ArrayLike) -> Array:
     x1, x2
         Unit dual quaternions at t = 0 and t = 1, shape (…, 8), m.
     t
-        A number or shape (…); broadcast against the leading axes. Beyond [0, 1] the screw goes on.
+        A number or shape (…); broadcast against the leading axes. Beyond [0, 1] the screw continues.
 
     Returns
     -------

@@ -73,7 +73,7 @@ class Page:
         self._box = extent(tracks)
         self._set_stage()
         self._runs = [
-            _DrawnRun(self.server, i, track, self._box.size, alone=len(tracks) == 1)
+            DrawnRun(self.server, i, track, self._box.size, alone=len(tracks) == 1)
             for i, track in enumerate(tracks)
         ]
         self._add_controls()
@@ -215,7 +215,7 @@ class Page:
             self._numbers.content = numbers(readings)
 
 
-class _DrawnRun:
+class DrawnRun:
     """The nodes of one run in the scene."""
 
     def __init__(self, server: Any, i: int, track: Track, size: float, *, alone: bool) -> None:

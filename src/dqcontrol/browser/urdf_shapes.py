@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
-import os
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError
+from dqcontrol.errors import FileFormatError, NoteWarning
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import SerialArm
+from dqcontrol.robots.mesh_files import mesh_file, missing_note
 from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.urdf_xml import CheckedXml
@@ -29,7 +30,8 @@ _LARGEST_MESH = 200_000_000  # bytes
 def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
     """Return the row of `SerialArm.frames` that carries each visual, −1 for the base, its mesh there, and its colour.
 
-    Joints that are not the arm's rest at zero. Without any visuals, or if a file of a mesh is missing, there are none.
+    Joints that are not the arm's rest at zero. Without any visuals there are none; nor if a mesh is not found, which a
+    `NoteWarning` names.
 
     Parameters
     ----------
@@ -53,6 +55,7 @@ def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
             try:
                 pieces = list(_geometry(path, visual))
             except FileNotFoundError:
+                warnings.warn(missing_note(path), NoteWarning, stacklevel=2)
                 return []
             for mesh, colour in pieces:
                 drawn.append((carrier - 1, mesh.copy().apply_transform(at), colour))
@@ -93,31 +96,6 @@ def _material(visual: Any) -> tuple[int, int, int] | None:
         return None
     r, g, b = (round(255 * float(c)) for c in colour.rgba[:3])
     return r, g, b
-
-
-def mesh_file(urdf: Path, name: str) -> Path:
-    """Return the file that a URDF file names: ``package://``, ``file://`` or a path from its folder.
-
-    A package is a folder above the URDF file or beside one of those, or in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    """
-    if not name.startswith("package://"):
-        places = [urdf.parent / name.removeprefix("file://")]
-    else:
-        package, _, inner = name.removeprefix("package://").partition("/")
-        above = [folder for folder in urdf.resolve().parents if folder.name == package]
-        beside = [folder / package for folder in urdf.resolve().parents]
-        ament = [Path(p) / "share" / package for p in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if p]
-        ros = [Path(p) / package for p in os.environ.get("ROS_PACKAGE_PATH", "").split(":") if p]
-        places = [folder / inner for folder in (*above, *beside, *ament, *ros)]
-    for place in places:
-        if place.is_file():
-            return place
-    raise FileNotFoundError(name)
 
 
 @functools.cache

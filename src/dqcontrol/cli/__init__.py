@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
+from cyclopts.exceptions import UnusedCliTokensError
 
 import dqcontrol
 from dqcontrol.extensions import POLICY, REFUSED
@@ -24,7 +25,9 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
+    "identify": "Find what the servos of a robot are from its logs: lag, delay, gain, sag, encoder, with intervals.",
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
+    "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",
     "clip": "Save a clip of a run, .mp4, .webp or .gif, or one picture of it, .png.",
     "export": "Write all signals of a run for other programs.",
@@ -32,7 +35,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
     "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
     "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
-    "robots": "List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
+    "robots": "List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
     "laws": "List the kinds of laws for experiments, one line each.",
     "references": "List the kinds of motions for experiments, one line each.",
     "plants": "List the kinds of plants for experiments, one line each.",
@@ -69,7 +72,12 @@ def main() -> None:
             app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
-    except (dqcontrol.Error, CycloptsError) as error:  # looked up only now: it loads NumPy
+    except CycloptsError as error:
+        _fail(
+            USER_ERROR,
+            f"{_mistake(error)}; see dqcontrol {' '.join([*(error.command_chain or ()), '--help'])}",
+        )
+    except dqcontrol.Error as error:  # looked up only now: it loads NumPy
         _fail(USER_ERROR, str(error))
     except KeyboardInterrupt as interrupt:
         _fail(INTERRUPTED, f"interrupted{interrupt}")
@@ -81,6 +89,14 @@ def main() -> None:
         _fail(USER_ERROR, str(error))
     except MemoryError:
         _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
+
+
+def _mistake(error: CycloptsError) -> str:
+    """Return what is wrong with a command line, without a full stop."""
+    if isinstance(error, UnusedCliTokensError):
+        words = " ".join(f"'{word}'" for word in error.unused_tokens or ())
+        return f"takes no further argument, got {words}"
+    return str(error).strip().rstrip(".")
 
 
 def _make_printable() -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table
@@ -18,13 +21,18 @@ def evaluate(
     tip_link: str | None = None,
     reference: Path | None = None,
     reference_topic: str | None = None,
+    reference_joints: str | None = None,
     joints: str | None = None,
     joint_topic: str | None = None,
     command_topic: str | None = None,
     angles: Literal["rad", "deg"] | None = None,
+    missing: Literal["interpolate", "skip"] = "interpolate",
     start: float = 0.0,
+    align: Annotated[bool, Parameter(negative=())] = False,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
+    low_pass: float | None = None,
+    settle: Annotated[float | None, Parameter(show=False)] = None,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -43,7 +51,10 @@ def evaluate(
     reference
         YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
     reference_topic
-        Topic of PoseStamped with the desired poses, in --reference or else in the log.
+        Topic of PoseStamped with the desired poses, or of JointState with the commanded positions, in --reference or
+        else in the log.
+    reference_joints
+        Columns of the log with the commanded positions: what their names begin with (target_), or a,b,c.
     joints
         Names of the robot's joints in the log, if it has others: a,b,c in the robot's order.
     joint_topic
@@ -52,21 +63,39 @@ def evaluate(
         Topic of JointState or Float64MultiArray with the commanded velocities.
     angles
         Unit of columns of a table that do not name theirs.
+    missing
+        What to do with samples of a table that lack a position: join their neighbours linearly, or skip them.
     start
         When the reference begins, s after the log's first sample.
+    align
+        Find the start at which the reference fits the log best.
     duration
         How many seconds from there on are judged.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
+    low_pass
+        Cut-off of the filter behind speeds and accelerations, Hz; 0 for none; default 10, none for own recordings.
+    settle
+        Old name of --skip-initial.
     out
         New folder for record, metrics, plots and report.
     force
         Replace an earlier folder of results.
     """
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
     from dqcontrol.measures import summary_table
 
+    if settle is not None:
+        if skip_initial is not None:
+            raise ValueRangeError("--settle: is the old name of --skip-initial, which is given too")
+        warnings.warn(
+            "--settle is now called --skip-initial; the old name works for one more release",
+            FutureWarning,
+            stacklevel=2,
+        )
+        skip_initial = settle
     if out is not None:
         check_new(out, force=force)
     result = evaluate_log(
@@ -76,16 +105,23 @@ def evaluate(
         base_link=base_link,
         tip_link=tip_link,
         reference_topic=reference_topic,
+        reference_joints=reference_joints,
         joints=[name.strip() for name in joints.split(",")] if joints is not None else None,
         joint_topic=joint_topic,
         command_topic=command_topic,
         angles=angles,
+        missing=missing,
         start=start,
+        align=align,
         duration=duration,
-        settle=settle,
+        skip_initial=skip_initial,
+        low_pass=low_pass,
     )
     if out is not None:
         result.save(out, force=force)
-    print_table(summary_table(result.metrics, result.label))
+    filtered = ""
+    if result.low_pass is not None:
+        filtered = f"; speeds, accelerations and joint steps low-passed at {result.low_pass:g} Hz"
+    print_table(summary_table(result.metrics, f"{result.label}{filtered}"))
     if out is not None:
         print(f"results: {out}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Annotated
 
 from cyclopts import Parameter, Token
@@ -47,8 +48,11 @@ def gains(
     tip_link
         Of a URDF file.
     """
+    from dqcontrol.errors import NoteWarning
     from dqcontrol.experiments.gain_advice import advise_gains
 
+    if period >= 1:
+        warnings.warn(f"period: {period:g} s; for milliseconds write {period:g}ms", NoteWarning, stacklevel=2)
     advice = advise_gains(robot, period, delay, lag, tip_link=tip_link)
     print_table(advice.table)
     for line in advice.reasons:

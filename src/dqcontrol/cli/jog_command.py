@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
 
 if TYPE_CHECKING:
     from dqcontrol.cli.keyboard import Keyboard
@@ -22,6 +22,8 @@ def jog(
     source: str,
     /,
     *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
     poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
     speed: float = 0.1,
     angular_speed: float = 0.5,
@@ -58,9 +60,9 @@ def jog(
     speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))
     writer = PointsWriter(poses, speeds.linear, speeds.angular)
     if out:
-        session = recorded_jog(source, writer, speeds, out, force=force)
+        session = recorded_jog(source, writer, speeds, out, ends=(base_link, tip_link), force=force)
     else:
-        session = nullcontext(prepare_jog(source, writer, speeds))
+        session = nullcontext(prepare_jog(source, writer, speeds, ends=(base_link, tip_link)))
     with session as driven:
         print("\n".join(HELP))
         with keyboard, first_interrupt(driven.end):

@@ -8,12 +8,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import Force
+from dqcontrol.cli.options import BaseLink, Force, TipLink
 from dqcontrol.errors import Error, ExistsError, suggest
 
 MOTIONS, PLANTS = ("circle", "square", "spiral", "set-point"), ("servo", "integrator", "mujoco")
 QUESTIONS = {
-    "robot": ("Which robot (a name of 'dqcontrol robots', or a .urdf or .yaml file)?", "iiwa7", ()),
+    "robot": ("Which robot (a name of 'dqcontrol robots', or a .urdf, .xacro or .yaml file)?", "iiwa7", ()),
     "motion": ("Which motion?", "circle", MOTIONS),
     "period": ("How long is a control period?", "8 ms", ()),
     "law": ("Which law?", "proportional-feedforward", ("proportional", "proportional-feedforward", "both")),
@@ -30,6 +30,8 @@ def new(
     /,
     *,
     robot: str | None = None,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
     motion: str | None = None,
     period: str | None = None,
     law: str | None = None,
@@ -46,7 +48,7 @@ def new(
     file
         New YAML file.
     robot
-        Name, .urdf or .yaml file; asked, as all that is not given.
+        Name, .urdf, .xacro or .yaml file; asked, as all that is not given.
     motion
         circle, square, spiral or set-point.
     period
@@ -66,7 +68,7 @@ def new(
     answers = {key: _answer(key, value, ask=not yes) for key, value in given.items()}
     from dqcontrol.experiments.new_spec import new_spec
 
-    text, remark = new_spec(file.stem, **answers)
+    text, remark = new_spec(file.stem, **answers, base_link=base_link, tip_link=tip_link)
     file.write_text(text, encoding="utf-8")
     print(f"written: {file}{remark}")
     print(f"next: dqcontrol check {file}, then dqcontrol run {file}")

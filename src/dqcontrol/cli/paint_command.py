@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
 
 
 def paint(
@@ -14,6 +14,8 @@ def paint(
     out: Out = None,
     force: Force = False,
     robot: str = "panda",
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
     start: str | None = None,
     width: float | None = None,
     speed: float = 0.1,
@@ -30,7 +32,7 @@ def paint(
     force
         Replace an earlier folder of results.
     robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH; other robots than panda need --start.
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH; other robots than panda need --start.
     start
         Configuration with the hand in the middle of the paper, as 0,0.6,0 (rad or m).
     width
@@ -48,6 +50,7 @@ def paint(
     from dqcontrol.films.light_painting import light_painting, painting_clip
     from dqcontrol.measures import evaluate
     from dqcontrol.recording import save_record
+    from dqcontrol.robots import load_robot
 
     folder = out or Path("results") / drawing.stem
     check_new(folder, force=force)
@@ -56,11 +59,14 @@ def paint(
     except ValueError:
         raise ValueRangeError(f"start: expected numbers with commas, got '{start}'") from None
     source = str(Path(robot).resolve()) if Path(robot).is_file() else robot  # for `dqcontrol view`
-    done = painted(drawing, robot, q, width=width, speed=speed, plane=plane)
+    ends = {"base_link": base_link, "tip_link": tip_link}
+    chain = {key: link for key, link in ends.items() if link is not None}
+    arm = load_robot(robot, **ends) if chain else robot
+    done = painted(drawing, arm, q, width=width, speed=speed, plane=plane)
     with new_folder(folder, force=force) as new:
         light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
         painting_clip(done.record, new / "painting.gif", done.lit)
-        save_record(done.record, new / "record.mcap", yaml.safe_dump({"robot": source}))
+        save_record(done.record, new / "record.mcap", yaml.safe_dump({"robot": {"source": source, **chain}}))
     across, up = (1e3 * side for side in done.size)
     print(f"{done.robot.name}: {across:.0f} × {up:.0f} mm in {done.record.duration:.0f} s")
     print(f"RMS error of the hand: {evaluate(done.record).position.rms:.2f} mm")

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
+from dqcontrol.cli.options import BaseLink, Port, TipLink
 from dqcontrol.cli.screen import print_table
 
 robots: App = App(
     name="robots",
-    help="List the robots that come with dqcontrol, show one, or find joint angles for a pose of its hand.",
+    help="List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
 )
-
-BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
-TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]
 
 
 @robots.command(name="list")
@@ -53,7 +50,7 @@ def show(
     Parameters
     ----------
     source
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
     """
     from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot
@@ -71,9 +68,43 @@ def show(
     )
     if not about.bases:  # an arm's inputs are its joints
         rows, columns = [row[:-1] for row in rows], columns[:-1]
-    base = f"{about.bases} base, " if about.bases else ""
+    base = f"{about.bases} base, " if about.bases else f"{about.ends}, " if about.ends else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
+    if about.links:
+        print(f"links from base to tip, for --base-link and --tip-link: {', '.join(about.links)}")
+
+
+@robots.command
+def view(
+    source: str,
+    /,
+    *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    port: Port = 8080,
+) -> None:
+    """Look at a robot in a browser: sliders for its joints, frames, limits and reach; Ctrl+C ends it.
+
+    Parameters
+    ----------
+    source
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+    port
+        Of this machine, where only its own users reach it; the next free one if it is taken.
+    """
+    from dqcontrol.browser import RobotPage
+    from dqcontrol.browser.page import import_viser
+    from dqcontrol.robots import describe, load_robot
+
+    import_viser()  # before the work: it may be missing
+    robot = load_robot(source, base_link, tip_link)
+    about = describe(robot)
+    page = RobotPage(robot, port)
+    ends = f": {about.ends}" if about.ends else ""
+    print(f"{about.name}{ends}, {len(about.joints)} coordinates, reach {about.reach:.3g} m")
+    print(f"view: {page.url} (Ctrl+C ends)", flush=True)
+    page.serve()
 
 
 @robots.command
@@ -96,7 +127,7 @@ def solve(
     Parameters
     ----------
     source
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
     position
         Of the hand in the base frame: x y z, m.
     rpy

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,16 +13,25 @@ from dqcontrol.cli.options import Force, Out
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
-Interface = Annotated[
-    Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
-]
-Network = Annotated[
-    bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
-]
-Priority = Annotated[
-    int | None,
-    Parameter(validator=validators.Number(gte=1, lte=99), help="1 … 99: ask for real-time scheduling."),
-]
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class NodeOptions:
+    """What controllers and robots have in common."""
+
+    interface: Annotated[
+        Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
+    ] = "velocity"
+    network: Annotated[
+        bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
+    ] = False
+    priority: Annotated[
+        int | None,
+        Parameter(validator=validators.Number(gte=1, lte=99), help="1 … 99: ask for real-time scheduling."),
+    ] = None
+
+
+_DEFAULTS = NodeOptions()
 RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
 
 
@@ -32,12 +42,10 @@ def controller(
     *ros_arguments: RosArguments,
     name: str = "dqcontrol",
     follow: Literal["spec", "pose", "twist"] = "spec",
-    interface: Interface = "velocity",
+    options: NodeOptions = _DEFAULTS,
     autostart: bool = False,
     out: Out = None,
     force: Force = False,
-    network: Network = False,
-    priority: Priority = None,
 ) -> None:
     """Drive a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -69,13 +77,19 @@ def controller(
         if out:
             check_new(out, force=force)
         interrupts.only_count()  # in the middle of ROS's start an exception would leave threads that never end
-        with middleware.ros(ros_arguments, [name], network=network):
+        with middleware.ros(ros_arguments, [name], network=options.network):
             from dqcontrol.ros2.controller_node import ControllerNode
 
             node = ControllerNode(
-                spec, name=name, source=follow, interface=interface, autostart=autostart, out=out, force=force
+                spec,
+                name=name,
+                source=follow,
+                interface=options.interface,
+                autostart=autostart,
+                out=out,
+                force=force,
             )
-            node.serve(interrupts, priority)
+            node.serve(interrupts, options.priority)
         if node.recorder:
             print(f"results: {node.recorder.save()}")
         if node.outcome not in ("", "duration", "interrupted"):
@@ -88,10 +102,8 @@ def robot(
     /,
     *ros_arguments: RosArguments,
     name: str = "robot",
-    interface: Interface = "velocity",
+    options: NodeOptions = _DEFAULTS,
     wrench_node: str | None = None,
-    network: Network = False,
-    priority: Priority = None,
 ) -> None:
     """Simulate a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -114,11 +126,11 @@ def robot(
         loaded = load(spec)
         names = [name, *([wrench_node] if wrench_node else [])]
         interrupts.only_count()  # as above
-        with middleware.ros(ros_arguments, names, network=network):
+        with middleware.ros(ros_arguments, names, network=options.network):
             from dqcontrol.ros2.robot_node import RobotNode
 
-            node = RobotNode(loaded, name=name, interface=interface, wrench_node=wrench_node)
-            middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=priority)
+            node = RobotNode(loaded, name=name, interface=options.interface, wrench_node=wrench_node)
+            middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
 
 
 @ros2.command

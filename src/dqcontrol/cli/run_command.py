@@ -24,7 +24,7 @@ def run(
     out: Out = None,
     force: Force = False,
     jobs: int | None = None,
-    figures: bool = True,
+    figures: bool | None = None,
     real_time: RealTime = False,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
@@ -40,7 +40,7 @@ def run(
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     figures
-        Draw figures; --no-figures saves most of the time of short runs, and dqcontrol figures draws them later.
+        Of several runs, also the figures of each one (seconds a run; later: dqcontrol report); --no-figures draws none.
     real_time
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     """

@@ -46,7 +46,7 @@ def progress_bar() -> Iterator[Callable[..., None]]:
             if done >= 1 and not tasks:
                 print(f"dqcontrol: resuming: {done:g} of {total} trials already done", file=sys.stderr)
             tasks[label] = bar.add_task(label, total=total)
-        bar.update(tasks[label], completed=done)
+        bar.update(tasks[label], completed=done, total=total)
 
     try:
         yield report

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter, validators
-
+from dqcontrol.cli.options import Port
 from dqcontrol.errors import Error, ValueRangeError
 
 if TYPE_CHECKING:
     from dqcontrol.browser import GrowingRecording, LiveRun, Track
-
-Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
 
 
 def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:

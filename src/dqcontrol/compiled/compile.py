@@ -13,20 +13,16 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-import llvmlite.binding
 import numba
 from numba import types
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 from numba.core.errors import NumbaError
-from numba.extending import register_jitable
+from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
+from dqcontrol.compiled.numba_choice import numba_used
 from dqcontrol.errors import InterpretedWarning
 from dqcontrol.moved import names_moved_from
 
-# Kernels allocate nothing, so they do without Numba's reference counts (`_nrt=False`), which would cost a third of
-# their time; a user's own function may allocate.
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 
 INPUT = types.Array(types.float64, 1, "A", readonly=True)  # any layout, for arrays that users hand in
@@ -39,53 +35,20 @@ STATUS = types.intp
 OK, WRONG_SIZE, NOT_FINITE, SINGULAR, RAISED = range(5)  # what a kernel returns
 
 
-def _jit(function: Callable[..., Any], fastmath: set[str] | bool, cached: bool) -> Any:
-    dispatcher = numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
-        fastmath=fastmath,
-        nogil=True,
-        error_model="numpy",
-        _nrt=not cached,
-        no_cfunc_wrapper=True,
-    )(function)
-    if cached and kernel_cache.root() is not None:
-        dispatcher._cache = kernel_cache.KernelCache(function)
-    return dispatcher
+def inline(
+    function: Callable[..., Any],
+    fastmath: set[str] | bool = FAST,
+    *,
+    everywhere: bool = True,
+    called: Any = None,
+) -> Any:
+    """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python.
 
-
-class _KernelPart(JITCodeLibrary):
-    """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        """Hand the engine no code, only the variable that Numba sets for each function."""
-        code = self._final_module
-        names = (variable.name for variable in code.global_variables)
-        variables = [f'@"{name}" = common global i8* null' for name in names if "NumbaEnv" in name]
-        self._final_module = llvmlite.binding.parse_assembly("\n".join(variables))
-        super()._finalize_final_module()
-        self._final_module = code
-
-
-class _PartCompiler(Compiler):
-    """Compile a function into a `_KernelPart`; otherwise every caller would optimise all below it again."""
-
-    def define_pipelines(self) -> list[Any]:
-        self.state.library = _KernelPart(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        return super().define_pipelines()
-
-
-def inline(function: Callable[..., Any], fastmath: set[str] | bool = FAST, *, everywhere: bool = True) -> Any:
-    """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python."""
-    return register_jitable(
-        fastmath=fastmath,
-        error_model="numpy",
-        _nrt=False,
-        pipeline_class=_PartCompiler,
-        no_cfunc_wrapper=True,
-        forceinline=everywhere,  # between functions every array is seven numbers on the stack
-    )(function)
+    Kernels call what is ``called``, any object with a name, the function itself if it is omitted.
+    """
+    options = {"fastmath": fastmath, "error_model": "numpy", **numba_used.part_options(everywhere=everywhere)}
+    overload(called or function, jit_options=options, strict=False)(lambda *arguments, **named: function)
+    return function
 
 
 def shared(function: Callable[..., Any]) -> Any:
@@ -138,8 +101,7 @@ class Kernel:
     @cached_property
     def pointer(self) -> int:
         """The address of the same machine code, for other kernels, which call it by `caller`."""
-        result = self.compiled.get_compile_result(self._signature)
-        return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+        return numba_used.address_of(self.function, self.compiled, self._signature)
 
 
 def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:
@@ -162,7 +124,7 @@ def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | 
 def _compiled(
     function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
 ) -> Any:
-    dispatcher = _jit(function, fastmath, cached)
+    dispatcher = numba_used.jit(function, fastmath, ours=cached)
     dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher

@@ -22,12 +22,12 @@ from typing import Any
 
 import llvmlite.binding
 import numba
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
 from dqcontrol.errors import CacheWarning
 
 _PACKAGE = Path(__file__).parent.parent
 _KEPT = 8  # versions of a module's kernels
+_OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
 _IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
@@ -74,7 +74,7 @@ def source_hash(module: str, *, lazily: bool = False) -> str:
     lazily
         Whether imports inside functions count; compiled functions have none.
     """
-    found, waiting = set(), [module]
+    found, waiting = set(), [module, _OF_ALL_KERNELS]
     while waiting:
         if (name := waiting.pop()) not in found:
             found.add(name)
@@ -111,7 +111,7 @@ def root() -> Path | None:
         return None
 
 
-def _folder(module: str) -> Path:
+def module_folder(module: str) -> Path:
     """Return the folder of a module's kernels, and make it if it is new; the oldest of other versions go."""
     folder = (root() or _root()) / module / source_hash(module)
     if not folder.exists():
@@ -120,41 +120,6 @@ def _folder(module: str) -> Path:
         for old in sorted(versions, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
             shutil.rmtree(old, ignore_errors=True)
     return folder
-
-
-class _Locator(_CacheLocator):  # Numba's methods, being abstract, are taken to return None
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self._module, self._line = function.__module__, function.__code__.co_firstlineno
-
-    @classmethod
-    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
-        return cls(py_func)
-
-    def get_cache_path(self) -> str:  # type: ignore[override]
-        return str(_folder(self._module))
-
-    def get_source_stamp(self) -> str:  # type: ignore[override]
-        return source_hash(self._module)
-
-    def get_disambiguator(self) -> str:  # type: ignore[override]
-        return str(self._line)
-
-
-class _Implementation(CompileResultCacheImpl):
-    _locator_classes = [_Locator]
-
-
-class KernelCache(FunctionCache):
-    """Numba's cache of one function, in the folder of the function's module."""
-
-    _impl_class = _Implementation
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""
-        try:
-            super().save_overload(sig, data)
-        except OSError:
-            _warn_unwritable()
 
 
 def state() -> tuple[Path, bool, int]:
@@ -167,7 +132,7 @@ def clear(module: str) -> bool:
     """Remove a module's kernels; return whether there is a cache."""
     if root() is None:
         return False
-    folder = _folder(module)
+    folder = module_folder(module)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     return True
@@ -177,15 +142,15 @@ def announce(function: Callable[..., Any]) -> None:
     """Say, once in a process, that a kernel is compiled, or that the cache cannot keep it."""
     global _announced
     if root() is None:
-        _warn_unwritable()
-    elif not _announced and not any(_folder(function.__module__).glob(f"*{function.__name__}-*.nbi")):
+        warn_unwritable()
+    elif not _announced and not any(module_folder(function.__module__).glob(f"*{function.__name__}-*.nbi")):
         _announced = True
         print(
             "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
         )
 
 
-def _warn_unwritable() -> None:
+def warn_unwritable() -> None:
     """Say, once in a process, that kernels cannot be kept."""
     global _warned
     if not _warned:

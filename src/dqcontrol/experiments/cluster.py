@@ -80,8 +80,8 @@ def on_cluster(client: Client, function: Callable[[T], R], items: Iterable[T]) -
 
     def send() -> None:
         threads: Any = client.nthreads()
-        room = _AHEAD * max(sum(threads.values()), 1) - waiting.count()
-        for item in islice(rest, max(room, 0)):
+        count = _AHEAD * max(sum(threads.values()), 1) - waiting.count()
+        for item in islice(rest, max(count, 0)):
             waiting.add(client.submit(function, item, pure=False))
 
     try:

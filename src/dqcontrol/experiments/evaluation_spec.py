@@ -11,6 +11,7 @@ from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec
 from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.experiments.spec.spec_files import use_copies
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.loop import Record
@@ -27,9 +28,13 @@ class EvaluationSpec(Part, frozen=True, kw_only=True):
     joint_topic: str | None = None
     command_topic: str | None = None
     angles: Literal["rad", "deg"] | None = None
-    start: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    reference_joints: str | list[str] | None = None
+    missing: Literal["interpolate", "skip"] = "interpolate"
+    align: bool = False
+    start: Annotated[float, Meta(description="s")] = 0.0
     duration: Annotated[float, Meta(gt=0, description="s")] | None = None
     skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    low_pass: Annotated[float, Meta(gt=0, description="Hz")] | None = None
 
 
 class _SavedEvaluation(Part, frozen=True, kw_only=True):
@@ -47,6 +52,7 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
     text = read_text(spec)
     data = parse_yaml(spec, text)
     rename_old_keys(str(spec), data)
+    use_copies(data, spec.parent)
     what = convert(spec, data, _SavedEvaluation).evaluation
     robot = what.robot.load()
-    return Run(text, robot, record, what.skip_initial, Path(what.log).stem)
+    return Run(text, robot, record, what.skip_initial, Path(what.log).stem, low_pass=what.low_pass)

@@ -11,16 +11,23 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
-from dqcontrol.laws import Law, ManipulabilityAscent, OpenLoop, PartialProportional, ProportionalFeedforward
+from dqcontrol.laws import (
+    BestHeading,
+    Law,
+    ManipulabilityAscent,
+    OpenLoop,
+    PartialProportional,
+    ProportionalFeedforward,
+)
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.task_range import lost_share
+from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots import Robot, WholeBody
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away
@@ -54,19 +61,26 @@ class PathDemand:
 
 
 def path_demand(scene: PreparedRobot) -> PathDemand | None:
-    """Return what a reference asks of an arm; None of robots with a mobile base, which cannot move sideways.
+    """Return what a reference asks of a robot; None if the motion that follows it diverges.
 
     The motion is followed with feed-forward from the configuration nearest to its first pose, so no transient of a
-    law counts.
+    law counts. Bases with wheels, which cannot go sideways, follow it with their headings as they turn out and with the
+    best ones; what leaves less counts.
     """
-    robot = scene.robot
-    if base_coordinates(robot).any():
-        return None
+    robot = scene.robot.in_form("constrained") if isinstance(scene.robot, WholeBody) else scene.robot
+    found = [
+        _followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]
+    ]
+    demands = [demand for demand in found if demand is not None]
+    return min(demands, key=lambda demand: (not demand.left.succeeded, demand.left.position), default=None)
+
+
+def _followed(robot: Robot, scene: PreparedRobot, null_space: BestHeading | None) -> PathDemand | None:
     stride = -(-len(scene.samples) // _MOST)
     samples = scene.samples[::stride]
     period = float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
     start = robot.solve(samples[0, POSE], scene.start, restarts=20).q
-    law = ProportionalFeedforward(gain=_PULL / period).prepare(robot, None, period)
+    law = ProportionalFeedforward(gain=_PULL / period, null_space=null_space).prepare(robot, None, period)
     held = np.repeat(samples[:1], _ARRIVED, axis=0)  # the first pose, until what can be reached of it is
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
@@ -75,14 +89,14 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
         record = simulate_prepared(law, Integrator(), arrived, samples)
     except DivergedError:
         return None
-    speeds = np.abs(np.diff(record.q, axis=0)) / period / robot.limits.velocity
     if not np.isfinite(record.q).all():
         return None
+    speeds = np.abs(record.command[:-1]) / robot.limits.velocity
     left = task_result(record)
     if not np.isfinite(robot.limits.velocity).any() or not len(speeds):
         return PathDemand(left, float("nan"), "", 0.0)
     k, joint = np.unravel_index(int(speeds.argmax()), speeds.shape)
-    return PathDemand(left, float(speeds[k, joint]), robot.joint_names[joint], float(samples[k, -1]))
+    return PathDemand(left, float(speeds[k, joint]), robot.input_names[joint], float(samples[k, -1]))
 
 
 def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
@@ -112,7 +126,9 @@ def _of_singular_start(case: Combination) -> Iterator[str]:
     error = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(scene.start)), desired))
     far = np.abs(error - _NONE).max(axis=1) > _ERROR
     part = law.part if isinstance(law, PartialProportional) else "pose"
-    if far.any() and lost_share(robot, scene.start, desired[far.argmax()], part) > _ALL:
+    if not far.any():
+        return
+    if lost_share(robot, scene.start, desired[far.argmax()], part, inverse_of(law)) > _ALL:
         yield (
             f"{case.names.label}: starts in a singularity where no joint can move the hand towards the reference, so "
             f"that every command is zero; {way_out(law)}"
@@ -128,6 +144,8 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
             f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
             "position alone"
             if robot.input_size < 6
+            else "a base with wheels cannot go sideways; start with another heading, nearer, or go slower"
+            if len(robot.drives)
             else "a singularity or the reach of the arm is in the way; start elsewhere, or move the reference"
         )
         share = SETTLED if demand.left.rests else FOLLOWED

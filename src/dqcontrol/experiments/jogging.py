@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.streamed_run import StreamedRun
@@ -28,8 +29,16 @@ from dqcontrol.robots.whole_body import base_coordinates
 _STEPS = 100_000  # of noise drawn; then it repeats
 _TRIES = 500
 
+Ends = tuple[str | None, str | None]  # base and tip link
 
-def prepare_jog(source: str, poses: PointsWriter | None = None, speeds: Speeds | None = None) -> Jog:
+
+def prepare_jog(
+    source: str,
+    poses: PointsWriter | None = None,
+    speeds: Speeds | None = None,
+    *,
+    ends: Ends = (None, None),
+) -> Jog:
     """Return a robot at rest that keys drive, with the law, plant and supervisor of a spec.
 
     It always has a supervisor, with default parameters if the spec names none. A robot alone is simulated, on servos.
@@ -40,24 +49,32 @@ def prepare_jog(source: str, poses: PointsWriter | None = None, speeds: Speeds |
         Path of a spec of one run; or a robot's name or file.
     poses, speeds
         As for `Jog`.
+    ends
+        Base and tip link of the chain in a URDF file; a spec has its own.
 
     Raises
     ------
     Error
         If something is missing, malformed or does not fit, or the law needs a reference.
     """
-    return _start(_setting(source), poses, speeds)
+    return _start(_setting(source, ends), poses, speeds)
 
 
 @contextmanager
 def recorded_jog(
-    source: str, poses: PointsWriter | None, speeds: Speeds | None, folder: str | Path, *, force: bool = False
+    source: str,
+    poses: PointsWriter | None,
+    speeds: Speeds | None,
+    folder: str | Path,
+    *,
+    ends: Ends = (None, None),
+    force: bool = False,
 ) -> Iterator[Jog]:
     """Give what `prepare_jog` returns; what happens to it is recorded meanwhile, and in the end a run like any other.
 
     Parameters
     ----------
-    source, poses, speeds
+    source, poses, speeds, ends
         As for `prepare_jog`.
     folder
         A new folder.
@@ -69,7 +86,7 @@ def recorded_jog(
     dqcontrol.Error
         If something is wrong with them, or the recording cannot be written.
     """
-    setting = _setting(source)
+    setting = _setting(source, ends)
     (case,), jog = setting.cases, _start(setting, poses, speeds)
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
@@ -82,8 +99,16 @@ def recorded_jog(
     )
 
 
-def _setting(source: str) -> PreparedExperiment:
-    setting = prepare(Path(source) if _is_spec(source) else _spec_of(source))
+def _setting(source: str, ends: Ends) -> PreparedExperiment:
+    if _is_spec(source):
+        for field, link in zip(("base_link", "tip_link"), ends, strict=True):
+            if link is not None:
+                raise ShapeError(
+                    f"{field}: '{source}' is a spec, which names its robot's links itself; got '{link}'"
+                )
+        setting = prepare(Path(source))
+    else:
+        setting = prepare(_spec_of(source, ends))
     setting.only_case(source, "keys drive one")
     return setting
 
@@ -109,11 +134,11 @@ def _is_spec(source: str) -> bool:
     return isinstance(data, dict) and bool({"robot", "robots", "law", "laws", "plant"} & data.keys())
 
 
-def _spec_of(robot: str) -> dict[str, Any]:
-    start = most_dexterous(load_robot(robot))
+def _spec_of(robot: str, ends: Ends) -> dict[str, Any]:
+    start = most_dexterous(load_robot(robot, *ends))
     return {
         "name": "jog",
-        "robot": robot,
+        "robot": {"source": robot, "base_link": ends[0], "tip_link": ends[1]},
         "start": start.tolist(),
         "period": 0.01,
         "reference": {"kind": "set-point", "duration": 1.0},

@@ -6,14 +6,17 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from dqcontrol.errors import Error, FileFormatError
+import yaml
+
+from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.evaluation_spec import saved_evaluation
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import read_data, read_spec
+from dqcontrol.experiments.spec.spec_files import use_copies
 from dqcontrol.experiments.study import ROWS, Study
-from dqcontrol.files.yaml_file import read_text
+from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.recording import load_record
 
 
@@ -27,8 +30,8 @@ def load_run(folder: str | Path) -> Run:
     """
     path = Path(folder)
     if not (path / SPEC_FILE).is_file() or not (path / "record.mcap").is_file():
-        raise FileFormatError(_why_no_run(path))
-    text = read_text(path / SPEC_FILE)
+        raise FileFormatError(why_no_run(path))
+    text = spec_of_results(path)
     if "evaluation:" in text.splitlines():
         return saved_evaluation(path / SPEC_FILE, load_record(path / "record.mcap"))
     spec, _ = read_spec(path / SPEC_FILE)
@@ -45,10 +48,21 @@ def load_run(folder: str | Path) -> Run:
     )
 
 
-def _why_no_run(path: Path) -> str:
+def spec_of_results(folder: Path) -> str:
+    """Return the text of ``spec.yaml`` in a folder of results, with copies for files that are not there any more."""
+    text = read_text(folder / SPEC_FILE)
+    data, plain = parse_yaml(folder / SPEC_FILE, text), parse_yaml(folder / SPEC_FILE, text)
+    use_copies(data, folder)
+    return text if data == plain else yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+
+
+def why_no_run(path: Path) -> str:
+    """Return why a folder is not that of a run, and what may have been meant."""
     if not path.exists():
-        return f"{path}: does not exist"
-    if runs := [run.name for run in _run_folders(path) if run != path]:
+        return f"{path}: does not exist{suggest(path.name, [each.name for each in path.parent.glob('*')])}"
+    if path.suffix in (".yaml", ".yml"):
+        return f"{path}: is a file, not the folder of a run; if it is an experiment: dqcontrol run {path}"
+    if runs := [run.name for run in run_folders(path) if run != path]:
         return (
             f"{path}: is not the folder of a run, but holds runs: give {path / runs[0]}"
             + " or another" * (len(runs) > 1)
@@ -70,7 +84,7 @@ def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
     seen: set[Path] = set()
     studies = 0
     for folder in map(Path, folders):
-        inside = _run_folders(folder)
+        inside = run_folders(folder)
         studies += inside != [folder]
         for path in inside:
             if path.resolve() in seen:
@@ -89,7 +103,8 @@ def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
     return runs
 
 
-def _run_folders(folder: Path) -> list[Path]:
+def run_folders(folder: Path) -> list[Path]:
+    """Return the folders of the runs that a folder holds, or the folder itself."""
     if (folder / "record.mcap").exists():
         return [folder]
     inner = [path.parent for path in folder.glob("*/record.mcap")]
@@ -151,4 +166,4 @@ def load_study(folder: str | Path) -> Study:
         if not (path / name).is_file():
             raise FileFormatError(f"{path}: is not the folder of a study with metrics ({name} is missing)")
     _, data, _ = read_data(path / SPEC_FILE)
-    return Study(str(data["name"]), read_text(path / SPEC_FILE), {}, read_rows(path / ROWS))
+    return Study(str(data["name"]), spec_of_results(path), {}, read_rows(path / ROWS))

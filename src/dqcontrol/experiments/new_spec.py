@@ -26,7 +26,17 @@ _PLANTS = {
 _GAINS_NOTE = "1/s; dqcontrol check says how near it is to instability"
 
 
-def new_spec(name: str, robot: str, motion: str, period: str, law: str, plant: str) -> tuple[str, str]:
+def new_spec(
+    name: str,
+    robot: str,
+    motion: str,
+    period: str,
+    law: str,
+    plant: str,
+    *,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+) -> tuple[str, str]:
     """Return the YAML text of a first experiment, and what there is to say about it.
 
     Parameters
@@ -43,18 +53,21 @@ def new_spec(name: str, robot: str, motion: str, period: str, law: str, plant: s
         ``"proportional"``, ``"proportional-feedforward"`` or ``"both"``.
     plant
         ``"servo"``, ``"integrator"`` or ``"mujoco"``.
+    base_link, tip_link
+        Ends of the chain in a URDF file.
 
     Raises
     ------
     Error
         If the robot cannot be loaded, the period is none, or no motion is within reach.
     """
-    arm, seconds = load_robot(robot), _seconds(period)
+    arm, seconds = load_robot(robot, base_link, tip_link), _seconds(period)
+    ends = {key: link for key, link in (("base_link", base_link), ("tip_link", tip_link)) if link is not None}
     start = _rounded(most_dexterous(arm), arm)
     kinds = ["proportional", "proportional-feedforward"] if law == "both" else [law]
     spec: dict[str, Any] = {
         "name": name,
-        "robot": robot,
+        "robot": {"source": robot, **ends},
         "start": start.tolist(),
         "period": seconds,
         "plant": {"kind": plant} | ({"time_constant": 0.05} if plant == "servo" else {}),
@@ -64,7 +77,7 @@ def new_spec(name: str, robot: str, motion: str, period: str, law: str, plant: s
     lines = [
         f"# A {motion} by {arm.name}. Change what you like: dqcontrol laws, references and plants list what there is.",
         f"name: {name}",
-        f"robot: {robot}",
+        f"robot: {_flow({'source': robot, **ends}) if ends else robot}",
         f"start: [{', '.join(_angle(value, kind) for value, kind in zip(start, arm.joint_types, strict=True))}]",
         f"period: {seconds * 1e3:g} ms",
         f"reference: {_flow(_reference(motion, size))}",

@@ -23,7 +23,7 @@ def noise_model(spec: Spec) -> str:
     plants = spec.plant_by_label
     parts = []
     for label, plant in plants.items():
-        noise, step = (_size(getattr(plant, f"encoder_{kind}", None)) for kind in ("noise", "resolution"))
+        noise, step = map(_size, plant.encoder_errors())
         said = [f"white encoder noise of {noise} rad"] if noise else []
         said += [f"{'before ' if noise else 'encoders '}rounding to {step} rad"] if step else []
         if said:
@@ -33,9 +33,9 @@ def noise_model(spec: Spec) -> str:
     return "; ".join(parts) or "none"
 
 
-def _size(value: float | list[float] | None) -> str:
+def _size(value: float | list[float]) -> str:
     """Return a size as text, several as their range; empty for none."""
-    sizes = value if isinstance(value, list) else [value or 0.0]
+    sizes = value if isinstance(value, list) else [value]
     if not any(sizes):
         return ""
     return f"{min(sizes):g}" if min(sizes) == max(sizes) else f"{min(sizes):g} … {max(sizes):g}"

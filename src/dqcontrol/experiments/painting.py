@@ -100,7 +100,8 @@ def paint(
     if start is None:
         if robot != "panda":
             raise ValueRangeError(
-                f"start: needed to paint with {arm.name}; only for 'panda' there is a default"
+                f"start: needed to paint with {arm.name}; only for 'panda' there is a default (dqcontrol robots solve "
+                "finds joint angles for a pose of the hand)"
             )
         start = START
     q = as_array("start", start, (arm.configuration_size,))

@@ -39,7 +39,7 @@ from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
-from dqcontrol.plants import CompiledPlant, CompliantPlant
+from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
@@ -170,8 +170,8 @@ class PreparedExperiment:
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
         for plant in self.spec.plant_by_label.values():
-            if isinstance(plant, CompliantPlant) and plant.controllers:
-                digest.update(Path(plant.controllers).read_bytes())
+            for file in plant.files():
+                digest.update(file.read_bytes())
         return digest.hexdigest()
 
 
@@ -296,15 +296,15 @@ def _prepared_laws(
     different: dict[bool | None, CommandLimits],
 ) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
     """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
-    room = _KEPT_BYTES
+    bytes_left = _KEPT_BYTES
     for variant in variants:
         with error_prefix(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
             first = variant.law.prepare(
                 scene.robot, scene.reference, spec.period, next(iter(different.values()))
             )
-        room -= len(different) * first.parameters.nbytes
+        bytes_left -= len(different) * first.parameters.nbytes
         kept = {
-            velocity: (first.with_limits(limits) if i else first) if room > 0 else None
+            velocity: (first.with_limits(limits) if i else first) if bytes_left > 0 else None
             for i, (velocity, limits) in enumerate(different.items())
         }
         yield kept, loop_gains(variant.law, first)
@@ -317,10 +317,10 @@ def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: PreparedRobo
         if supervisor := spec.supervisor_of(plant):
             supervisor.prepare(scene.robot, spec.period).start(scene.start)
         with error_prefix(f"plant {label}"):
-            live = plant.start(scene.robot, scene.start, spec.period, 1, spec.seed)
+            live = live_plant(plant.start(scene.robot, scene.start, spec.period, 1, spec.seed))
             if spec.disturbance is not None:
                 check_disturbed(live)
-        compiled[label] = isinstance(live, CompiledPlant)
+        compiled[label] = live.compiled() is not None
     if spec.disturbance is not None:
         spec.disturbance.start(scene.robot, spec.period, 1, spec.seed)
     return compiled

@@ -80,29 +80,31 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
 
 
 @contextmanager
-def added_files(folder: Path) -> Iterator[Path]:
+def added_files(folder: Path, results: Path | None = None) -> Iterator[Path]:
     """Give a hidden folder inside one of results; what was written to it is then moved there.
 
-    Killed at any moment, the folder holds what it held before, and may be replaced when asked.
+    Killed at any moment, the folder holds what it held before, and may be replaced when asked. If it is only a part of
+    a folder of ``results``, that one remembers what was written.
     """
+    results = results or folder
+    inside = folder.relative_to(results)
     draft = folder / _SAVING
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir()
     try:
         yield draft
-        note_contents(folder, more=_files(draft))
-        for path in draft.iterdir():
-            path.replace(folder / path.name)
+        note_contents(results, more=((inside / name).as_posix() for name in _files(draft)))
+        for name in _files(draft):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).replace(folder / name)
     finally:
         shutil.rmtree(draft, ignore_errors=True)
-    note_contents(folder)
+    note_contents(results)
 
 
 def _being_saved(folder: Path) -> set[str]:
     """Return the files of `added_files` that a killed process left."""
-    return {
-        name for name in _files(folder) if name.startswith(f"{_SAVING}/") or name.endswith(f".{_CONTENTS}")
-    }
+    return {name for name in _files(folder) if f"{_SAVING}/" in name or name.endswith(f".{_CONTENTS}")}
 
 
 def _clear_up(target: Path) -> None:

@@ -22,6 +22,7 @@ from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
@@ -33,6 +34,7 @@ from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, evaluate
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
@@ -41,6 +43,7 @@ from dqcontrol.robots import Robot
 Progress = Callable[[int, int], None]
 
 
+@renamed_parameters(settle="skip_initial", judged="metrics_from")
 @dataclass(frozen=True)
 class Run:
     """What came of one run.
@@ -53,26 +56,29 @@ class Run:
         The arm or whole body.
     record
         All samples.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s.
     label
         Law and plant.
-    judged
+    metrics_from
         Whether the metrics judge the true joint angles or those that the encoders gave.
     timing
         How a run in real time kept time.
     expected
         What was to be expected of its loops, if that was asked before it ran.
+    low_pass
+        Cut-off of the filter behind speeds and accelerations of an evaluated log, Hz; see `measures.evaluate`.
     """
 
     spec: str
     robot: Robot
     record: Record
-    settle: float
+    skip_initial: float
     label: str
-    judged: MetricsFrom = "true"
+    metrics_from: MetricsFrom = "true"
     timing: Timing | None = None
     expected: LoopCheck | None = None
+    low_pass: float | None = None
 
     def __post_init__(self) -> None:
         lines = self.spec.splitlines()
@@ -137,14 +143,22 @@ class Run:
     @cached_property
     def metrics(self) -> Metrics:
         """The numbers that judge the run."""
-        return measure(self.record, self.robot, self.settle, self.judged, self.law, self.plant)
+        return measure(
+            self.record,
+            self.robot,
+            self.skip_initial,
+            self.metrics_from,
+            self.law,
+            self.plant,
+            low_pass=self.low_pass,
+        )
 
     @cached_property
     def task(self) -> TaskResult:
         """Whether it did what was asked."""
-        record = as_judged(self.record, self.robot, self.judged)
-        settle = min(self.settle, record.duration)
-        return task_result(record, law=self.law, settle=settle, robot=self.robot)
+        record = as_measured(self.record, self.robot, self.metrics_from)
+        skip_initial = min(self.skip_initial, record.duration)
+        return task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
 
     def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
         """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
@@ -193,6 +207,7 @@ class Run:
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
         (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
+        copy_inputs(parse_yaml("spec", self.spec), folder)
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
@@ -205,9 +220,9 @@ def units_of(robot: Robot) -> dict[str, list[str]]:
     return {name: ["rad" if kind == "revolute" else "m" for kind in types] for name, types in kinds.items()}
 
 
-def as_judged(record: Record, robot: Robot, judged: MetricsFrom) -> Record:
+def as_measured(record: Record, robot: Robot, metrics_from: MetricsFrom) -> Record:
     """Return a run as it is judged: with the true joint angles, or with those that the encoders gave."""
-    if judged == "true":
+    if metrics_from == "true":
         return record
     return replace(record, q=record.measured, pose=row_by_row(robot.fkm, record.measured))
 
@@ -215,17 +230,20 @@ def as_judged(record: Record, robot: Robot, judged: MetricsFrom) -> Record:
 def measure(
     record: Record,
     robot: Robot,
-    settle: float,
-    judged: MetricsFrom = "true",
+    skip_initial: float,
+    metrics_from: MetricsFrom = "true",
     law: Law | None = None,
     plant: Plant | None = None,
+    *,
+    low_pass: float | None = None,
 ) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
-    shown = as_judged(record, robot, judged)
-    metrics = evaluate(shown, limits, settle=min(settle, record.duration), law=law, robot=robot)
+    shown = as_measured(record, robot, metrics_from)
+    skip_initial = min(skip_initial, record.duration)
+    metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
     return replace(metrics, hand_clearance=least_clearance(robot, shown))
 
 

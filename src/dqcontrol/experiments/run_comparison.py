@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
 
 COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec excludes
-    "position.settled_mean": Column("mean", "mm", ".3g"),
-    "position.settled_rms": Column("RMS", "mm", ".3g"),
-    "position.settled_peak": Column("max", "mm", ".3g"),
-    "orientation.settled_rms": Column("RMS", "°", ".3g"),
-    "orientation.settled_peak": Column("max", "°", ".3g"),
+    "position.settled_mean": Column("pos. error mean", "mm", ".3g"),
+    "position.settled_rms": Column("pos. error RMS", "mm", ".3g"),
+    "position.settled_peak": Column("pos. error max", "mm", ".3g"),
+    "orientation.settled_rms": Column("rot. error RMS", "°", ".3g"),
+    "orientation.settled_peak": Column("rot. error max", "°", ".3g"),
     "effort": Column("effort", "rad/√s", ".3g"),
     "control.peak": Column("peak |u|", "rad/s", ".3g"),
     "hand_speed.peak": Column("peak speed", "m/s", ".3g"),

@@ -36,7 +36,7 @@ def run_study(
     Parameters
     ----------
     source
-        Path of a YAML file, or the same as a dictionary; see `dqcontrol.experiments.Spec`.
+        As for `run`.
     jobs
         Processes that work in parallel; default: as many as there are processors, or one if there is little to do.
     progress
@@ -53,12 +53,10 @@ def run_study(
     Examples
     --------
     >>> import dqcontrol as dqc
-    >>> study = dqc.run_study({
-    ...     "name": "noise", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
-    ...     "reference": {"kind": "circle", "radius": 0.07, "duration": 2},
-    ...     "law": {"kind": "proportional", "gain": 10}, "plant": {"kind": "servo", "encoder_noise": 1e-4},
-    ...     "repeats": 3,
-    ... })
+    >>> circle, law = {"kind": "circle", "radius": 0.07, "duration": 2}, {"kind": "proportional", "gain": 10}
+    >>> spec = {"name": "noise", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
+    >>> spec |= {"reference": circle, "law": law, "plant": {"kind": "servo", "encoder_noise": 1e-4}}
+    >>> study = dqc.run_study(spec | {"repeats": 3})
     >>> [row["seed"] for row in study.rows]
     [0, 1, 2]
     """
@@ -75,7 +73,7 @@ def run_study_to(
     *,
     force: bool = False,
     jobs: int | None = None,
-    figures: bool = True,
+    figures: bool | None = None,
     progress: StudyProgress | None = None,
     computed: Callable[[Study], None] | None = None,
     drawing: Callable[[int, int], None] | None = None,
@@ -94,7 +92,7 @@ def run_study_to(
     force
         Replace the folder, if it holds earlier results, and discard the finished trials of another spec or version.
     figures
-        False: no plots, and reports without figures, which take most of the time of short runs.
+        As for `Study.save`; a single run has its figures unless this is False.
     computed
         Called with the study once it has run, before figures and reports are written.
     drawing
@@ -115,7 +113,7 @@ def run_study_to(
         if computed:
             computed(study)
         if setting.spec.is_single:
-            next(iter(study.runs.values())).save(target, force=force, figures=figures)
+            next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
         else:
             study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study

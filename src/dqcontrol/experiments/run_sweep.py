@@ -19,10 +19,12 @@ from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folde
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import number_column
 
 SweepProgress = Callable[[int, int], None]  # trials done; trials in all
@@ -134,6 +136,7 @@ def run_sweep_to(
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
         with new_folder(target, force=force) as new:
             (new / SPEC_FILE).write_text(sweep.text, encoding="utf-8")
+            copy_inputs(parse_yaml("spec", sweep.text), new)
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")

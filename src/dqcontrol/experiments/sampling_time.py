@@ -66,7 +66,7 @@ def sampling_times(
     source
         Path of a YAML file, or the same as a dictionary; its own period is only checked.
     periods
-        Control periods, s; a delay of a plant must be a multiple of each.
+        Control periods, s.
     samples
         How many steps each runs, at least 3; beyond its end a reference rests.
     clock

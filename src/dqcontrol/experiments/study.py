@@ -21,6 +21,7 @@ from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
@@ -105,7 +106,7 @@ class Study:
         folder: str | Path,
         *,
         force: bool = False,
-        figures: bool = True,
+        figures: bool | None = None,
         jobs: int | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Path:
@@ -121,7 +122,8 @@ class Study:
         force
             Replace it, if it holds earlier results.
         figures
-            False: no plots, and reports without figures; drawing takes most of the time, some seconds a run.
+            True: those of each run and of all together; default: those of all together, for each run takes seconds;
+            False: none. `dqcontrol.reports.rewrite_reports` draws what is missing later.
         jobs
             Processes that draw in parallel; default: as many as there are processors, or one for few runs.
         progress
@@ -134,17 +136,19 @@ class Study:
         """
         with new_folder(folder, force=force) as new:
             (new / SPEC_FILE).write_text(self.spec, encoding="utf-8")
+            copy_inputs(parse_yaml("spec", self.spec), new)
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
-            self._write_runs({label: new / name for label, name in names.items()}, figures, jobs, progress)
+            folders = {label: new / name for label, name in names.items()}
+            self._write_runs(folders, figures is True, jobs, progress)
             if not names:
                 self._write_trials(new)
             tables = self._write_tables(new)
             records: dict[str, Record] = {}
-            if figures:
+            if figures is not False:
                 records = {label: self.runs[label].record for label in names} or self._first_repeats()
             write_table(self.table(), new, "table")
             pages = {label: f"{name}/report.html" for label, name in names.items()}
-            result_pages().write_study(self, new, tables, records, pages, figures=figures)
+            result_pages().write_study(self, new, tables, records, pages, figures=figures is not False)
         return Path(folder)
 
     def _write_runs(

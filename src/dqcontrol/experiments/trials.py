@@ -20,13 +20,9 @@ from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.loop import Record
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
-from dqcontrol.plants import CompliantPlant
-from dqcontrol.plants.compliant.elastic_model import TICK
 
 Steps = Callable[[int, int], None]
 
-# s, roughly: a step, compiled or not; a step of a compliant arm without, and with each tick, of its joint controllers
-_COMPILED, _INTERPRETED, _COMPLIANT, _TICK = 1.5e-6, 2e-4, 5e-5, {False: 7e-6, True: 1.6e-5}  # by `accurate`
 _STORED = 3e-4  # s a step, to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
 WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
@@ -79,10 +75,8 @@ class Batch:
     @property
     def seconds(self) -> float:
         """How long it takes, roughly."""
-        spec, plant = self.setting.spec, self.case.plant
-        step = _COMPILED if self.case.is_compiled else _INTERPRETED
-        if isinstance(plant, CompliantPlant):
-            step = _COMPLIANT + _TICK[plant.accurate] * spec.period / TICK
+        spec = self.setting.spec
+        step = self.case.plant.step_time(spec.period, is_compiled=self.case.is_compiled)
         stored = _STORED if self.folder and spec.keeps_records else 0.0
         return len(self.repeats) * len(self.case.scene.samples) * (step + stored)
 

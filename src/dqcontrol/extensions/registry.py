@@ -50,6 +50,11 @@ def union_of(base: type[S], group: str = "") -> Any:
     FileFormatError
         If an entry point is wrong, see `registered`, or two kinds have one tag.
     """
+    return Union[tuple(by_tag(base, group).values())]  # noqa: UP007
+
+
+def by_tag(base: type[S], group: str = "") -> dict[str, type[S]]:
+    """Return all kinds of a structure by their tags; see `union_of`."""
     kinds: dict[str, type[S]] = {}
     for kind in registered(base, group):
         tag = str(kind.__struct_config__.tag)
@@ -60,7 +65,7 @@ def union_of(base: type[S], group: str = "") -> Any:
                 f"kind '{tag}': offered by {kinds[tag].__module__} and by {kind.__module__}; rename one"
             )
         kinds[tag] = kind
-    return Union[tuple(kinds.values())]  # noqa: UP007
+    return kinds
 
 
 def _subclasses(base: type[T]) -> Iterator[type[T]]:

@@ -9,6 +9,7 @@ import functools
 import hashlib
 import importlib
 import importlib.util
+import multiprocessing
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -20,7 +21,9 @@ from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unkno
 from dqcontrol.extensions import POLICY, REFUSED
 from dqcontrol.files.input_file import read_whole
 
-ANNOUNCED = "announced"
+_announced: set[tuple[str, ...]] = (
+    set()
+)  # functions that this process has said it runs, with their files' content
 
 
 def function_at(field: str, place: object) -> Callable[..., Any]:
@@ -98,7 +101,7 @@ def places(data: Any) -> Iterator[dict[str, Any]]:
 
 
 def admit(where: str, data: Any, folder: Path) -> None:
-    """Make the names of files in places absolute, and say that a spec brings code, or refuse it.
+    """Make the names of files in places absolute, and say which code a spec brings, once a process, or refuse it.
 
     Raises
     ------
@@ -109,11 +112,12 @@ def admit(where: str, data: Any, folder: Path) -> None:
     for part in found:
         part["function"] = place_from(part["function"], folder)
     names = ", ".join(dict.fromkeys(part["function"] for part in found))
-    policy = os.environ.get(POLICY)
-    if names and policy == REFUSED:
+    if names and os.environ.get(POLICY) == REFUSED:
         raise ValueRangeError(f"{where}: runs code of {names}, which --no-code or {POLICY}={REFUSED} refuses")
-    if names and policy != ANNOUNCED:
-        os.environ[POLICY] = ANNOUNCED
+    code = names, *(hashlib.sha256(content).hexdigest() for content in sources(data))
+    # Commands read a spec several times, and their workers do again: what was said is said anew for other code only.
+    if names and code not in _announced and multiprocessing.parent_process() is None:
+        _announced.add(code)
         print(f"dqcontrol: runs code of {names}", file=sys.stderr, flush=True)
 
 

@@ -11,6 +11,7 @@ from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
 from dqcontrol.figures.readings import limit_margins, readings
 from dqcontrol.figures.repeats_plot import gain_figure, repeats_figure
+from dqcontrol.figures.robot_picture import robot_picture
 from dqcontrol.figures.save import comparison_figures, run_figures, save_comparison, save_plots
 from dqcontrol.figures.style import column_width
 from dqcontrol.figures.surfaces import surface, surface_figure
@@ -41,6 +42,7 @@ __all__ = [
     "range_condition",
     "readings",
     "repeats_figure",
+    "robot_picture",
     "run_figures",
     "save_comparison",
     "save_figures",

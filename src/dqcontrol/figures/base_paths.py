@@ -136,7 +136,7 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
         chosen = finite[_evenly(hand, poses)]
         for k, frames in enumerate(recorded_frames(robot, record, chosen)):
             strength = 0.25 + 0.75 * k / (poses - 1)
-            links, discs = _silhouette(robot, frames)
+            links, discs = silhouette(robot, frames)
             everything += [links, *discs]
             last = k == poses - 1
             axes.plot(
@@ -190,7 +190,7 @@ def _evenly(path: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.searchsorted(length, np.linspace(0, length[-1], count)), len(path) - 1)
 
 
-def _silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
+def silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
     """Return the points from joint to joint, and the rim of each base with a stroke to its front."""
     bases = _bases(robot)
     hidden = {first + k for first, _ in bases for k in (0, 1)}

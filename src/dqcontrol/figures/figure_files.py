@@ -95,8 +95,8 @@ def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
     import matplotlib
 
     engines = {figure: engine for figure in figures if (engine := figure.get_layout_engine()) is not None}
-    for figure in engines:
-        figure.draw_without_rendering()
+    for figure, engine in engines.items():
+        engine.execute(figure)  # a whole drawing, even without pixels, takes as long again
         with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
             figure.set_layout_engine(None)
     try:

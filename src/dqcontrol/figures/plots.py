@@ -153,18 +153,19 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     """
     units = _units("units", units, record.input_names)
     kinds = [unit for unit in ("rad", "m") if unit in units]
+    command = record.command.copy()
+    if len(command) > 1:
+        command[-1] = command[-2]  # the last one moved nothing, and is no end of the motion
     figure = new_figure(DOUBLE, 1.9 * (len(kinds) + 1) + 0.4)
     panels = figure.subplots(len(kinds) + 1, 1, sharex=True)
     for axes, kind in zip(panels, kinds, strict=False):
         mine = [i for i, unit in enumerate(units) if unit == kind]
         for i in mine:
-            axes.step(
-                record.time, record.command[:, i], where="post", label=record.input_names[i], **line_style(i)
-            )
+            axes.step(record.time, command[:, i], where="post", label=record.input_names[i], **line_style(i))
         axes.set_ylabel(f"input [{kind}/s]")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 + (len(mine) - 1) // 8)
     with np.errstate(over="ignore", invalid="ignore"):  # a diverged run
-        norm = np.linalg.norm(record.command, axis=1)
+        norm = np.linalg.norm(command, axis=1)
     panels[-1].step(record.time, norm, where="post", color=DESIRED)
     panels[-1].set_ylabel(f"norm [{', '.join(f'{kind}/s' for kind in kinds)}]")
     panels[-1].set_ylim(bottom=0)

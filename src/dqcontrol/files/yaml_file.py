@@ -47,6 +47,13 @@ def read_text(path: str | Path) -> str:
     """Return the text of a UTF-8 file."""
     try:
         return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
+    except FileNotFoundError as error:
+        near = suggest(Path(path).name, [each.name for each in Path(path).parent.glob("*")])
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{near}") from None
+    except IsADirectoryError as error:
+        inside = sorted(Path(path).glob("*.yaml"))
+        which = f"; did you mean '{inside[0]}'?" if inside else ""
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{which}") from None
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
@@ -64,7 +71,8 @@ def parse_yaml(path: str | Path, text: str) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
-        raise FileFormatError(f"{path}{line}: {error.problem or error.context}") from None
+        tab = "; indent with spaces, not with tabs" if "'\\t'" in str(error.problem) else ""
+        raise FileFormatError(f"{path}{line}: {error.problem or error.context}{tab}") from None
     except yaml.YAMLError as error:  # a character that YAML excludes
         raise FileFormatError(f"{path}: {' '.join(str(error).split())}") from None
     except RecursionError:
@@ -155,7 +163,7 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
         allowed = _keys(_chosen(list(_structs(kinds)), data))
         return f"{prefix}unknown key '{match[1]}'{_instead(match[1], allowed)}"
     if match := re.fullmatch(r"Object missing required field '(.*)'", text):
-        return f"{prefix}missing key '{match[1]}'"
+        return f"{prefix}missing key '{match[1]}'{_chosen_by(match[1], kinds, data)}"
     if match := re.fullmatch(r"Invalid value '(.*)'", text):
         tags = [str(struct.__struct_config__.tag) for struct in around]
         return f"{prefix}unknown name '{match[1]}'{_instead(match[1], tags)}"
@@ -164,8 +172,51 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
     if " matching regex " in text:
         text = f"Expected {next(_patterns(kinds), text)}"
         data = _unfit_label(kinds, data) if place.startswith("`key`") else data
-    text = text[:1].lower() + text[1:]
-    return prefix + text if ", got " in text else f"{prefix}{text}, got {data!r:.80}"
+    text = _in_words(text[:1].lower() + text[1:], data)
+    hint = _hint(kinds, data) if text.startswith("expected a mapping") else ""
+    return prefix + (text if ", got " in text else f"{text}, got {data!r:.80}") + hint
+
+
+_WORDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "str": "text",
+    "bool": "true or false",
+    "object": "a mapping",
+    "array": "a list",
+    "null": "nothing",
+}
+
+
+def _in_words(text: str, data: Any) -> str:
+    """Name types as YAML does: ``'float | object'`` is a number or a mapping; with what there is in their place."""
+
+    def plain(match: re.Match[str]) -> str:
+        return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
+
+    text = re.sub(r"'((?:\w+)(?: \| \w+)*)'", plain, text)
+    return f"{text} {data!r:.80}" if isinstance(data, str) and text.endswith(", got text") else text
+
+
+def _hint(kinds: list[Any], data: Any) -> str:
+    """Say how a mapping is written, to those who wrote a name or a list in its place."""
+    tags = [str(s.__struct_config__.tag) for s in _structs(kinds) if s.__struct_config__.tag]
+    if isinstance(data, str) and data in tags:
+        return f"; write {{kind: {data}}}, with its other keys in it"
+    if isinstance(data, list) and any(True for kind in kinds for _ in _values(kind)):
+        return "; give each a name, as in {A: …, B: …}"
+    return ""
+
+
+def _chosen_by(key: str, kinds: list[Any], data: Any) -> str:
+    """Say what a missing key chooses between, if it is a tag, and what was written in its place."""
+    tags = [str(s.__struct_config__.tag) for s in _structs(kinds) if s.__struct_config__.tag_field == key]
+    if not tags:
+        return ""
+    given = next(
+        (name for name in ("type", "name", "law", "plant") if isinstance(data, dict) and name in data), ""
+    )
+    return f"{f'; write {key} for {given!r}' if given else ''} (allowed: {', '.join(dict.fromkeys(tags))})"
 
 
 _ELSEWHERE = {  # what other programs, and other people, call our keys

@@ -23,10 +23,9 @@ from dqcontrol.files.whole_file import whole_file
 from dqcontrol.films.clip_file import CLIPS, import_av, write_clip
 from dqcontrol.films.film import Film, frames
 from dqcontrol.films.film_arm import film_arm
-from dqcontrol.films.film_mobile import film_mobile
+from dqcontrol.films.film_physics import film_physics
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
@@ -140,11 +139,11 @@ def render_whole(
         As `render_clip`.
     """
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
-    if isinstance(plant, MobilePlant):
+    film = _film(robot, plant, record)
+    if not film.is_overlaid:
         times = np.linspace(0.0, record.time[-1], 6).tolist()
         render_strip(robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, **look)
         return
-    film = _film(robot, plant, record)
     render_run(
         robot,
         record.q,
@@ -242,8 +241,8 @@ def _pictures(
 
 def _film(robot: Robot, plant: Plant | None, record: Record) -> Film:
     """Return what a camera needs of a run."""
-    if isinstance(plant, MobilePlant):
-        return film_mobile(robot, plant, record)
+    if plant is not None and (picture := plant.picture(robot)) is not None:
+        return film_physics(robot, picture, record)
     if isinstance(robot, SerialArm):
         return film_arm(robot, plant, record)
     raise ValueRangeError(

@@ -30,7 +30,7 @@ class Film:
     ----------
     spec
         ``mjSpec`` of all that moves, without floor and light.
-    room
+    framing
         Where to look.
     configurations
         Gives MuJoCo's coordinates at each sample, shape (N, nq), for the compiled model.
@@ -40,6 +40,8 @@ class Film:
         Adds to MuJoCo's scene what belongs to sample k.
     decorations
         How many shapes that are at most.
+    is_overlaid
+        Whether one picture shows the whole run, earlier configurations through the last.
     """
 
     spec: Any
@@ -49,6 +51,7 @@ class Film:
     elevation: float
     decorate: Callable[[Any, int], None] = lambda scene, k: None
     decorations: int = 0
+    is_overlaid: bool = True
 
 
 def frames(
@@ -68,7 +71,7 @@ def frames(
     """
     mujoco = import_mujoco()
     framing, towards = film.framing, film.azimuth if azimuth is None else azimuth
-    add_scene_background(mujoco, film.spec, framing.reach, framing.floor, towards, (width, height))
+    add_scene_background(mujoco, film.spec, framing, towards, (width, height))
     quality = film.spec.visual.quality
     quality.shadowsize, quality.numslices, quality.numstacks = _SHADOWS, _SLICES, _STACKS
     if width * height > _SMOOTHED:

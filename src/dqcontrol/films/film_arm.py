@@ -11,11 +11,11 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm
-from dqcontrol.plants.compliant import CompliantPlant
-from dqcontrol.plants.compliant.obstacle import Obstacle
+from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
 
 if TYPE_CHECKING:
+    from dqcontrol.arrays import Array
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import Plant
     from dqcontrol.robots.robot import Robot
@@ -40,32 +40,31 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
     mujoco = import_mujoco()
     desired, actual = translation(record.desired[:, :8]), translation(record.pose)
     some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
-    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]))
-    obstacles = plant.obstacles if isinstance(plant, CompliantPlant) else []
+    meshes, spec = link_meshes(robot), skeleton(robot)
+    add_meshes(spec, robot, meshes)
+    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]), meshes)
+    balls = plant.balls(record.time) if plant is not None else []
 
     def decorate(scene: Any, k: int) -> None:
-        for obstacle in obstacles:
-            _add_ball(mujoco, scene, obstacle, float(record.time[k]))
+        for centers, radius in balls:
+            if not np.isnan(centers[k, 0]):
+                _add_ball(mujoco, scene, centers[k], radius)
         add_desired(mujoco, scene, desired, framing.reach, _PIECES)
         add_actual(mujoco, scene, actual[: k + 1], framing.reach, _PIECES)
 
     return Film(
-        skeleton(robot),
+        spec,
         framing,
         lambda _: record.q,
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
-        decorations=2 * _PIECES + len(obstacles),
+        decorations=2 * _PIECES + len(balls),
     )
 
 
-def _add_ball(mujoco: Any, scene: Any, obstacle: Obstacle, time: float) -> None:
-    """Add a ball where it is at a time, while it is there."""
-    if time < obstacle.begin or (obstacle.until is not None and time >= obstacle.until):
-        return
-    center = np.array(obstacle.position) + (time - obstacle.begin) * np.array(obstacle.velocity)
-    size, rgba = np.full(3, obstacle.radius), np.array(_BALL, dtype=np.float32)
+def _add_ball(mujoco: Any, scene: Any, center: Array, radius: float) -> None:
+    size, rgba = np.full(3, radius), np.array(_BALL, dtype=np.float32)
     kind = mujoco.mjtGeom.mjGEOM_SPHERE
     mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, center, np.eye(3).ravel(), rgba)
     scene.ngeom += 1

@@ -9,6 +9,7 @@ import numpy as np
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
+from dqcontrol.films.link_meshes import LinkMesh, mesh_corners
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -24,6 +25,8 @@ class Framing:
         Length of the arm, m.
     floor
         Height of the floor, m.
+    stands
+        Whether what stands on the floor is drawn; otherwise a pedestal leads up to an arm above it.
     middle
         Where to look at, shape (3,), m.
     distance
@@ -34,13 +37,19 @@ class Framing:
     floor: float
     middle: Array
     distance: float
+    stands: bool = False
 
 
-def framing_of_arm(robot: Robot, q: Array, points: Array) -> Framing:
+def framing_of_arm(robot: Robot, q: Array, points: Array, meshes: list[LinkMesh]) -> Framing:
     """Return the room of an arm at configurations (N, n), rad or m, and of points (M, 3), m."""
     reach = float(np.linalg.norm(robot.chain[:, 4:7], axis=1).sum()) or 1.0
-    everything = np.vstack([points, translation(robot.frames(q).reshape(-1, 8)), [np.zeros(3)]])
+    corners = mesh_corners(robot, q, meshes)
+    everything = np.vstack([points, translation(robot.frames(q).reshape(-1, 8)), corners, [np.zeros(3)]])
     lower, upper = everything.min(axis=0), everything.max(axis=0)
-    floor = min(0.0, lower[2] - 0.06 * reach) if lower[2] < -0.01 * reach else 0.0
+    if meshes:  # down to the feet
+        floor = min(0.0, float(lower[2]))
+    else:
+        floor = min(0.0, lower[2] - 0.06 * reach) if lower[2] < -0.01 * reach else 0.0
     distance = 1.45 * float(np.linalg.norm(upper - lower)) + 0.2 * reach
-    return Framing(reach, floor, 0.5 * (lower + upper), distance)
+    stands = bool(len(corners)) and bool(corners[:, 2].min() < floor + 0.01 * reach)
+    return Framing(reach, floor, 0.5 * (lower + upper), distance, stands)

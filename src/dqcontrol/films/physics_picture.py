@@ -14,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.framing import framing_of_arm
+from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.films.offscreen import offscreen, render
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.films.scene_background import add_scene_background
@@ -130,11 +131,12 @@ def _picture(
 ) -> NDArray[np.uint8]:
     """Return the picture's pixels."""
     mujoco = import_mujoco()
-    spec = skeleton(robot)
+    spec, meshes = skeleton(robot), link_meshes(robot)
+    add_meshes(spec, robot, meshes)
     shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
-    framing = framing_of_arm(robot, shown, np.vstack([actual, desired]))
+    framing = framing_of_arm(robot, shown, np.vstack([actual, desired]), meshes)
     reach = framing.reach
-    add_scene_background(mujoco, spec, reach, framing.floor, azimuth, (width, height))
+    add_scene_background(mujoco, spec, framing, azimuth, (width, height))
     model = compiled(spec)
     data = mujoco.MjData(model)
     scene = mujoco.MjvScene(model, maxgeom=2 * _PIECES + (ghosts + 2) * (model.ngeom + 4))

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol.films.framing import Framing
+
 
 def add_scene_background(
-    mujoco: Any, spec: Any, reach: float, floor: float, azimuth: float, size: tuple[int, int]
+    mujoco: Any, spec: Any, framing: Framing, azimuth: float, size: tuple[int, int]
 ) -> None:
     """Add a chequered floor, three lights and a pale sky to a model that is to be drawn.
 
@@ -19,15 +21,14 @@ def add_scene_background(
         The package.
     spec
         ``mjSpec`` of the model.
-    reach
-        Length of the arm, m; everything scales with it.
-    floor
-        Its height, m; a pedestal leads up to an arm above it.
+    framing
+        Its reach, with which everything scales, the height of the floor, and whether a pedestal leads up from there.
     azimuth
         Direction of view, degrees; the lights follow the viewer.
     size
         Width and height of the picture, pixels.
     """
+    reach, floor = framing.reach, framing.floor
     textures = mujoco.mjtTexture
     sky = spec.add_texture(
         name="sky", type=textures.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
@@ -49,7 +50,7 @@ def add_scene_background(
         contype=0,
         conaffinity=0,
     )
-    if floor < 0:
+    if floor < 0 and not framing.stands:
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
             fromto=[0, 0, floor, 0, 0, 0],

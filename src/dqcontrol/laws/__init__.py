@@ -3,6 +3,12 @@
 from dqcontrol.laws.cascade import Cascade
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.classic_whole_body import ClassicWholeBody
+from dqcontrol.laws.constrained import (
+    LevelSolution,
+    ProgramSolution,
+    lexicographic_program,
+    quadratic_program,
+)
 from dqcontrol.laws.decoupled import DecoupledProportional, PartialProportional
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.feedforward import ProportionalFeedforward
@@ -37,6 +43,7 @@ __all__ = [
     "HInfinityTracking",
     "JointCentring",
     "Law",
+    "LevelSolution",
     "LimitAvoidance",
     "LinearQuadraticDQ",
     "LinearQuadraticR8",
@@ -47,8 +54,11 @@ __all__ = [
     "PartialProportional",
     "Posture",
     "PreparedLaw",
+    "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",
     "Schedule",
     "Steps",
+    "lexicographic_program",
+    "quadratic_program",
 ]

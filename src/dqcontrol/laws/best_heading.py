@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 
 _REGULAR = 1e-9  # share of the trace that makes a Gram matrix of less than full rank invertible
+
+
+class HeadingWork(NamedTuple):
+    """Scratch of `turn_to_best_heading`."""
+
+    gram: Annotated[Array, 6, 6]
+    column: Annotated[Array, 6]
+
+
+heading_work = Layout(HeadingWork)
 
 
 @inline
@@ -46,7 +58,7 @@ def turn_to_best_heading(twist_jacobian, j, work):
     With G = Σ ξξᵀ over all columns but v and c = [0 ; h], det(JJᵀ) = det G (1 + cᵀG⁻¹c): the best heading h is the
     principal axis of the horizontal part of G⁻¹. Forwards and backwards are the same.
     """
-    gram, column = as_matrix(work[0:36], 6, 6), work[36:42]
+    gram, column = heading_work(work)
     ax, ay, az = twist_jacobian[0, j + 1], twist_jacobian[1, j + 1], twist_jacobian[2, j + 1]
     mx, my, mz = twist_jacobian[3, j + 1], twist_jacobian[4, j + 1], twist_jacobian[5, j + 1]
     hx, hy, hz = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]

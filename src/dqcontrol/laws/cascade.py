@@ -3,23 +3,47 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
 from dqcontrol.laws.law import LAW
-from dqcontrol.laws.linearization import DRIVES, PERIOD, linearize
+from dqcontrol.laws.linearization import (
+    linearization_parameters,
+    linearization_state,
+    linearization_work,
+    linearize,
+)
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
+
+
+class CascadeParameters(NamedTuple):
+    """What compiled code knows of the law."""
+
+    outer: Annotated[Array, linearization_parameters.sized("drives")]
+    inner_gain: float
+
+
+class CascadeState(NamedTuple):
+    """What it keeps: the state of the outer loop, and x, y and φ of the virtual bases."""
+
+    outer: Annotated[Array, linearization_state.sized("columns")]
+    virtual: Annotated[Array, "drives", 3]
+
+
+cascade_parameters = Layout(CascadeParameters, "drives")
+cascade_state = Layout(CascadeState, "columns", "drives")
 
 
 @inline
@@ -43,31 +67,23 @@ def track_virtual_base(q, i, virtual, rates, j, sideways, displacement, gain, pe
 @kernel(LAW)
 def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write the rates of the outer law, those of bases as the inner loop follows them."""
-    m, size = out.shape[0], parameters.shape[0] - 1
-    outer = parameters[0:size]
-    drives = as_matrix(outer[DRIVES:], (outer.shape[0] - DRIVES) // 2, 2)
-    n = m + drives.shape[0]
-    last, virtual, rates = state[7 : 7 + n], state[7 + n :], work[work.shape[0] - n :]
-    status = linearize(pose, twist_jacobian, sample, outer, state, work, rates)
+    m, k = out.shape[0], q.shape[0] - out.shape[0]
+    given, kept = cascade_parameters(parameters, k), cascade_state(state, m + k, k)
+    outer, last = linearization_parameters(given.outer, k), linearization_state(kept.outer, m + k)
+    own = linearization_work(work, m, m + k)
+    drives, rates = outer.drives, own.rates
+    status = linearize(pose, twist_jacobian, sample, outer, last, own)
     for i in range(m):
         out[i] = rates[i]
-    for k in range(drives.shape[0]):
-        j = int(drives[k, 0])
+    for i in range(k):
+        j = int(drives[i, 0])
+        sideways, displacement = rates[m + i], drives[i, 1]
         track_virtual_base(
-            q,
-            j + k,
-            virtual[3 * k : 3 * k + 3],
-            rates,
-            j,
-            rates[m + k],
-            drives[k, 1],
-            parameters[size],
-            outer[PERIOD],
-            out,
+            q, j + i, kept.virtual[i], rates, j, sideways, displacement, given.inner_gain, outer.period, out
         )
-    turn_rates(drives, out, outer[PERIOD], rates)
-    for i in range(n):
-        last[i] = rates[i]
+    turn_rates(drives, out, outer.period, rates)
+    for i in range(m + k):
+        last.last[i] = rates[i]
     return status
 
 
@@ -101,8 +117,8 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
         """Return the row of `FeedbackLinearization` and κ."""
         if len(drive_table(robot)) < len(robot.drives):
             raise ValueRangeError(f"law: cascade is for the constrained form of {robot.name}, got the other")
-        return np.column_stack(
-            [super().rows(robot, reference, dt), as_positive("inner_gain", self.inner_gain)]
+        return cascade_parameters.pack(
+            outer=super().rows(robot, reference, dt), inner_gain=as_positive("inner_gain", self.inner_gain)
         )
 
     def loop_rates(self, parameters: np.ndarray) -> None:
@@ -110,11 +126,12 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the state of `FeedbackLinearization` and a virtual base for each drive."""
-        return super().state_size(robot) + 3 * len(robot.drives)
+        k = len(robot.drives)
+        return cascade_state.size(robot.input_size + k, k)
 
     def initial_state(self, robot: Robot, q: np.ndarray) -> np.ndarray:
         """Return the state at rest, virtual bases where the bases are."""
         state = super().initial_state(robot, q)
-        bases = (robot.drives[:, :1] + np.arange(3)).astype(int).ravel()
-        state[len(state) - len(bases) :] = q[bases]
+        bases = (robot.drives[:, :1] + np.arange(3)).astype(int)
+        cascade_state(state, robot.input_size + len(bases), len(bases)).virtual[:] = q[bases]
         return state

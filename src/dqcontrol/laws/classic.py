@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import multiply
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.laws.hand_twist import solve_hand_twist
-from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
+from dqcontrol.laws.integral import (
+    IntegralPoseLaw,
+    add_integral,
+    integral_parameters,
+    integral_state,
+    integral_work,
+)
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
-from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.nearest_twist import nearest_twist
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+from dqcontrol.laws.pose_law import pose_parameters
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot
+
+
+class ClassicWork(NamedTuple):
+    """Scratch of both laws."""
+
+    preferred: Annotated[Array, "m"]
+    rate: Annotated[Array, 8]
+    half_twist: Annotated[Array, 8]
+    integral: Annotated[Array, integral_work.size()]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+classic_work = Layout(ClassicWork, "m")
 
 
 @inline
@@ -32,30 +53,30 @@ def _hand_twist(rate, pose):
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    rate = scratch[0:8]
+    given, kept = integral_parameters(parameters), integral_state(state)
+    own = classic_work(work, out.shape[0])
     dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(dot, parameters[HYSTERESIS], state)
+    sign = short_sign(dot, given.hysteresis, kept.sign)
     for i in range(8):
-        rate[i] = parameters[GAIN + i] * (sign * sample[i] - pose[i])
-    twist = add_integral(_hand_twist(rate, pose), pose, sample, parameters, state, scratch[8:24])
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
+        own.rate[i] = given.gain[i] * (sign * sample[i] - pose[i])
+    twist = add_integral(_hand_twist(own.rate, pose), pose, sample, given, kept, own.integral)
+    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
 
 
 @kernel(LAW)
 def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d."""
-    n = pose_jacobian.shape[1]
-    rate, half_twist, rest = work[n : n + 8], work[n + 8 : n + 16], work[n + SCRATCH :]
+    """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d; the parameters are the inverse's, the state is the sign of x_d."""
+    own = classic_work(work, out.shape[0])
+    half_twist = own.half_twist
     dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
     sign = short_sign(dot, 0.0, state)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
         half_twist[1 + i] = 0.5 * sign * sample[8 + i]
         half_twist[5 + i] = 0.5 * sign * sample[11 + i]
-    multiply(half_twist, sample, rate)
-    return solve_hand_twist(pose, twist_jacobian, _hand_twist(rate, pose), work[0:n], parameters, rest, out)
+    multiply(half_twist, sample, own.rate)
+    twist = _hand_twist(own.rate, pose)
+    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, parameters, own.solver, out)
 
 
 class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):
@@ -74,17 +95,10 @@ class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="class
 
     Parameters
     ----------
-    gain
-        K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
-    integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see `IntegralPoseLaw`. 0 for none.
-    inverse
-        How J is inverted; the default is exact away from singularities.
+    gain, integral_gain, integral_position_limit, integral_orientation_limit, inverse, null_space
+        As of `Proportional`.
     hysteresis
         How far ⟨r, r_d⟩ must pass 0 before the sign of x_d flips.
-    null_space
-        Motion preferred where the task leaves freedom.
 
     Examples
     --------
@@ -97,10 +111,11 @@ class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="class
     """
 
     kernel = classic_proportional
+    work = classic_work
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest entry of K, a bound for both: how it is shared depends on the pose."""
-        largest = parameters[:, GAIN : GAIN + 8].max(axis=1)
+        largest = pose_parameters(parameters).gain.max(axis=1)
         return LoopRates(position=largest, orientation=largest, integral=self.integral_gain)
 
 
@@ -129,6 +144,7 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     """
 
     kernel = open_loop
+    work = classic_work
     inverse: Inverse = FilteredInverse()
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:

@@ -2,39 +2,63 @@
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
 import numpy as np
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.laws.inverses import work_size
-from dqcontrol.laws.law import LAW, SCRATCH
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.hand_twist import twist_work
+from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, solve_left_error
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
 
-_DRIVES = GAIN + 8
+
+class WholeBodyParameters(NamedTuple):
+    """What compiled code knows of the law."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8]
+    drives: Annotated[Array, "drives", 2]
+
+
+class WholeBodyWork(NamedTuple):
+    """Its scratch; columns are those of m inputs, and one for each drive that cannot move sideways."""
+
+    preferred: Annotated[Array, "m"]
+    error: Annotated[Array, 8]
+    target: Annotated[Array, 8]
+    jacobian: Annotated[Array, 6, "columns"]
+    rates: Annotated[Array, "columns"]
+    preferred_rates: Annotated[Array, "columns"]
+    solver: Annotated[Array, twist_work.sized("columns")]
+
+
+whole_body_parameters = Layout(WholeBodyParameters, "drives")
+whole_body_work = Layout(WholeBodyWork, "m", "columns")
 
 
 @kernel(LAW)
 def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write F N⁺ K vec8(e), N with a sideways column for each drive."""
-    m = out.shape[0]
-    scratch, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
-    drives = as_matrix(parameters[_DRIVES:], (parameters.shape[0] - _DRIVES) // 2, 2)
-    n = m + drives.shape[0]
-    twist_columns = as_matrix(rest[0 : 6 * n], 6, n)
-    rates, inner = rest[6 * n : 7 * n], rest[7 * n :]
-    twist_jacobian_with_sideways(drives, twist_jacobian, twist_columns)
-    for i in range(n):
-        inner[i] = work[i] if i < m else 0.0
+    m, k = out.shape[0], q.shape[0] - out.shape[0]
+    given, own = whole_body_parameters(parameters, k), whole_body_work(work, m, m + k)
+    twist_jacobian_with_sideways(given.drives, twist_jacobian, own.jacobian)
+    for i in range(m + k):
+        own.preferred_rates[i] = own.preferred[i] if i < m else 0.0
 
-    error, target = scratch[0:8], scratch[8:16]
-    left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
-        target[i] = parameters[GAIN + i] * error[i]
-    status = solve_left_error(target, error, pose, twist_columns, parameters, inner, rates)
-    feasible_inputs(drives, rates, out)
+        own.target[i] = given.gain[i] * own.error[i]
+    status = solve_left_error(
+        own.target, own.error, pose, own.jacobian, own.preferred_rates, given.inverse, own.solver, own.rates
+    )
+    feasible_inputs(given.drives, own.rates, out)
     return status
 
 
@@ -74,10 +98,9 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal and the table of drives at each time."""
-        rows = super().parameter_rows(robot, times)
-        return np.hstack([rows, np.tile(drive_table(robot).ravel(), (len(rows), 1))])
+        rows = pose_parameters(super().parameter_rows(robot, times))
+        return whole_body_parameters.pack(**rows._asdict(), drives=drive_table(robot))
 
     def work_size(self, robot: Robot) -> int:
-        """Return room for a Jacobian with sideways columns, rates, and what `Proportional` needs for them."""
-        m, n = robot.input_size, robot.input_size + len(drive_table(robot))
-        return m + SCRATCH + 7 * n + SCRATCH + 7 * n + 6 + work_size()
+        """Return room for the preferred motion and scratch, with a sideways speed for each drive."""
+        return whole_body_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))

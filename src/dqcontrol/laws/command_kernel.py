@@ -6,16 +6,15 @@ a call from Python hands over few arrays, each of which costs 30 ns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
-from dqcontrol.compiled.intrinsics import as_matrix, caller
+from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import call_law
-from dqcontrol.laws.null_space import PREFERENCE
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
@@ -27,62 +26,112 @@ PLAN = types.Array(types.intp, 1, "C")
 # plan, memory, q, sample, its number (−1: by its time and the period, s), state, out
 STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 
-# plan: addresses (0: nothing to do there), sizes, then where each part of the memory begins, and its end
-_KINEMATICS, _PREFERENCE, _LAW, _POSITION_LIMIT, _LIMIT, _COORDINATES, _ROWS, _STATE = range(8)
-_DELIVERED, _SENT = 8, 9  # where the state takes the hand's twist, and the command, that left; 0: nowhere
-_PARTS = 10
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 
 
-def memory_layout(
-    addresses: Sequence[int],
-    coordinates: int,
-    rows: int,
-    state_size: int,
-    feedback: tuple[int, int],
-    sizes: Sequence[int],
-) -> NDArray[np.intp]:
-    """Return the plan of a memory whose parts have these sizes."""
-    return np.array(
-        [*addresses, coordinates, rows, state_size, *feedback, 0, *np.cumsum(sizes)], dtype=np.intp
-    )
+class Plan(NamedTuple):
+    """Which stages a prepared law has, and the sizes of its memory.
+
+    Attributes
+    ----------
+    kinematics, preference, law, position_limit, limit
+        Addresses; 0 where nothing is to be done.
+    delivered_at, sent_at
+        Where the state takes the hand's twist, and the command, that left; 0: nowhere.
+    state
+        Its size.
+    coordinates, rows, columns, work, inputs, preferring, position_limiting, limiting
+        Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
+    """
+
+    kinematics: int
+    preference: int
+    law: int
+    position_limit: int
+    limit: int
+    delivered_at: int
+    sent_at: int
+    state: int
+    coordinates: int
+    inputs: int
+    preferring: int
+    rows: int
+    columns: int
+    work: int
+    position_limiting: int
+    limiting: int
+
+
+class PreparedMemory(NamedTuple):
+    """What a law was prepared with, and scratch.
+
+    Attributes
+    ----------
+    chain
+        Of the robot.
+    preferring, preference_work
+        Parameters and scratch of the preferred motion.
+    parameters
+        Of the law, one row a sample, or one for all.
+    work
+        Scratch of the law; it begins with the preferred motion.
+    kinematics
+        What `split` takes apart.
+    position_limiting, position_limit_work
+        Parameters and scratch of the limit on positions.
+    limiting
+        Parameters of the limit on velocities.
+    """
+
+    chain: Annotated[Array, "coordinates + 1", 8]
+    preferring: Annotated[Array, "preferring"]
+    preference_work: Annotated[Array, WORK_SIZE]
+    parameters: Annotated[Array, "rows", "columns"]
+    work: Annotated[Array, "work"]
+    kinematics: Annotated[Array, "8 + 14 * inputs"]
+    position_limiting: Annotated[Array, "position_limiting"]
+    position_limit_work: Annotated[Array, "2 * inputs + state"]
+    limiting: Annotated[Array, "limiting"]
+
+
+_plan = Layout(Plan)
+_MEMORY_SIZES = Plan._fields[7:]
+prepared_memory = Layout(PreparedMemory, *_MEMORY_SIZES)
+
+
+class Prepared(NamedTuple):
+    """A prepared law for compiled code."""
+
+    plan: Plan
+    memory: PreparedMemory
 
 
 @inline
 def unpack(plan, memory):
-    """Return addresses and parts, as `compute_command` takes them."""
-    at = plan[_PARTS:]
-    rows, n = plan[_ROWS], plan[_COORDINATES]
-    parameters = memory[at[3] : at[4]]
-    return (
-        (plan[_KINEMATICS], plan[_PREFERENCE], plan[_LAW], plan[_POSITION_LIMIT], plan[_LIMIT]),
-        as_matrix(memory[at[0] : at[1]], n + 1, 8),
-        (memory[at[1] : at[2]], memory[at[2] : at[3]]),
-        as_matrix(parameters, rows, parameters.shape[0] // rows),
-        memory[at[4] : at[5]],
-        memory[at[5] : at[6]],
-        (memory[at[6] : at[7]], memory[at[7] : at[8]]),
-        memory[at[8] : at[9]],
-        (plan[_DELIVERED], plan[_SENT]),
-    )
+    """Return plan and memory by name."""
+    stages = _plan(plan)
+    return Prepared(stages, prepared_memory(memory, *stages[7:]))
 
 
 @inline
 def compute_command(prepared, q, sample, k, state, out):
     """Write the command for sample number k."""
-    addresses, chain, preferring, rows, work, buffer, limiting_positions, limits, _ = prepared
-    kinematics, preference, law, position_limit, limit = addresses
-    pose, pose_jacobian, twist_jacobian = split(buffer)
-    status = call_chain(kinematics, chain, q, buffer)
+    plan, memory = prepared.plan, prepared.memory
+    pose, pose_jacobian, twist_jacobian = split(memory.kinematics)
+    status = call_chain(plan.kinematics, memory.chain, q, memory.kinematics)
     if status != OK:
         return status
-    if preference != 0:
-        _call_preference(preference, q, twist_jacobian, preferring[0], preferring[1], work[0 : out.shape[0]])
-    parameters = rows[min(k, rows.shape[0] - 1)]
-    if position_limit != 0:
+    work = memory.work
+    if plan.preference != 0:
+        preferred = work[0 : out.shape[0]]
+        _call_preference(
+            plan.preference, q, twist_jacobian, memory.preferring, memory.preference_work, preferred
+        )
+    parameters = memory.parameters[min(k, plan.rows - 1)]
+    if plan.position_limit != 0:
         status = _call_position_limit(
-            position_limit,
-            law,
+            plan.position_limit,
+            plan.law,
             q,
             pose,
             pose_jacobian,
@@ -91,16 +140,18 @@ def compute_command(prepared, q, sample, k, state, out):
             parameters,
             state,
             work,
-            limiting_positions[0],
-            limiting_positions[1],
+            memory.position_limiting,
+            memory.position_limit_work,
             out,
         )
     else:
-        status = call_law(law, q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
+        status = call_law(
+            plan.law, q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out
+        )
     if status != OK:
         return LAW_FAILED + status
-    if limit != 0:
-        _call_limit(limit, q, limits, out)
+    if plan.limit != 0:
+        _call_limit(plan.limit, q, memory.limiting, out)
     note_sent(prepared, state, out)
     return OK
 
@@ -108,9 +159,9 @@ def compute_command(prepared, q, sample, k, state, out):
 @inline
 def note_sent(prepared, state, command):
     """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
-    delivered, sent = prepared[8]
+    delivered, sent = prepared.plan.delivered_at, prepared.plan.sent_at
     if delivered != 0:
-        pose, _, twist_jacobian = split(prepared[5])
+        pose, _, twist_jacobian = split(prepared.memory.kinematics)
         note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
     if sent != 0:
         for i in range(command.shape[0]):
@@ -134,12 +185,12 @@ def note_delivered(pose, twist_jacobian, command, out):
 @kernel(STEP)
 def step(plan, memory, q, sample, k, period, state, out):
     """Write the command for one sample."""
-    buffer = memory[plan[_PARTS + 5] : plan[_PARTS + 6]]
-    if 8 + 14 * out.shape[0] != buffer.shape[0] or state.shape[0] != plan[_STATE]:
+    prepared = unpack(plan, memory)
+    if out.shape[0] != prepared.plan.inputs or state.shape[0] != prepared.plan.state:
         return WRONG_SIZE
     if k < 0:
         k = max(round(sample[TIME] / period), 0)
-    return compute_command(unpack(plan, memory), q, sample, k, state, out)
+    return compute_command(prepared, q, sample, k, state, out)
 
 
 # plan, memory, state, command

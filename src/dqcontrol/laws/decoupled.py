@@ -3,28 +3,83 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
 
 from dqcontrol.algebra.dual_quaternion_kernels import quaternion_product, rotate, translation
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
-from dqcontrol.laws.hand_twist import solve_hand_twist, weigh
-from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.inverses import HEAD, LENGTH, FilteredInverse, Inverse, solve
-from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work, weigh
+from dqcontrol.laws.integral import (
+    IntegralPoseLaw,
+    add_integral,
+    integral_parameters,
+    integral_state,
+    integral_work,
+)
+from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
+from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+from dqcontrol.laws.pose_law import pose_parameters
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
+
+
+class DecoupledWork(NamedTuple):
+    """Scratch of `DecoupledProportional`."""
+
+    preferred: Annotated[Array, "m"]
+    error: Annotated[Array, 4]
+    relative: Annotated[Array, 4]
+    here: Annotated[Array, 3]
+    there: Annotated[Array, 3]
+    omega: Annotated[Array, 3]
+    product: Annotated[Array, 4]
+    integral: Annotated[Array, integral_work.size()]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+class PartialParameters(NamedTuple):
+    """What compiled code knows of `PartialProportional`.
+
+    Attributes
+    ----------
+    axis, spare
+        That of the hand, and one across it, about which half a turn goes.
+    """
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    gain: float
+    axis: Annotated[Array, 3]
+    spare: Annotated[Array, 3]
+
+
+class PartialWork(NamedTuple):
+    """Scratch of `PartialProportional`: what the part is and is to be, its error, and its Jacobian."""
+
+    preferred: Annotated[Array, "m"]
+    here: Annotated[Array, 3]
+    there: Annotated[Array, 3]
+    spare: Annotated[Array, 3]
+    relative: Annotated[Array, 4]
+    product: Annotated[Array, 4]
+    target: Annotated[Array, 4]
+    omega: Annotated[Array, 3]
+    matrix: Annotated[Array, 3, "m"]
+    solver: Annotated[Array, solver_work.size()]
+
+
+decoupled_work = Layout(DecoupledWork, "m")
+partial_parameters, partial_work = Layout(PartialParameters), Layout(PartialWork, "m")
 
 
 @inline
@@ -39,15 +94,15 @@ def _velocity_rows(position, twist_jacobian, out):
 
 
 @inline
-def _rotation_error(pose, desired, hysteresis, state, relative, error):
+def _rotation_error(pose, desired, hysteresis, sign, relative, error):
     """Write r_e = short(r*r_d) and 1 − r_e, and return the sign given to r_d."""
     quaternion_product((pose[0], -pose[1], -pose[2], -pose[3]), desired[0:4], relative)
-    sign = short_sign(relative[0], hysteresis, state)
+    given = short_sign(relative[0], hysteresis, sign)
     for i in range(4):
-        relative[i] *= sign
+        relative[i] *= given
         error[i] = -relative[i]
     error[0] += 1.0
-    return sign
+    return given
 
 
 @inline
@@ -60,27 +115,20 @@ def _angular_velocity(pose, relative, target, product, out):
 @kernel(LAW)
 def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N_d⁺ K e + J⁺ k_I ∫ε dt with e = [p_d − p ; vec4(1 − r*r_d)]."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, relative, here, there, omega, product = (
-        scratch[0:4],
-        scratch[4:8],
-        scratch[8:11],
-        scratch[11:14],
-        scratch[14:17],
-        scratch[17:21],
-    )
-    _rotation_error(pose, sample, parameters[HYSTERESIS], state, relative, error)
+    given, kept = integral_parameters(parameters), integral_state(state)
+    own = decoupled_work(work, out.shape[0])
+    error, here, there, omega = own.error, own.here, own.there, own.omega
+    _rotation_error(pose, sample, given.hysteresis, kept.sign, own.relative, error)
     for i in range(4):
-        error[i] *= parameters[GAIN + 4 + i]
-    _angular_velocity(pose, relative, error, product, omega)
+        error[i] *= given.gain[4 + i]
+    _angular_velocity(pose, own.relative, error, own.product, omega)
     translation(pose, here)
     translation(sample, there)
     for i in range(3):
-        there[i] = parameters[GAIN + 1 + i] * (there[i] - here[i])
+        there[i] = given.gain[1 + i] * (there[i] - here[i])
     twist = omega[0], omega[1], omega[2], there[0], there[1], there[2]
-    twist = add_integral(twist, pose, sample, parameters, state, scratch[21:37])
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
+    twist = add_integral(twist, pose, sample, given, kept, own.integral)
+    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
 
 
 class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
@@ -100,15 +148,10 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     gain
         K in 1/s: a number k for kI, or eight diagonal entries (the first is not used, three for the position, four
         for the orientation), or a `Schedule` of k.
-    integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see `IntegralPoseLaw`. 0 for none.
-    inverse
-        How J is inverted; the default is exact away from singularities.
+    integral_gain, integral_position_limit, integral_orientation_limit, inverse, null_space
+        As of `Proportional`.
     hysteresis
         How far Re(r*r_d) must pass 0 before the sign of r_d flips.
-    null_space
-        Motion preferred where the task leaves freedom.
 
     Examples
     --------
@@ -123,44 +166,43 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     """
 
     kernel = decoupled_proportional
+    work = decoupled_work
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest of K's entries for p_d − p and for Im(r*r_d)."""
-        gains = parameters[:, GAIN : GAIN + 8]
+        gains = pose_parameters(parameters).gain
         return LoopRates(gains[:, 1:4].max(axis=1), gains[:, 5:8].max(axis=1), self.integral_gain)
 
 
 @kernel(LAW)
 def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J_p⁺ k (p_d − p)."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, position, desired_position = scratch[0:3], scratch[4:7], scratch[8:11]
-    translation(pose, position)
-    translation(sample, desired_position)
+    given, own = partial_parameters(parameters), partial_work(work, out.shape[0])
+    here, there, target = own.here, own.there, own.target
+    translation(pose, here)
+    translation(sample, there)
     for i in range(3):
-        target[i] = parameters[HEAD] * (desired_position[i] - position[i])
-    matrix = as_matrix(rest[0 : 3 * n], 3, n)
-    _velocity_rows(position, twist_jacobian, matrix)
-    return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
+        target[i] = given.gain * (there[i] - here[i])
+    _velocity_rows(here, twist_jacobian, own.matrix)
+    return solve(own.matrix, target, own.preferred, given.inverse, own.solver, out)
 
 
 @kernel(LAW)
 def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_ω⁺ ω with the ω nearest to k (1 − r*r_d)."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, relative, product, omega = scratch[0:4], scratch[4:8], scratch[8:12], scratch[12:15]
-    _rotation_error(pose, sample, 0.2, state, relative, target)
+    """Write q̇ = J_ω⁺ ω with the ω nearest to k (1 − r*r_d); the state is the sign of r_d."""
+    n = out.shape[0]
+    given, own = partial_parameters(parameters), partial_work(work, n)
+    target, omega, matrix = own.target, own.omega, own.matrix
+    inverse = inverse_parameters(given.inverse)
+    _rotation_error(pose, sample, 0.2, state, own.relative, target)
     for i in range(4):
-        target[i] *= parameters[HEAD]
-    _angular_velocity(pose, relative, target, product, omega)
-    matrix = as_matrix(rest[0 : 3 * n], 3, n)
+        target[i] *= given.gain
+    _angular_velocity(pose, own.relative, target, own.product, omega)
     for i in range(3):
         for c in range(n):
             matrix[i, c] = twist_jacobian[i, c]
-        weigh(matrix[i], omega, i, parameters[LENGTH])
-    return solve(matrix, omega, work[0:n], parameters, rest[3 * n :], out)
+        weigh(matrix[i], omega, i, inverse.length)
+    return solve(matrix, omega, own.preferred, given.inverse, own.solver, out)
 
 
 @inline
@@ -184,24 +226,23 @@ def _turn(axis, desired, spare, out):
 @kernel(LAW)
 def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J_l⁺ k θ n × l for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    target, axis, desired_axis, spare = scratch[0:3], scratch[4:7], scratch[8:11], scratch[12:15]
-    rotate(pose, parameters[HEAD + 1 : HEAD + 4], axis)
-    rotate(sample, parameters[HEAD + 1 : HEAD + 4], desired_axis)
-    rotate(pose, parameters[HEAD + 4 : HEAD + 7], spare)
-    _turn(axis, desired_axis, spare, target)
+    n = out.shape[0]
+    given, own = partial_parameters(parameters), partial_work(work, n)
+    target, axis, matrix = own.target, own.here, own.matrix
+    rotate(pose, given.axis, axis)
+    rotate(sample, given.axis, own.there)
+    rotate(pose, given.spare, own.spare)
+    _turn(axis, own.there, own.spare, target)
     for i in range(3):
-        target[i] *= parameters[HEAD]
-    matrix = as_matrix(rest[0 : 3 * n], 3, n)
+        target[i] *= given.gain
     for c in range(n):
         x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
         matrix[0, c] = y * axis[2] - z * axis[1]
         matrix[1, c] = z * axis[0] - x * axis[2]
         matrix[2, c] = x * axis[1] - y * axis[0]
     for i in range(3):
-        weigh(matrix[i], target, i, parameters[LENGTH])
-    return solve(matrix, target, work[0:n], parameters, rest[3 * n :], out)
+        weigh(matrix[i], target, i, inverse_parameters(given.inverse).length)
+    return solve(matrix, target, own.preferred, given.inverse, own.solver, out)
 
 
 _PARTS = {"position": position_proportional, "rotation": rotation_proportional, "axis": axis_proportional}
@@ -250,6 +291,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     gain: Annotated[float | Schedule, Meta(description="1/s")]
     axis: Annotated[tuple[float, float, float], Meta(description="in the hand's frame")] = (0.0, 0.0, 1.0)
     inverse: Inverse = FilteredInverse()
+    work = partial_work
 
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
@@ -269,14 +311,13 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
         inverse = self.inverse
         if self.part == "position":  # no angles to be measured in metres
             inverse = replace(inverse, characteristic_length=1.0)
-        row = np.array([*inverse.parameters(), 0.0, *axis, *(spare / np.linalg.norm(spare))])
-        rows = np.tile(row, (len(gains), 1))
-        rows[:, HEAD] = gains
-        return rows
+        return partial_parameters.pack(
+            inverse=inverse.parameters(), gain=gains, axis=axis, spare=spare / np.linalg.norm(spare)
+        )
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return k for the part that is controlled."""
-        gains = parameters[:, HEAD]
+        gains = np.asarray(partial_parameters(parameters).gain)
         if self.part == "position":
             return LoopRates(position=gains, orientation=None)
         return LoopRates(position=None, orientation=gains)

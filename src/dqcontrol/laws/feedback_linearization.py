@@ -8,23 +8,22 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
-from dqcontrol.laws.inverses import FilteredInverse, Inverse, work_size
-from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.inverses import FilteredInverse, Inverse
+from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.linearization import (
     COMMANDED,
-    DRIVES,
-    PERIOD,
     REALISED,
-    VELOCITY_STATE,
     Logarithm,
     VelocityState,
+    linearization_parameters,
+    linearization_state,
+    linearization_work,
     linearize,
 )
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
-from dqcontrol.laws.pose_law import parameter_head
+from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
 
@@ -35,20 +34,20 @@ if TYPE_CHECKING:
 @kernel(LAW)
 def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write what drives can do of z + J⁺ (ξ_b + T U − J z), and remember what was asked of them or what they do."""
-    m = out.shape[0]
-    drives, last = as_matrix(parameters[DRIVES:], (parameters.shape[0] - DRIVES) // 2, 2), state[7:]
-    velocity_state = int(parameters[VELOCITY_STATE])
-    n = m if velocity_state == REALISED else m + drives.shape[0]
-    rates = work[work.shape[0] - n :]
-    status = linearize(pose, twist_jacobian, sample, parameters, state, work, rates)
-    feasible_inputs(drives[0 : n - m], rates, out)
+    m, k = out.shape[0], q.shape[0] - out.shape[0]
+    given = linearization_parameters(parameters, k)
+    velocity_state = int(given.velocity_state)
+    n = m if velocity_state == REALISED else m + k
+    kept, own = linearization_state(state, n), linearization_work(work, m, n)
+    status = linearize(pose, twist_jacobian, sample, given, kept, own)
+    feasible_inputs(given.drives[0 : n - m], own.rates, out)
     if velocity_state == COMMANDED:
-        turn_rates(drives, out, parameters[PERIOD], rates)
+        turn_rates(given.drives, out, given.period, own.rates)
         for i in range(n):
-            last[i] = rates[i]
+            kept.last[i] = own.rates[i]
     else:
         for i in range(m):
-            last[i] = out[i]
+            kept.last[i] = out[i]
     return status
 
 
@@ -146,34 +145,30 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
             raise ValueRangeError(
                 f"velocity_state: {self.velocity_state!r} is for the constrained form of {robot.name}, got the other"
             )
-        return np.array(
-            [
-                [
-                    *parameter_head(self.inverse, self.hysteresis),
-                    dt,
-                    as_positive("stiffness", self.stiffness),
-                    as_positive("damping", self.damping),
-                    get_args(VelocityState).index(self.velocity_state),
-                    get_args(Logarithm).index(self.logarithm),
-                    self.null_space is not None,
-                    *drives.ravel(),
-                ]
-            ]
-        )
+        return linearization_parameters.pack(
+            inverse=self.inverse.parameters(),
+            hysteresis=checked_hysteresis(self.hysteresis),
+            period=dt,
+            stiffness=as_positive("stiffness", self.stiffness),
+            damping=as_positive("damping", self.damping),
+            velocity_state=get_args(VelocityState).index(self.velocity_state),
+            logarithm=get_args(Logarithm).index(self.logarithm),
+            smooth=self.null_space is not None,
+            drives=drives,
+        )[None]
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates | None:
         """Return k̄/(4 k_v) behind a lag of k_v; None where the logarithm or sideways motion changes them."""
-        row = parameters[0]
-        if self.logarithm != "body" or (self.velocity_state != "realised" and len(row) > DRIVES):
+        drives = parameters.shape[1] > linearization_parameters.size(0)
+        if self.logarithm != "body" or (self.velocity_state != "realised" and drives):
             return None
         rates = np.full(len(parameters), self.stiffness / (4 * self.damping))
         return LoopRates(rates, rates, lag=self.damping)
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign, the hand's twist and the last inputs, with a sideways speed for each drive."""
-        return 7 + robot.input_size + len(drive_table(robot))
+        return linearization_state.size(robot.input_size + len(drive_table(robot)))
 
     def work_size(self, robot: Robot) -> int:
-        """Return room for the preferred motion, scratch, two Jacobians, two rows of rates and the solver's own."""
-        n = robot.input_size + len(drive_table(robot))
-        return robot.input_size + SCRATCH + 14 * n + 9 + work_size()
+        """Return room for scratch, with a sideways speed for each drive."""
+        return linearization_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))

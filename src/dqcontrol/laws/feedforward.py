@@ -2,33 +2,57 @@
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multiply
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.laws.hand_twist import solve_hand_twist
-from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.law import LAW, SCRATCH
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
+from dqcontrol.laws.integral import (
+    IntegralPoseLaw,
+    add_integral,
+    integral_parameters,
+    integral_state,
+    integral_work,
+)
+from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+
+
+class FeedforwardWork(NamedTuple):
+    """Scratch of the law."""
+
+    preferred: Annotated[Array, "m"]
+    error: Annotated[Array, 8]
+    target: Annotated[Array, 8]
+    velocity: Annotated[Array, 8]
+    half_twist: Annotated[Array, 8]
+    integral: Annotated[Array, integral_work.size()]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+feedforward_work = Layout(FeedforwardWork, "m")
 
 
 @kernel(LAW)
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) + J⁺ k_I ∫ε dt with ẋ_d = ½ξ_d x_d."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, target, velocity, half_twist = scratch[0:8], scratch[8:16], scratch[16:24], scratch[24:32]
-    sign = left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    given, kept = integral_parameters(parameters), integral_state(state)
+    own = feedforward_work(work, out.shape[0])
+    error, target, half_twist = own.error, own.target, own.half_twist
+    sign = left_error(pose, sample, given.hysteresis, kept.sign, error)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
         half_twist[1 + i] = 0.5 * sign * sample[8 + i]
         half_twist[5 + i] = 0.5 * sign * sample[11 + i]
-    multiply(half_twist, sample, velocity)
-    conjugate_multiply(pose, velocity, target)
+    multiply(half_twist, sample, own.velocity)
+    conjugate_multiply(pose, own.velocity, target)
     for i in range(8):
-        target[i] = parameters[GAIN + i] * error[i] - target[i]
+        target[i] = given.gain[i] * error[i] - target[i]
     twist = left_error_twist(target, error, pose)
-    twist = add_integral(twist, pose, sample, parameters, state, scratch[16:32])
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
+    twist = add_integral(twist, pose, sample, given, kept, own.integral)
+    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
 
 
 class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
@@ -45,17 +69,8 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
 
     Parameters
     ----------
-    gain
-        K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
-    integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see `IntegralPoseLaw`. 0 for none.
-    inverse
-        How J is inverted; the default is exact away from singularities.
-    hysteresis
-        x_d and −x_d are the same pose; the sign is changed only when Re(x*x_d) has passed 0 by this much.
-    null_space
-        Motion preferred where the task leaves freedom.
+    gain, integral_gain, integral_position_limit, integral_orientation_limit, inverse, hysteresis, null_space
+        As of `Proportional`.
 
     Examples
     --------
@@ -69,3 +84,4 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
     """
 
     kernel = proportional_feedforward
+    work = feedforward_work

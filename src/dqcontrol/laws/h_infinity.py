@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -16,57 +16,80 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     multiply,
     translation,
 )
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist
-from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
-from dqcontrol.laws.law import LAW, SCRATCH, Law
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
+from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
+from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
+from dqcontrol.laws.pose_law import checked_hysteresis
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
 
-_ORIENTATION, _TRANSLATION, _TRACKING = HEAD + 1, HEAD + 2, HEAD + 3
+
+class HInfinityParameters(NamedTuple):
+    """What compiled code knows of the law; ``tracking`` is 0 where the desired twist is not added."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    orientation: float
+    translation: float
+    tracking: float
+
+
+class HInfinityWork(NamedTuple):
+    """Scratch of both forms."""
+
+    preferred: Annotated[Array, "m"]
+    relative: Annotated[Array, 8]
+    opposite: Annotated[Array, 8]
+    twist: Annotated[Array, 6]
+    desired_twist: Annotated[Array, 6]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+h_infinity_parameters, h_infinity_work = Layout(HInfinityParameters), Layout(HInfinityWork, "m")
 
 
 @kernel(LAW)
 def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the inertial twist [−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d with x_e = x x_d*."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, opposite, twist, desired_twist = scratch[0:8], scratch[8:16], scratch[16:22], scratch[22:28]
-    conjugate(sample, opposite)
-    multiply(pose, opposite, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    given, own = h_infinity_parameters(parameters), h_infinity_work(work, out.shape[0])
+    relative, twist = own.relative, own.twist
+    conjugate(sample, own.opposite)
+    multiply(pose, own.opposite, relative)
+    sign = short_sign(relative[0], given.hysteresis, state)
     translation(relative, twist[3:6])
     for i in range(3):
-        twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
-        twist[3 + i] *= -parameters[_TRANSLATION]
-    if parameters[_TRACKING] != 0.0:
-        adjoint_twist(relative, sample[8:14], desired_twist)
+        twist[i] = -given.orientation * sign * relative[1 + i]
+        twist[3 + i] *= -given.translation
+    if given.tracking != 0.0:
+        adjoint_twist(relative, sample[8:14], own.desired_twist)
         for i in range(6):
-            twist[i] += desired_twist[i]
-    return solve_hand_twist(pose, twist_jacobian, at_hand(twist, pose), work[0:n], parameters, rest, out)
+            twist[i] += own.desired_twist[i]
+    hand_twist = at_hand(twist, pose)
+    return solve_hand_twist(pose, twist_jacobian, hand_twist, own.preferred, given.inverse, own.solver, out)
 
 
 @kernel(LAW)
 def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the body twist [−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b with x_l = x_d* x."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, body_twist = scratch[0:8], scratch[8:14]
+    given, own = h_infinity_parameters(parameters), h_infinity_work(work, out.shape[0])
+    relative, twist, tracking = own.relative, own.twist, given.tracking
     conjugate_multiply(sample, pose, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
-    body_translation(relative, body_twist[3:6])
+    sign = short_sign(relative[0], given.hysteresis, state)
+    body_translation(relative, twist[3:6])
     for i in range(3):
-        body_twist[i] = -parameters[_ORIENTATION] * sign * relative[1 + i]
-        body_twist[3 + i] *= -parameters[_TRANSLATION]
+        twist[i] = -given.orientation * sign * relative[1 + i]
+        twist[3 + i] *= -given.translation
     return solve_left_twist(
-        body_twist, parameters[_TRACKING], pose, twist_jacobian, sample, work[0:n], parameters, rest, out
+        twist, tracking, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
     )
 
 
@@ -127,6 +150,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     form: Literal["right", "left"] = "right"
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
+    work = h_infinity_work
 
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
@@ -137,22 +161,24 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gains and whether to track, at each time."""
-        head = parameter_head(self.inverse, self.hysteresis)
         orientation = _gains("orientation", self.orientation_gain, self.orientation_gamma, 2.0, times)
         translation_ = _gains(
             "translation", self.translation_gain, self.translation_gamma, math.sqrt(2), times
         )
-        count = max(len(orientation), len(translation_))
-        rows = np.empty((count, _TRACKING + 1))
-        rows[:, : len(head)] = head
-        rows[:, _ORIENTATION] = orientation
-        rows[:, _TRANSLATION] = translation_
-        rows[:, _TRACKING] = self._tracks()
-        return rows
+        return h_infinity_parameters.pack(
+            inverse=self.inverse.parameters(),
+            hysteresis=checked_hysteresis(self.hysteresis),
+            orientation=orientation,
+            translation=translation_,
+            tracking=float(self._tracks()),
+        )
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return k_T and k_O/2."""
-        return LoopRates(position=parameters[:, _TRANSLATION], orientation=parameters[:, _ORIENTATION] / 2)
+        given = h_infinity_parameters(parameters)
+        return LoopRates(
+            position=np.asarray(given.translation), orientation=np.asarray(given.orientation) / 2
+        )
 
     def _tracks(self) -> bool:
         return False

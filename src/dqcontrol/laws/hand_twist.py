@@ -5,12 +5,33 @@ Solved at the hand, in the measure |[ℓω ; ṗ]|, so that nothing depends on w
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
 from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.laws.inverses import BY_MANIPULABILITY, DAMPED, LENGTH, finite, solve
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.inverses import (
+    BY_MANIPULABILITY,
+    DAMPED,
+    finite,
+    inverse_parameters,
+    solve,
+    solver_work,
+)
 from dqcontrol.laws.least_norm import least_norm
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
+
+
+class TwistWork(NamedTuple):
+    """What it takes to solve for n inputs."""
+
+    matrix: Annotated[Array, 6, "n"]
+    twist: Annotated[Array, 6]
+    solver: Annotated[Array, solver_work.size()]
+
+
+twist_work = Layout(TwistWork, "n")
 
 
 @inline
@@ -22,29 +43,29 @@ def weigh(row, y, i, length):
 
 
 @inline
-def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse, work, out):
+def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse_numbers, work, out):
     """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
 
     Where J has full row rank the measure does not matter: one 6 × 6 system in straight lines, for all laws.
     """
+    inverse = inverse_parameters(inverse_numbers)
     n = twist_jacobian.shape[1]
     p = position(pose)
-    length = inverse[LENGTH]
-    if n >= 6 and inverse[0] != BY_MANIPULABILITY:
-        linear = inverse[1] * inverse[1]
-        angular = linear / (length * length)
+    if n >= 6 and inverse.kind != BY_MANIPULABILITY:
+        linear = inverse.level * inverse.level
+        angular = linear / (inverse.length * inverse.length)
         px, py, pz = p
-        damped = 1.0 if inverse[0] == DAMPED else 0.0
+        damped = 1.0 if inverse.kind == DAMPED else 0.0
         a, b, c, d = (1.0 - damped) * angular, (1.0 - damped) * linear, damped * angular, damped * linear
         if least_norm(twist_jacobian, px, py, pz, hand_twist, preferred, a, b, c, d, out):
             return finite(out)
-    matrix, y = as_matrix(work[0 : 6 * n], 6, n), work[6 * n : 6 * n + 6]
-    hand_jacobian(p, twist_jacobian, matrix)
+    own = twist_work(work, n)
+    hand_jacobian(p, twist_jacobian, own.matrix)
     for i in range(6):
-        y[i] = hand_twist[i]
+        own.twist[i] = hand_twist[i]
     for i in range(3):
-        weigh(matrix[i], y, i, length)
-    return solve(matrix, y, preferred, inverse, work[6 * n + 6 :], out)
+        weigh(own.matrix[i], own.twist, i, inverse.length)
+    return solve(own.matrix, own.twist, preferred, inverse_numbers, own.solver, out)
 
 
 @inline

@@ -5,65 +5,104 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated, translation
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import as_positive
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.pose_law import GAIN, PoseLaw
+from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-INTEGRAL = GAIN + 8  # parameters: k_I T, T/T_t, bounds on ω and ṗ
-# State, behind the sign of x_d: the integral in the hand's axes, what was asked of the hand, and what left for it.
-_SUM, _ASKED, DELIVERED, _END = 1, 7, 13, 19
+
+class IntegralParameters(NamedTuple):
+    """What compiled code knows of an `IntegralPoseLaw`.
+
+    Attributes
+    ----------
+    inverse, hysteresis, gain
+        Those of `PoseParameters`.
+    step, back
+        k_I T and T/T_t.
+    bounds
+        On the integral's part of ω and of ṗ.
+    """
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8]
+    step: float
+    back: float
+    bounds: Annotated[Array, 2]
+
+
+class IntegralState(NamedTuple):
+    """What an `IntegralPoseLaw` keeps; without an integral only the sign of x_d.
+
+    Attributes
+    ----------
+    total
+        The integral, in the hand's axes.
+    asked, delivered
+        Twists of the hand: what the law asked for, and what left.
+    """
+
+    sign: Annotated[Array, 1]
+    total: Annotated[Array, 6]
+    asked: Annotated[Array, 6]
+    delivered: Annotated[Array, 6]
+
+
+class IntegralWork(NamedTuple):
+    """Scratch of `add_integral`."""
+
+    relative: Annotated[Array, 8]
+    error: Annotated[Array, 6]
+
+
+integral_parameters, integral_state = Layout(IntegralParameters), Layout(IntegralState)
+integral_work = Layout(IntegralWork)
 
 
 @inline
-def add_integral(twist, pose, sample, parameters, state, scratch):
+def add_integral(twist, pose, sample, given, kept, work):
     """Return the hand's twist [ω ; ṗ] with k_I ∫ε dt added, ε = [2 Im r ; p] of short(x*x_d), in the hand's axes.
 
     Where less left than was asked for in the last sample, the integral gives up its part of the difference at the rate
     1/T_t; it is never driven through 0 by that, so it does not work against K e.
     """
-    step, back = parameters[INTEGRAL], parameters[INTEGRAL + 1]
-    if step == 0.0:
+    if given.step == 0.0:
         return twist
-    relative, error = scratch[0:8], scratch[8:14]
-    conjugate_multiply(pose, sample, relative)
+    own, total, asked, left = integral_work(work), kept.total, kept.asked, kept.delivered
+    conjugate_multiply(pose, sample, own.relative)
     for i in range(8):
-        relative[i] *= state[0]
+        own.relative[i] *= kept.sign[0]
     for i in range(3):
-        error[i] = 2.0 * relative[1 + i]
-    translation(relative, error[3:6])
+        own.error[i] = 2.0 * own.relative[1 + i]
+    translation(own.relative, own.error[3:6])
     inward = pose[0], -pose[1], -pose[2], -pose[3]
     for half in range(2):
-        first = 3 * half
-        asked, left, total = _ASKED + first, DELIVERED + first, _SUM + first
-        a, b, c = rotated(
-            inward,
-            (
-                state[asked] - state[left],
-                state[asked + 1] - state[left + 1],
-                state[asked + 2] - state[left + 2],
-            ),
-        )
-        bound = parameters[INTEGRAL + 2 + half]
-        state[total] = _summed(state[total] + step * error[first], back * a, bound)
-        state[total + 1] = _summed(state[total + 1] + step * error[first + 1], back * b, bound)
-        state[total + 2] = _summed(state[total + 2] + step * error[first + 2], back * c, bound)
-    a, b, c = rotated(pose, (state[_SUM], state[_SUM + 1], state[_SUM + 2]))
-    u, v, w = rotated(pose, (state[_SUM + 3], state[_SUM + 4], state[_SUM + 5]))
+        x, y, z = 3 * half, 3 * half + 1, 3 * half + 2
+        a, b, c = rotated(inward, (asked[x] - left[x], asked[y] - left[y], asked[z] - left[z]))
+        bound = given.bounds[half]
+        total[x] = _summed(total[x] + given.step * own.error[x], given.back * a, bound)
+        total[y] = _summed(total[y] + given.step * own.error[y], given.back * b, bound)
+        total[z] = _summed(total[z] + given.step * own.error[z], given.back * c, bound)
+    a, b, c = rotated(pose, (total[0], total[1], total[2]))
+    u, v, w = rotated(pose, (total[3], total[4], total[5]))
     a, b, c = a + twist[0], b + twist[1], c + twist[2]
     u, v, w = u + twist[3], v + twist[4], w + twist[5]
-    state[_ASKED], state[_ASKED + 1], state[_ASKED + 2] = a, b, c
-    state[_ASKED + 3], state[_ASKED + 4], state[_ASKED + 5] = u, v, w
+    asked[0], asked[1], asked[2] = a, b, c
+    asked[3], asked[4], asked[5] = u, v, w
     return a, b, c, u, v, w
 
 
@@ -110,17 +149,21 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
                 stacklevel=3,
             )
             position = orientation = 2.0 * as_positive("integral_limit", self.integral_limit)
-        own = gain * dt, min(math.sqrt(gain) * dt, 1.0), orientation, position
-        return np.hstack([rows, np.tile(own, (len(rows), 1))])
+        return integral_parameters.pack(
+            **pose_parameters(rows)._asdict(),
+            step=gain * dt,
+            back=min(math.sqrt(gain) * dt, 1.0),
+            bounds=[orientation, position],
+        )
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign of x_d, the integral, and what was asked for and what left."""
-        return _END if self.integral_gain else 1
+        return integral_state.size() if self.integral_gain else 1
 
     @property
     def delivered_at(self) -> int:
         """Where the state takes the hand's twist that left; 0 without an integral."""
-        return DELIVERED if self.integral_gain else 0
+        return integral_state.place("delivered") if self.integral_gain else 0
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest of K's entries, and k_I."""

@@ -2,21 +2,56 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from msgspec import Meta, Struct
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import as_positive
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
-HEAD = 4  # parameters that an inverse puts first: kind, two numbers, characteristic length
-LENGTH = 3
 
 _MOST_ROWS = 6
-_SQUARE = _MOST_ROWS * _MOST_ROWS
+
+
+class InverseParameters(NamedTuple):
+    """What compiled code knows of an inverse.
+
+    Attributes
+    ----------
+    kind
+        One of the numbers above.
+    level
+        λ of the damped inverse, ε of the filtered one, m₀.
+    damping
+        λ of the filtered inverse, λ₀.
+    length
+        ℓ, m.
+    """
+
+    kind: float
+    level: float
+    damping: float
+    length: float
+
+
+inverse_parameters = Layout(InverseParameters)
+
+
+class SolverWork(NamedTuple):
+    """What `solve` needs beside its matrix; its system has six unknowns at most."""
+
+    gram: Annotated[Array, _MOST_ROWS * _MOST_ROWS]
+    vectors: Annotated[Array, _MOST_ROWS * _MOST_ROWS]
+    solution: Annotated[Array, _MOST_ROWS]
+    column: Annotated[Array, _MOST_ROWS]
+
+
+solver_work = Layout(SolverWork)
 
 _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 
@@ -98,11 +133,6 @@ def _length(inverse: Inverse) -> float:
     return as_positive("inverse.characteristic_length", inverse.characteristic_length)
 
 
-def work_size() -> int:
-    """Return the length of the work array that `solve` needs beside its matrix."""
-    return 2 * _SQUARE + 2 * _MOST_ROWS
-
-
 @inline
 def _gram(matrix, rows, n, by_columns, gram):
     """Write the lower triangle of JᵀJ or JJᵀ."""
@@ -126,11 +156,11 @@ def _gram(matrix, rows, n, by_columns, gram):
 def _filtered_solve(gram, m, y, inverse, vectors, scratch):
     """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ)), through the eigenvalues of G."""
     diagonalise(gram, m, vectors)
-    threshold = inverse[1] * inverse[1]
+    threshold = inverse.level * inverse.level
     for i in range(m):
         eigenvalue = max(gram[i, i], 0.0)
         if eigenvalue < threshold:
-            eigenvalue += (1.0 - eigenvalue / threshold) * inverse[2] * inverse[2]
+            eigenvalue += (1.0 - eigenvalue / threshold) * inverse.damping * inverse.damping
         value = 0.0
         for k in range(m):
             value += vectors[k, i] * y[k]
@@ -145,11 +175,11 @@ def _filtered_solve(gram, m, y, inverse, vectors, scratch):
 @inline
 def _manipulability_damping(factor, m, inverse):
     """Return λ² from a Cholesky factor with reciprocal pivots: m = 1/Π(1/lᵢᵢ), without the ℓ of three rows."""
-    product = inverse[LENGTH] * inverse[LENGTH] * inverse[LENGTH]
+    product = inverse.length * inverse.length * inverse.length
     for i in range(m):
         product *= factor[i, i]
-    shortfall = 1.0 - 1.0 / (product * inverse[1])
-    return inverse[2] * inverse[2] * shortfall * shortfall if shortfall > 0.0 else 0.0
+    shortfall = 1.0 - 1.0 / (product * inverse.level)
+    return inverse.damping * inverse.damping * shortfall * shortfall if shortfall > 0.0 else 0.0
 
 
 @inline
@@ -162,18 +192,17 @@ def finite(command):
 
 
 @shared
-def solve(matrix, y, preferred, inverse, work, out):
+def solve(matrix, y, preferred, inverse_numbers, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most six rows; y is overwritten.
 
     The smaller of JᵀJ and JJᵀ is used. The filtered inverse needs its eigenvalues only where tr G⁻¹ ≥ 1/σ²min cannot
     exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result.
     """
+    inverse, own = inverse_parameters(inverse_numbers), solver_work(work)
     rows, n = matrix.shape
     by_columns = n < rows
     m = n if by_columns else rows
-    gram = as_matrix(work[0 : m * m], m, m)
-    rhs = work[2 * _SQUARE : 2 * _SQUARE + m]
-    scratch = work[2 * _SQUARE + _MOST_ROWS : 2 * _SQUARE + _MOST_ROWS + m]
+    gram, rhs, scratch = as_matrix(own.gram, m, m), own.solution, own.column
     _gram(matrix, rows, n, by_columns, gram)
     check = 0.0
     for i in range(m):
@@ -191,17 +220,19 @@ def solve(matrix, y, preferred, inverse, work, out):
             for i in range(n):
                 rhs[i] += matrix[k, i] * y[k]
 
-    if inverse[0] == FILTERED:
-        if cholesky(gram, m) and inverse_trace(gram, m, scratch) * inverse[1] * inverse[1] <= 1.0:
+    if inverse.kind == FILTERED:
+        if cholesky(gram, m) and inverse_trace(gram, m, scratch) * inverse.level * inverse.level <= 1.0:
             cholesky_solve(gram, m, rhs)
         else:
             _gram(matrix, rows, n, by_columns, gram)
-            _filtered_solve(gram, m, rhs, inverse, as_matrix(work[_SQUARE : _SQUARE + m * m], m, m), scratch)
+            _filtered_solve(gram, m, rhs, inverse, as_matrix(own.vectors, m, m), scratch)
     else:
-        damping = inverse[1] * inverse[1]
-        if inverse[0] == BY_MANIPULABILITY:
+        damping = inverse.level * inverse.level
+        if inverse.kind == BY_MANIPULABILITY:
             regular = cholesky(gram, m)
-            damping = _manipulability_damping(gram, m, inverse) if regular else inverse[2] * inverse[2]
+            damping = (
+                _manipulability_damping(gram, m, inverse) if regular else inverse.damping * inverse.damping
+            )
             _gram(matrix, rows, n, by_columns, gram)
         for i in range(m):
             gram[i, i] += damping

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -14,15 +14,24 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.laws.command_kernel import LAW_FAILED, memory_layout, note_delivered, sent, step
-from dqcontrol.laws.inverses import work_size
+from dqcontrol.laws.command_kernel import (
+    LAW_FAILED,
+    Plan,
+    PreparedMemory,
+    note_delivered,
+    prepared_memory,
+    sent,
+    step,
+)
+from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.kinematics_kernels import twist_kinematics
+from dqcontrol.robots.kinematics_kernels import split, twist_kinematics
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -30,16 +39,24 @@ if TYPE_CHECKING:
 
 CommandMode = Literal["integrated", "measured"]
 
-SCRATCH = 48  # numbers of work between the preferred motion and the task matrix
 _MOST_STEPS = 10_000_000
+
+
+class LawWork(NamedTuple):
+    """Scratch of laws that declare none of their own: m numbers of preferred motion first, as all laws have."""
+
+    preferred: Annotated[Array, "m"]
+    scratch: Annotated[Array, 48]
+    solver: Annotated[Array, twist_work.sized("m")]
 
 
 class Law(
     Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
 ):
-    """Parameters of a control law; subclasses name a kernel of signature ``LAW``."""
+    """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch."""
 
     kernel: ClassVar[Kernel]
+    work: ClassVar[Layout[Any]] = Layout(LawWork, "m")
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -47,8 +64,8 @@ class Law(
         raise NotImplementedError
 
     def work_size(self, robot: Robot) -> int:
-        """Return room for the preferred motion, scratch, a task matrix, what is asked for and the solver's own."""
-        return robot.input_size + SCRATCH + 6 * robot.input_size + 6 + work_size()
+        """Return room for the preferred motion and the kernel's scratch."""
+        return self.work.size(robot.input_size)
 
     def state_size(self, robot: Robot) -> int:
         """Return how many numbers are kept from sample to sample."""
@@ -161,24 +178,35 @@ class PreparedLaw:
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
         self._limit = limit if limit is not unlimited else None
-        parts = (
-            robot.chain,
-            law.null_space.parameters(robot) if law.null_space else empty,
-            np.zeros(WORK_SIZE),
-            parameters,
-            np.zeros(law.work_size(robot)),
-            np.zeros(8 + 14 * m),
-            position.parameters(robot, dt, command_mode, limit_parameters) if position else empty,
-            np.zeros(2 * m + self.state_size),
-            limit_parameters,
+        parts = PreparedMemory(
+            chain=robot.chain,
+            preferring=law.null_space.parameters(robot) if law.null_space else empty,
+            preference_work=np.zeros(WORK_SIZE),
+            parameters=parameters,
+            work=np.zeros(law.work_size(robot)),
+            kinematics=np.zeros(8 + 14 * m),
+            position_limiting=position.parameters(robot, dt, command_mode, limit_parameters)
+            if position
+            else empty,
+            position_limit_work=np.zeros(2 * m + self.state_size),
+            limiting=limit_parameters,
         )
-        sizes = [part.size for part in parts]
-        self.memory: Array = np.concatenate([part.ravel() for part in parts])
-        self._sizes = robot.configuration_size, len(parameters), self.state_size, self._feedback, sizes
-        views = np.split(self.memory, np.cumsum(sizes)[:-1])
-        self.parameters: Array = views[3].reshape(parameters.shape)
-        self._views = views
-        self.work, self.preferred, self.pose = views[4], views[4][:m], views[5][:8]
+        self.memory: Array = prepared_memory.pack(**parts._asdict())
+        self._sizes = {
+            "state": self.state_size,
+            "coordinates": robot.configuration_size,
+            "inputs": m,
+            "preferring": parts.preferring.size,
+            "rows": len(parameters),
+            "columns": parameters.shape[1],
+            "work": parts.work.size,
+            "position_limiting": parts.position_limiting.size,
+            "limiting": parts.limiting.size,
+        }
+        self._parts = prepared_memory(self.memory, *self._sizes.values())
+        self.parameters: Array = self._parts.parameters
+        self.work, self.preferred = self._parts.work, self._parts.work[:m]
+        self.pose = self._parts.kinematics[:8]
 
     def with_limits(self, limits: CommandLimits) -> PreparedLaw:
         """Return the same law with something else done to its commands before they leave."""
@@ -211,7 +239,7 @@ class PreparedLaw:
         """Where compiled code finds the law's stages and sizes."""
         stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
-        return memory_layout(addresses, *self._sizes)
+        return np.array(Plan(*addresses, *self._feedback, **self._sizes), dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:
         """Return the state before the first sample.
@@ -314,23 +342,25 @@ class PreparedLaw:
     ) -> int:
         """Do in Python, for a law that is not compiled, what `compute_command` does."""
         self._check(state, out)
-        _, preferring, scratch, _, work, buffer, limiting_positions, room, limits = self._views
+        parts, buffer = self._parts, self._parts.kinematics
         if status := twist_kinematics(self.robot.chain, q, buffer):
             return status
-        pose, pose_jacobian, twist_jacobian = buffer[:8], *np.split(buffer[8:].reshape(14, -1), [8])
+        pose, pose_jacobian, twist_jacobian = split(buffer)
         if self._preference:
-            self._preference(q, twist_jacobian, preferring, scratch, self.preferred)
+            parameters, scratch = parts.preferring, parts.preference_work
+            self._preference(q, twist_jacobian, parameters, scratch, self.preferred)
         row = max(round(sample[TIME] / period), 0) if k < 0 else k
         parameters = self.parameters[min(row, len(self.parameters) - 1)]
-        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work
+        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, self.work
         if self._position_limit:
-            status = self._position_limit.function(self.kernel, *asked, limiting_positions, room, out)
+            own = parts.position_limiting, parts.position_limit_work
+            status = self._position_limit.function(self.kernel, *asked, *own, out)
         else:
             status = self.kernel(*asked, out)
         if status:
             return LAW_FAILED + status
         if self._limit:
-            self._limit(q, limits, out)
+            self._limit(q, parts.limiting, out)
         self._note_sent(None, None, state, out)
         return OK
 
@@ -341,10 +371,9 @@ class PreparedLaw:
     def _note_sent(self, plan: object, memory: object, state: Array, command: Array) -> int:
         """Do in Python, for a law that is not compiled, what `note_sent` does."""
         delivered, at = self._feedback
-        buffer = self._views[5]
         if delivered:
-            jacobian = buffer[8:].reshape(14, -1)[8:]
-            note_delivered(buffer[:8], jacobian, command, state[delivered : delivered + 6])
+            pose, _, twist_jacobian = split(self._parts.kinematics)
+            note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
         if at:
             state[at:] = command
         return OK

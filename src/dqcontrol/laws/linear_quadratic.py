@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -20,14 +20,15 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 )
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist
-from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
-from dqcontrol.laws.law import LAW, SCRATCH, Law, check_steps
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
+from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
+from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
 from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
-from dqcontrol.laws.pose_law import HYSTERESIS, parameter_head
+from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
 
@@ -39,13 +40,47 @@ Weight = Annotated[
     float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),
 ]
-_GAIN = HEAD + 1
 _MOST_SUBSTEPS = 500_000  # a few seconds
+
+
+class PoseFeedback(NamedTuple):
+    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P and R⁻¹ξ."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8, 8]
+    offset: Annotated[Array, 8]
+
+
+class TwistFeedback(NamedTuple):
+    """What compiled code knows of `LinearQuadraticDQ`: R⁻¹P, and whether y has the angle, not its sine."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 6, 6]
+    is_logarithm: float
+
+
+class LinearQuadraticWork(NamedTuple):
+    """Scratch of these laws."""
+
+    preferred: Annotated[Array, "m"]
+    relative: Annotated[Array, 8]
+    opposite: Annotated[Array, 8]
+    error: Annotated[Array, 8]
+    target: Annotated[Array, 8]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+pose_feedback, twist_feedback = Layout(PoseFeedback), Layout(TwistFeedback)
+linear_quadratic_work = Layout(LinearQuadraticWork, "m")
 
 
 class LinearQuadratic(Law, frozen=True, kw_only=True):
     """What both linear quadratic laws have in common: weights, horizon, inverse, sign."""
 
+    work = linear_quadratic_work
+    feedback: ClassVar[Layout[Any]]
     error_weight: Weight
     control_weight: Weight
     final_weight: Annotated[
@@ -93,15 +128,20 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
 
     def _packed(self, gains: Array, offsets: Array) -> Array:
-        count = len(gains)
-        head = np.tile(parameter_head(self.inverse, self.hysteresis), (count, 1))
-        return np.hstack([head, gains.reshape(count, -1), offsets])
+        return self.feedback.pack(
+            inverse=self.inverse.parameters(),
+            hysteresis=checked_hysteresis(self.hysteresis),
+            gain=gains,
+            **self._own_parameters(offsets),
+        )
+
+    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
+        raise NotImplementedError
 
     def loop_rates(self, parameters: Array) -> LoopRates:
         """Return the largest eigenvalues of R⁻¹P's imaginary parts; of the whole where it couples both."""
-        size = self._size()
-        small = slice(None) if size == 6 else [1, 2, 3, 5, 6, 7]
-        gains = parameters[:, _GAIN : _GAIN + size * size].reshape(-1, size, size)[:, small][:, :, small]
+        small = slice(None) if self._size() == 6 else [1, 2, 3, 5, 6, 7]
+        gains = self.feedback(parameters).gain[:, small][:, :, small]
         coupling = max(np.abs(gains[:, :3, 3:]).max(), np.abs(gains[:, 3:, :3]).max())
         if coupling > 1e-9 * np.abs(gains).max():
             whole = largest_rates(gains)
@@ -128,15 +168,17 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 @kernel(LAW)
 def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ R⁻¹ (P e + ξ)."""
-    scratch = work[pose_jacobian.shape[1] :]
-    error, target = scratch[0:8], scratch[8:16]
-    left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    given, own = pose_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    error, target = own.error, own.target
+    left_error(pose, sample, given.hysteresis, state, error)
     for i in range(8):
-        value = parameters[_GAIN + 64 + i]
+        value = given.offset[i]
         for k in range(8):
-            value += parameters[_GAIN + 8 * i + k] * error[k]
+            value += given.gain[i, k] * error[k]
         target[i] = value
-    return solve_left_error(target, error, pose, twist_jacobian, parameters, work, out)
+    return solve_left_error(
+        target, error, pose, twist_jacobian, own.preferred, given.inverse, own.solver, out
+    )
 
 
 class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-r8"):
@@ -182,9 +224,13 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     """
 
     kernel = linear_quadratic_r8
+    feedback = pose_feedback
 
     def _size(self) -> int:
         return 8
+
+    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
+        return {"offset": offsets}
 
     def _solve(self, weights, controls, final, times, end, reference):
         dt = times[1] - times[0]
@@ -239,43 +285,44 @@ def _tangent(relative, sign, is_logarithm, error):
 
 
 @inline
-def _subtract_feedback(parameters, error, twist):
+def _subtract_feedback(gain, error, twist):
     """Subtract R⁻¹P y."""
     for i in range(6):
         for k in range(6):
-            twist[i] -= parameters[_GAIN + 6 * i + k] * error[k]
+            twist[i] -= gain[i, k] * error[k]
 
 
 @kernel(LAW)
 def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, opposite, twist, error = scratch[0:8], scratch[8:16], scratch[16:22], scratch[22:28]
-    conjugate(sample, opposite)
-    multiply(pose, opposite, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
-    _tangent(relative, sign, parameters[_GAIN + 42] != 0.0, error)
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    relative, error, twist = own.relative, own.error, own.target
+    conjugate(sample, own.opposite)
+    multiply(pose, own.opposite, relative)
+    sign = short_sign(relative[0], given.hysteresis, state)
+    _tangent(relative, sign, given.is_logarithm != 0.0, error)
     translation(relative, error[3:6])
     adjoint_twist(relative, sample[8:14], twist)
-    _subtract_feedback(parameters, error, twist)
-    return solve_hand_twist(pose, twist_jacobian, at_hand(twist, pose), work[0:n], parameters, rest, out)
+    _subtract_feedback(given.gain, error, twist)
+    hand_twist = at_hand(twist, pose)
+    return solve_hand_twist(pose, twist_jacobian, hand_twist, own.preferred, given.inverse, own.solver, out)
 
 
 @kernel(LAW)
 def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    relative, twist, error = scratch[0:8], scratch[16:22], scratch[22:28]
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    relative, error, twist = own.relative, own.error, own.target
     conjugate_multiply(sample, pose, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
-    _tangent(relative, sign, parameters[_GAIN + 42] != 0.0, error)
+    sign = short_sign(relative[0], given.hysteresis, state)
+    _tangent(relative, sign, given.is_logarithm != 0.0, error)
     body_translation(relative, error[3:6])
     for i in range(6):
         twist[i] = 0.0
-    _subtract_feedback(parameters, error, twist)
-    return solve_left_twist(twist, 1.0, pose, twist_jacobian, sample, work[0:n], parameters, rest, out)
+    _subtract_feedback(given.gain, error, twist)
+    return solve_left_twist(
+        twist, 1.0, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
+    )
 
 
 _DQ_KERNELS = {"right": linear_quadratic_dq, "left": linear_quadratic_dq_left}
@@ -331,6 +378,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     form: Literal["log", "sin"] = "log"
     error: Literal["right", "left"] = "right"
+    feedback = twist_feedback
 
     @property
     def kernel(self):  # type: ignore[override]
@@ -342,11 +390,10 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _size(self) -> int:
         return 6
 
-    def _packed(self, gains: Array, offsets: Array) -> Array:
+    def _own_parameters(self, offsets: Array) -> dict[str, Any]:
         if self.form not in ("log", "sin"):
             raise unknown_name("form", str(self.form), ("log", "sin"))
-        rows = super()._packed(gains, offsets)
-        return np.hstack([rows, np.full((len(rows), 1), float(self.form == "log"))])
+        return {"is_logarithm": float(self.form == "log")}
 
     def _solve(self, weights, controls, final, times, end, reference):
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)

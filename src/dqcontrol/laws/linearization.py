@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
@@ -12,21 +12,73 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     log_body,
     log_inertial,
 )
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist
-from dqcontrol.laws.law import SCRATCH
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist, twist_work
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.pose_error import short_sign
-from dqcontrol.laws.pose_law import HYSTERESIS
 from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
 from dqcontrol.limits.position_limit import FIXED
 
 VelocityState = Literal["realised", "commanded", "realised-unconstrained"]
 Logarithm = Literal["body", "inertial"]
 
-_FIRST = HYSTERESIS + 1
-PERIOD, _STIFFNESS, _DAMPING, VELOCITY_STATE, _LOGARITHM, _SMOOTH, DRIVES = range(_FIRST, _FIRST + 7)
 REALISED, COMMANDED, REALISED_UNCONSTRAINED = range(3)
+
+
+class LinearizationParameters(NamedTuple):
+    """What compiled code knows of these laws.
+
+    Attributes
+    ----------
+    velocity_state, logarithm
+        Places in the types above.
+    smooth
+        1 where the inputs come to preferred ones smoothly.
+    drives
+        Table of the drives that cannot move sideways, see `drive_table`.
+    """
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    period: float
+    stiffness: float
+    damping: float
+    velocity_state: float
+    logarithm: float
+    smooth: float
+    drives: Annotated[Array, "drives", 2]
+
+
+class LinearizationState(NamedTuple):
+    """What they keep: the sign of x_d, the hand's body twist, and the last rates, sideways ones included."""
+
+    sign: Annotated[Array, 1]
+    twist: Annotated[Array, 6]
+    last: Annotated[Array, "columns"]
+
+
+class LinearizationWork(NamedTuple):
+    """Their scratch, for m inputs and a Jacobian of as many columns or more."""
+
+    preferred: Annotated[Array, "m"]
+    opposite: Annotated[Array, 8]
+    relative: Annotated[Array, 8]
+    twist: Annotated[Array, 6]
+    body_twist: Annotated[Array, 6]
+    desired: Annotated[Array, 6]
+    error_twist: Annotated[Array, 6]
+    product: Annotated[Array, 6]
+    jacobian: Annotated[Array, 6, "columns"]
+    preferred_rates: Annotated[Array, "columns"]
+    solver: Annotated[Array, twist_work.sized("columns")]
+    rates: Annotated[Array, "columns"]
+
+
+linearization_parameters = Layout(LinearizationParameters, "drives")
+linearization_state = Layout(LinearizationState, "columns")
+linearization_work = Layout(LinearizationWork, "m", "columns")
 
 # Of the decrease 2 k_v |ξ̃|² of V that the body logarithm has, the inertial one may give up this share.
 _GIVEN_UP = 0.5
@@ -81,32 +133,26 @@ def is_fixed(jacobian, i):
 
 
 @inline
-def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
+def linearize(pose, twist_jacobian, sample, given, kept, own):
     """Write the rates z + J⁺ (ξ_b + T U − J z), and remember the twist that they give the hand.
 
     ξ_b is the body twist that was remembered, or J times the rates that were. Where that is so, drives count as if they
     could move sideways: their speeds to the side are the last of the rates.
     """
-    m, n = twist_jacobian.shape[1], rates.shape[0]
-    scratch, rest = work[m : m + SCRATCH], work[m + SCRATCH :]
-    period = parameters[PERIOD]
-    drives = as_matrix(parameters[DRIVES:], (parameters.shape[0] - DRIVES) // 2, 2)
-    memory, last = state[1:7], state[7:]
-
-    opposite, relative = scratch[0:8], scratch[8:16]
-    twist, body_twist, desired, error_twist = scratch[16:22], scratch[22:28], scratch[28:34], scratch[34:40]
-    product = scratch[40:46]
+    m, n = twist_jacobian.shape[1], own.rates.shape[0]
+    period, jacobian, preferred, last = given.period, own.jacobian, own.preferred_rates, kept.last
+    opposite, relative, twist, body_twist = own.opposite, own.relative, own.twist, own.body_twist
+    desired, error_twist, product = own.desired, own.error_twist, own.product
     conjugate(pose, opposite)
     conjugate_multiply(sample, pose, relative)
-    sign = short_sign(relative[0], parameters[HYSTERESIS], state)
+    sign = short_sign(relative[0], given.hysteresis, kept.sign)
     for i in range(8):
         relative[i] *= sign
 
-    jacobian = as_matrix(rest[0 : 6 * n], 6, n)
-    twist_jacobian_with_sideways(drives[0 : n - m], twist_jacobian, jacobian)
-    if int(parameters[VELOCITY_STATE]) == REALISED:
+    twist_jacobian_with_sideways(given.drives[0 : n - m], twist_jacobian, jacobian)
+    if int(given.velocity_state) == REALISED:
         for i in range(6):
-            body_twist[i] = memory[i]
+            body_twist[i] = kept.twist[i]
     else:
         apply(jacobian, last, twist)
         adjoint_twist(opposite, twist, body_twist)
@@ -116,29 +162,21 @@ def linearize(pose, twist_jacobian, sample, parameters, state, work, rates):
         error_twist[i] = body_twist[i] - desired[i]
     cross_twist(desired, error_twist, product)
     for i in range(6):
-        body_twist[i] += period * (product[i] - parameters[_DAMPING] * error_twist[i])
+        body_twist[i] += period * (product[i] - given.damping * error_twist[i])
     adjoint_twist(opposite, sample[14:20], product)
-    spring(
-        relative,
-        error_twist,
-        parameters[_STIFFNESS],
-        parameters[_DAMPING],
-        parameters[_LOGARITHM] != 0.0,
-        twist,
-    )
+    spring(relative, error_twist, given.stiffness, given.damping, given.logarithm != 0.0, twist)
     for i in range(6):
         body_twist[i] += period * (product[i] - twist[i])
 
-    preferred, rest = rest[6 * n : 7 * n], rest[7 * n :]
     for i in range(n):
-        preferred[i] = work[i] if i < m else 0.0
-        if parameters[_SMOOTH] != 0.0 and not is_fixed(jacobian, i):
-            preferred[i] = last[i] + period * parameters[_DAMPING] * (preferred[i] - last[i])
+        preferred[i] = own.preferred[i] if i < m else 0.0
+        if given.smooth != 0.0 and not is_fixed(jacobian, i):
+            preferred[i] = last[i] + period * given.damping * (preferred[i] - last[i])
     hand_twist = in_inertial_axes(body_twist, pose)
-    status = solve_hand_twist(pose, jacobian, hand_twist, preferred, parameters, rest, rates)
-    apply(jacobian, rates, twist)
-    adjoint_twist(opposite, twist, memory)
+    status = solve_hand_twist(pose, jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates)
+    apply(jacobian, own.rates, twist)
+    adjoint_twist(opposite, twist, kept.twist)
     for i in range(n):
         if is_fixed(jacobian, i):
-            rates[i] *= FIXED
+            own.rates[i] *= FIXED
     return status

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.laws.best_heading import turn_to_best_heading
+from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
 from dqcontrol.robots.kinematics_kernels import HEADING
@@ -38,12 +39,22 @@ class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unkn
         return None
 
 
+class PostureParameters(NamedTuple):
+    """What compiled code knows of `Posture`: a gain for each coordinate, q_rest, and the robot's drives."""
+
+    pull: Annotated[Array, "n"]
+    rest: Annotated[Array, "n"]
+    drives: Annotated[Array, ..., 4]
+
+
+posture_parameters = Layout(PostureParameters, "n")
+
+
 @kernel(PREFERENCE)
 def towards_posture(q, twist_jacobian, parameters, work, out):
     """Write z = −Gᵀ α (q − q_rest), α a number for each coordinate, q̇ = G u."""
     n = q.shape[0]
-    pull, rest = parameters[0:n], parameters[n : 2 * n]
-    drives = as_matrix(parameters[2 * n :], (parameters.shape[0] - 2 * n) // 4, 4)
+    pull, rest, drives = posture_parameters(parameters, n)
     kept = out.shape[0] == n
     i, j = 0, 0
     for k in range(0 if kept else drives.shape[0]):
@@ -84,9 +95,10 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
         rates = np.full(n, as_positive("null_space.gain", self.gain))
         if self.rest is None:
             rates[base_coordinates(robot)] = 0.0
-            return np.concatenate([rates, middle_of_range(robot), robot.drives.ravel()])
-        rest = as_array("null_space.rest", self.rest, (n,))
-        return np.concatenate([rates, rest, robot.drives.ravel()])
+            rest = middle_of_range(robot)
+        else:
+            rest = as_array("null_space.rest", self.rest, (n,))
+        return posture_parameters.pack(pull=rates, rest=rest, drives=robot.drives)
 
     def loop_rate(self, robot: Robot) -> float:
         """Return α."""
@@ -120,22 +132,34 @@ class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
         position_limits("null_space", robot)
         half = (robot.limits.upper - robot.limits.lower) / 2
         rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
-        return np.concatenate([rates, middle_of_range(robot), robot.drives.ravel()])
+        return posture_parameters.pack(pull=rates, rest=middle_of_range(robot), drives=robot.drives)
 
     def loop_rate(self, robot: Robot) -> float:
         """Return the rate of the fastest joint."""
-        return float(self.parameters(robot)[: robot.configuration_size].max())
+        return float(posture_parameters(self.parameters(robot), robot.configuration_size).pull.max())
+
+
+class AvoidanceParameters(NamedTuple):
+    """What compiled code knows of `LimitAvoidance`: α, the largest speed, and limits as `position_limits` has them."""
+
+    gain: float
+    fastest: float
+    lower: Annotated[Array, "m"]
+    upper: Annotated[Array, "m"]
+    coordinate: Annotated[Array, "m"]
+
+
+avoidance_parameters = Layout(AvoidanceParameters, "m")
 
 
 @kernel(PREFERENCE)
 def away_from_limits(q, twist_jacobian, parameters, work, out):
     """Write z = −α ∇H, no joint faster than allowed."""
-    n = out.shape[0]
-    lower, upper = parameters[2 : 2 + n], parameters[2 + n : 2 + 2 * n]
-    input_coordinates = parameters[2 + 2 * n : 2 + 3 * n]
-    for i in range(n):
-        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[int(input_coordinates[i])], lower[i], upper[i])
-        out[i] = min(max(-parameters[0] * gradient, -parameters[1]), parameters[1])
+    given = avoidance_parameters(parameters, out.shape[0])
+    lower, upper = given.lower, given.upper
+    for i in range(out.shape[0]):
+        gradient = 4.0 / (upper[i] - lower[i]) * repulsion(q[int(given.coordinate[i])], lower[i], upper[i])
+        out[i] = min(max(-given.gain * gradient, -given.fastest), given.fastest)
     return OK
 
 
@@ -163,7 +187,8 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
         """Return gain, largest speed and limits."""
         gain = as_positive("null_space.gain", self.gain)
         fastest = as_positive("null_space.fastest", self.fastest)
-        return np.concatenate([[gain, fastest], position_limits("null_space", robot)])
+        limits = position_limits("null_space", robot)
+        return avoidance_parameters.pack(gain=gain, fastest=fastest, **limits._asdict())
 
 
 @inline
@@ -225,6 +250,24 @@ def _factored_gram(twist_jacobian, beside, gram, row, before):
     return cholesky(gram, 6)
 
 
+class HeadingParameters(NamedTuple):
+    """What compiled code knows of `ManipulabilityAscent` and `BestHeading`: α, and which inputs are v of drives."""
+
+    gain: float
+    drives: Annotated[Array, ...]
+
+
+class AscentWork(NamedTuple):
+    """Scratch of `ManipulabilityAscent`: the factor of J_wJ_wᵀ, a column, and the sum of those before it."""
+
+    gram: Annotated[Array, 6, 6]
+    row: Annotated[Array, 6]
+    before: Annotated[Array, 6]
+
+
+heading_parameters, ascent_work = Layout(HeadingParameters), Layout(AscentWork)
+
+
 @kernel(PREFERENCE)
 def towards_manipulability(q, twist_jacobian, parameters, work, out):
     """Write z = α ∂m/∂q of m = √det(J_wJ_wᵀ): ∂m/∂qᵢ = m Σ_{j>i} (ξᵢ × ξⱼ)·(row j of J_w⁺).
@@ -235,9 +278,9 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
     configuration beside it.
     """
     n = twist_jacobian.shape[1]
-    headings = parameters[1:]
-    gram = as_matrix(work[0:36], 6, 6)
-    row, before = work[36:42], work[42:48]
+    given = heading_parameters(parameters)
+    headings = given.drives
+    gram, row, before = ascent_work(work)
     for i in range(n):
         out[i] = 0.0
     beside = 0.0
@@ -253,7 +296,7 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
     for j in range(n):
         _column(twist_jacobian, j, before, beside, row)
         for k in range(6):
-            row[k] *= parameters[0] * m
+            row[k] *= given.gain * m
         cholesky_solve(gram, 6, row)
         for i in range(j):
             out[i] += _carried(twist_jacobian, row, i, j)
@@ -280,7 +323,8 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain, and which inputs are forward speeds of drives."""
-        return np.array([as_positive("null_space.gain", self.gain), *_headings(robot)])
+        gain = as_positive("null_space.gain", self.gain)
+        return heading_parameters.pack(gain=gain, drives=_headings(robot))
 
 
 def _headings(robot: Robot) -> NDArray[np.intp]:
@@ -291,11 +335,12 @@ def _headings(robot: Robot) -> NDArray[np.intp]:
 @kernel(PREFERENCE)
 def towards_best_heading(q, twist_jacobian, parameters, work, out):
     """Write ω = α (angle to the best heading) for each drive, 0 elsewhere."""
+    given = heading_parameters(parameters)
     for i in range(out.shape[0]):
         out[i] = 0.0
-    for k in range(1, parameters.shape[0]):
-        j = int(parameters[k])
-        out[j + 1] = parameters[0] * turn_to_best_heading(twist_jacobian, j, work)
+    for k in range(given.drives.shape[0]):
+        j = int(given.drives[k])
+        out[j + 1] = given.gain * turn_to_best_heading(twist_jacobian, j, work)
     return OK
 
 
@@ -318,11 +363,11 @@ class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
     gain: Annotated[float, Meta(gt=0, description="1/s")] = 2.0
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
-        """Return the gain and the input v of each drive; nothing without drives."""
-        gain, drives = as_positive("null_space.gain", self.gain), _headings(robot)
-        return np.array([gain, *drives]) if len(drives) else np.zeros(0)
+        """Return the gain and the input v of each drive."""
+        gain = as_positive("null_space.gain", self.gain)
+        return heading_parameters.pack(gain=gain, drives=_headings(robot))
 
 
-WORK_SIZE = 48  # what a preference needs
+WORK_SIZE = max(ascent_work.size(), heading_work.size())  # what a preference needs
 
 AnyNullSpace = Posture | ManipulabilityAscent | JointCentring | LimitAvoidance | BestHeading

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import Error, as_positive
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS, PoseLaw
+from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
+from dqcontrol.laws.proportional import proportional_work
 from dqcontrol.laws.unconstrained_drive import drive_table
 from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.robots import Robot
@@ -21,11 +24,34 @@ from dqcontrol.robots import Robot
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-_PULL = GAIN + 8
-_SHARE = GAIN + 9  # then the drives, q_r and u_r
-
 _STEERING = 4.0  # 1/m²: how sharply a drive beside its line turns towards it
 _HANDOVER = 1.0  # s
+
+
+class PlanParameters(NamedTuple):
+    """What compiled code knows of the law at a sample, for n coordinates and m inputs.
+
+    Attributes
+    ----------
+    pull, share
+        α and w.
+    drives
+        Table of the drives, see `drive_table`.
+    planned, inputs
+        q_r and u_r.
+    """
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8]
+    pull: float
+    share: float
+    drives: Annotated[Array, "n - m", 2]
+    planned: Annotated[Array, "n"]
+    inputs: Annotated[Array, "m"]
+
+
+plan_parameters = Layout(PlanParameters, "n", "m")
 
 
 @inline
@@ -47,19 +73,17 @@ def along_plan(q, planned, inputs, pull, drives, out):
 @kernel(LAW)
 def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write u = u_r + z + w N⁺ (K vec8(e) − N z)."""
-    n, m = q.shape[0], out.shape[0]
-    last = parameters.shape[0] - n - m
-    drives = as_matrix(parameters[_SHARE + 1 : last], (last - _SHARE - 1) // 2, 2)
-    inputs, share = parameters[last + n :], parameters[_SHARE]
-    along_plan(q, parameters[last : last + n], inputs, parameters[_PULL], drives, work[0:m])
-    own = work[m:]
-    error, target = own[0:8], own[8:16]
-    left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    m = out.shape[0]
+    given, own = plan_parameters(parameters, q.shape[0], m), proportional_work(work, m)
+    along_plan(q, given.planned, given.inputs, given.pull, given.drives, own.preferred)
+    left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
-        target[i] = parameters[GAIN + i] * error[i]
-    status = solve_left_error(target, error, pose, twist_jacobian, parameters, work, out)
+        own.target[i] = given.gain[i] * own.error[i]
+    status = solve_left_error(
+        own.target, own.error, pose, twist_jacobian, own.preferred, given.inverse, own.solver, out
+    )
     for i in range(m):
-        out[i] = inputs[i] + share * out[i] + (1.0 - share) * work[i]
+        out[i] = given.inputs[i] + given.share * out[i] + (1.0 - given.share) * own.preferred[i]
     return status
 
 
@@ -100,6 +124,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     """
 
     kernel = guided_proportional
+    work = proportional_work
     null_space: None = None
     pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
 
@@ -118,9 +143,11 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
         steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
         check_steps("plan", steps)
         times = dt * np.arange(steps)
-        own = self.parameter_rows(robot, times)
-        pull = np.full(steps, as_positive("pull", self.pull))
-        share = np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0)
-        drives = np.tile(drive_table(robot).ravel(), (steps, 1))
-        plan = reference.configurations(times), reference.mean_inputs(times, dt)
-        return np.hstack([np.broadcast_to(own, (steps, own.shape[1])), np.c_[pull, share], drives, *plan])
+        return plan_parameters.pack(
+            **pose_parameters(self.parameter_rows(robot, times))._asdict(),
+            pull=as_positive("pull", self.pull),
+            share=np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0),
+            drives=drive_table(robot),
+            planned=reference.configurations(times),
+            inputs=reference.mean_inputs(times, dt),
+        )

@@ -5,29 +5,28 @@ from __future__ import annotations
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
 from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.hand_twist import solve_hand_twist
-from dqcontrol.laws.law import SCRATCH
 from dqcontrol.laws.nearest_twist import nearest_twist
 
 
 @inline
-def short_sign(real_part, hysteresis, state):
-    """Return the sign that takes the short way round, with hysteresis; state[0] remembers it, 0 at the start."""
-    if state[0] == 0.0:
-        state[0] = 1.0 if real_part >= 0.0 else -1.0
-    elif state[0] * real_part < -hysteresis:
-        state[0] = -state[0]
-    return state[0]
+def short_sign(real_part, hysteresis, sign):
+    """Return the sign that takes the short way round, with hysteresis; ``sign`` (1) keeps it, 0 at the start."""
+    if sign[0] == 0.0:
+        sign[0] = 1.0 if real_part >= 0.0 else -1.0
+    elif sign[0] * real_part < -hysteresis:
+        sign[0] = -sign[0]
+    return sign[0]
 
 
 @inline
-def left_error(pose, desired, hysteresis, state, error):
+def left_error(pose, desired, hysteresis, sign, error):
     """Write e = 1 − short(x*x_d) and return the sign given to x_d. [P16 2.23]"""
     conjugate_multiply(pose, desired, error)
-    sign = short_sign(error[0], hysteresis, state)
+    given = short_sign(error[0], hysteresis, sign)
     for i in range(8):
-        error[i] = -sign * error[i]
+        error[i] = -given * error[i]
     error[0] += 1.0
-    return sign
+    return given
 
 
 @inline
@@ -42,8 +41,7 @@ def left_error_twist(target, error, pose):
 
 
 @inline
-def solve_left_error(target, error, pose, twist_jacobian, inverse, work, out):
+def solve_left_error(target, error, pose, twist_jacobian, preferred, inverse, work, out):
     """Write out = z + N⁺ (target − N z) with the preferred motion z."""
-    n = twist_jacobian.shape[1]
     twist = left_error_twist(target, error, pose)
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], inverse, work[n + SCRATCH :], out)
+    return solve_hand_twist(pose, twist_jacobian, twist, preferred, inverse, work, out)

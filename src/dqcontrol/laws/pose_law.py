@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.laws.gains import Schedule, gain_matrix_rows
-from dqcontrol.laws.inverses import HEAD, FilteredInverse, Inverse
+from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import Law
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.robots.robot import Robot
@@ -17,16 +19,24 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-HYSTERESIS = HEAD
-GAIN = HEAD + 1  # parameters: inverse (3), hysteresis, gains (8)
+
+class PoseParameters(NamedTuple):
+    """What compiled code knows of a `PoseLaw`."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8]
 
 
-def parameter_head(inverse: Inverse, hysteresis: float) -> list[float]:
-    """Return the parameters that a law of an error with a sign puts first."""
+pose_parameters = Layout(PoseParameters)
+
+
+def checked_hysteresis(hysteresis: float) -> float:
+    """Return the hysteresis of the sign of an error, or raise a `ValueRangeError`."""
     delta = float(as_array("hysteresis", hysteresis, ()))
     if not 0 <= delta < 1:
         raise ValueRangeError(f"hysteresis: must be in [0, 1), got {delta:g}")
-    return [*inverse.parameters(), delta]
+    return delta
 
 
 class PoseLaw(Law, frozen=True, kw_only=True):
@@ -42,13 +52,15 @@ class PoseLaw(Law, frozen=True, kw_only=True):
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis and gain diagonal at each time."""
-        head = parameter_head(self.inverse, self.hysteresis)
-        gains = gain_matrix_rows("gain", self.gain, 8, times)
-        return np.hstack([np.tile(head, (len(gains), 1)), gains])
+        return pose_parameters.pack(
+            inverse=self.inverse.parameters(),
+            hysteresis=checked_hysteresis(self.hysteresis),
+            gain=gain_matrix_rows("gain", self.gain, 8, times),
+        )
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest of K's entries for the dual and the primary imaginary parts."""
-        gains = parameters[:, GAIN : GAIN + 8]
+        gains = pose_parameters(parameters).gain
         return LoopRates(position=gains[:, 5:8].max(axis=1), orientation=gains[:, 1:4].max(axis=1))
 
     def horizon(self, reference: Reference | None) -> float:

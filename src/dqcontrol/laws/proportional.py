@@ -2,26 +2,47 @@
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.laws.hand_twist import solve_hand_twist
-from dqcontrol.laws.integral import IntegralPoseLaw, add_integral
-from dqcontrol.laws.law import LAW, SCRATCH
+from dqcontrol.compiled.layout import Layout
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
+from dqcontrol.laws.integral import (
+    IntegralPoseLaw,
+    add_integral,
+    integral_parameters,
+    integral_state,
+    integral_work,
+)
+from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
-from dqcontrol.laws.pose_law import GAIN, HYSTERESIS
+
+
+class ProportionalWork(NamedTuple):
+    """Scratch of the law."""
+
+    preferred: Annotated[Array, "m"]
+    error: Annotated[Array, 8]
+    target: Annotated[Array, 8]
+    integral: Annotated[Array, integral_work.size()]
+    solver: Annotated[Array, twist_work.sized("m")]
+
+
+proportional_work = Layout(ProportionalWork, "m")
 
 
 @kernel(LAW)
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ K vec8(e) + J⁺ k_I ∫ε dt."""
-    n = pose_jacobian.shape[1]
-    scratch, rest = work[n : n + SCRATCH], work[n + SCRATCH :]
-    error, target = scratch[0:8], scratch[8:16]
-    left_error(pose, sample, parameters[HYSTERESIS], state, error)
+    given, kept = integral_parameters(parameters), integral_state(state)
+    own = proportional_work(work, out.shape[0])
+    left_error(pose, sample, given.hysteresis, kept.sign, own.error)
     for i in range(8):
-        target[i] = parameters[GAIN + i] * error[i]
-    twist = left_error_twist(target, error, pose)
-    twist = add_integral(twist, pose, sample, parameters, state, scratch[16:32])
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, rest, out)
+        own.target[i] = given.gain[i] * own.error[i]
+    twist = left_error_twist(own.target, own.error, pose)
+    twist = add_integral(twist, pose, sample, given, kept, own.integral)
+    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
 
 
 class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional"):
@@ -63,3 +84,4 @@ class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional
     """
 
     kernel = proportional
+    work = proportional_work

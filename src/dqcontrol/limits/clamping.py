@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     FIXED,
     POSITION_LIMIT,
     PositionLimit,
+    input_ranges,
     position_limits,
 )
-from dqcontrol.limits.velocity_limit import velocity_scale
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -25,12 +27,63 @@ if TYPE_CHECKING:
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
-# Parameters: period, tolerance, whether commands move a target; then lower, upper, moved, longest lag, velocity limits.
-_HEAD = 3
-# Beyond this many times the velocity limits a command is scaled as a whole; up to it joints are held one by one, while
-# the others make up for them.
-_OVERLOAD = 2.0
 _MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
+
+
+class ClampingParameters(NamedTuple):
+    """What compiled code knows of `ModifiedClamping`.
+
+    Attributes
+    ----------
+    moves_target
+        1 where commands move a target that joints follow with a lag.
+    lower, upper, coordinate
+        As `position_limits` has them.
+    longest
+        Lag of each joint.
+    velocity
+        Velocity limits, as `velocity_scale` takes them; none if velocities are not limited.
+    """
+
+    period: float
+    tolerance: float
+    moves_target: float
+    lower: Annotated[Array, "m"]
+    upper: Annotated[Array, "m"]
+    coordinate: Annotated[Array, "m"]
+    longest: Annotated[Array, "m"]
+    velocity: Annotated[Array, ...]
+
+
+class LagMemory(NamedTuple):
+    """What `ModifiedClamping` keeps behind the law's state where commands move a target.
+
+    Attributes
+    ----------
+    started
+        1 after the first sample.
+    lag
+        Of each joint behind its target.
+    last, sent
+        Configuration and command of the last sample.
+    """
+
+    started: Annotated[Array, 1]
+    lag: Annotated[Array, "m"]
+    last: Annotated[Array, "m"]
+    sent: Annotated[Array, "m"]
+
+
+class ClampingWork(NamedTuple):
+    """Scratch: which joints are held (1: at a limit, 2: at a value) and at what, and the law's state before."""
+
+    is_held: Annotated[Array, "m"]
+    value: Annotated[Array, "m"]
+    state_before: Annotated[Array, "state"]
+
+
+clamping_parameters = Layout(ClampingParameters, "m")
+lag_memory, clamping_work = Layout(LagMemory, "m"), Layout(ClampingWork, "m", "state")
 
 
 @inline
@@ -50,32 +103,20 @@ def _fix(i, value, twist_jacobian, preferred):
 
 
 @inline
-def _follow_lags(memory, q, input_coordinates, period, longest):
+def _follow_lags(kept, q, coordinate, period, longest):
     """Add to each joint's lag behind its target what was sent, less what the joint went."""
-    n = input_coordinates.shape[0]
-    lag, last, sent = memory[1 : 1 + n], memory[1 + n : 1 + 2 * n], memory[1 + 2 * n :]
-    for i in range(n):
-        angle = q[int(input_coordinates[i])]
-        if memory[0] != 0.0:
-            lag[i] = min(max(lag[i] + period * sent[i] - (angle - last[i]), -longest[i]), longest[i])
+    lag, last = kept.lag, kept.last
+    for i in range(coordinate.shape[0]):
+        angle = q[int(coordinate[i])]
+        if kept.started[0] != 0.0:
+            lag[i] = min(max(lag[i] + period * kept.sent[i] - (angle - last[i]), -longest[i]), longest[i])
         last[i] = angle
-    memory[0] = 1.0
+    kept.started[0] = 1.0
 
 
 @kernel(POSITION_LIMIT)
 def modified_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law again without the joints that it would drive out of their limits, until it keeps them all.
 
@@ -83,23 +124,21 @@ def modified_clamping(
     this period is held at that, one after the other.
     """
     n = out.shape[0]
-    period, tolerance = parameters[0], parameters[1]
-    lower, upper = parameters[_HEAD : _HEAD + n], parameters[_HEAD + n : _HEAD + 2 * n]
-    input_coordinates, longest = (
-        parameters[_HEAD + 2 * n : _HEAD + 3 * n],
-        parameters[_HEAD + 3 * n : _HEAD + 4 * n],
-    )
-    velocity = parameters[_HEAD + 4 * n :]
-    is_held, value, state_before = work[0:n], work[n : 2 * n], work[2 * n :]
-    law_size = state.shape[0]
-    if parameters[2] != 0.0:
-        law_size -= 1 + 3 * n
-        _follow_lags(state[law_size:], q, input_coordinates, period, longest)
+    given = clamping_parameters(parameters, n)
+    period, tolerance, velocity = given.period, given.tolerance, given.velocity
+    lower, upper, input_coordinates = given.lower, given.upper, given.coordinate
+    is_held, value, state_before = clamping_work(work, n, state.shape[0])
+    law_size, moves_target = state.shape[0], given.moves_target != 0.0
+    if moves_target:
+        law_size -= 1 + 3 * n  # the lags' own
+    kept = lag_memory(state[law_size:], n)
+    if moves_target:
+        _follow_lags(kept, q, input_coordinates, period, given.longest)
     for i in range(n):
         is_held[i] = 0.0
     for i in range(law_size):
         state_before[i] = state[i]
-    scale, is_first, again = 1.0, True, True
+    again = True
     while again:  # holds a joint more each time
         status = call_law(
             law,
@@ -108,23 +147,21 @@ def modified_clamping(
             pose_jacobian,
             twist_jacobian,
             sample,
-            law_parameters,
+            law_constants,
             state[0:law_size],
             law_work,
             out,
         )
         if status != OK:
             return status
-        if is_first and velocity.shape[0] > 0:
-            scale = min(1.0, _OVERLOAD * velocity_scale(q, velocity, out))
-        is_first, again = False, False
+        again = False
         worst, most_beyond, bound = -1, 0.0, 0.0
         for i in range(n):
             if is_held[i] != 0.0:
                 out[i] = value[i]
                 continue
             angle = q[int(input_coordinates[i])]
-            lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
+            lag = kept.lag[i] if moves_target else 0.0
             above, below = angle + max(lag, 0.0), angle + min(lag, 0.0)
             if (out[i] > 0.0 and above >= upper[i] - tolerance) or (
                 out[i] < 0.0 and below <= lower[i] + tolerance
@@ -134,8 +171,8 @@ def modified_clamping(
                 again = True
                 continue
             fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
-            room = upper[i] - above if out[i] > 0.0 else below - lower[i]
-            allowed = min(fastest, max(room / period * _JUST_SHORT, 0.0)) / scale
+            distance = upper[i] - above if out[i] > 0.0 else below - lower[i]
+            allowed = min(fastest, max(distance / period * _JUST_SHORT, 0.0))
             beyond = abs(out[i]) - allowed
             if beyond > max(most_beyond, 1e-9 * allowed):
                 worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])
@@ -152,11 +189,11 @@ def modified_clamping(
                 twist_jacobian[k, i] /= FIXED
             law_work[i] = 0.0  # as it stays where nothing is preferred
         angle = q[int(input_coordinates[i])]
-        lag = state[law_size + 1 + i] if parameters[2] != 0.0 else 0.0
+        lag = kept.lag[i] if moves_target else 0.0
         fastest = velocity[i] if velocity.shape[0] > 0 else math.inf
         least = max(min((lower[i] - (angle + min(lag, 0.0))) / period * _JUST_SHORT, 0.0), -fastest)
         most = min(max((upper[i] - (angle + max(lag, 0.0))) / period * _JUST_SHORT, 0.0), fastest)
-        out[i] = min(max(out[i] * scale, least), most)
+        out[i] = min(max(out[i], least), most)
     return OK
 
 
@@ -197,38 +234,32 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
         tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
-        head = [dt, tolerance, command_mode == "integrated"]
-        lags = _MOST_LAG * robot.limits.velocity
-        return np.concatenate([head, position_limits("limits.position", robot), lags, velocity])
+        return clamping_parameters.pack(
+            period=dt,
+            tolerance=tolerance,
+            moves_target=command_mode == "integrated",
+            **position_limits("limits.position", robot)._asdict(),
+            longest=_MOST_LAG * robot.limits.velocity,
+            velocity=velocity,
+        )
 
     def memory(self, robot: Robot, command_mode: str) -> int:
         """Return room for lags, the last configuration and the last command, where commands move a target."""
-        return 1 + 3 * robot.input_size if command_mode == "integrated" else 0
+        return lag_memory.size(robot.input_size) if command_mode == "integrated" else 0
 
 
 @kernel(POSITION_LIMIT)
 def original_clamping(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
-    lower, upper, input_coordinates = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
+    lower, upper, input_coordinates = input_ranges(parameters, n)
     for i in range(n):
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)
     status = call_law(
-        law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
     )
     for i in range(n):
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
@@ -247,4 +278,4 @@ class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-c
 
     def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return the limits."""
-        return position_limits("limits.position", robot)
+        return input_ranges.pack(**position_limits("limits.position", robot)._asdict())

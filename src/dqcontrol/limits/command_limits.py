@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
-from dqcontrol.limits.velocity_limit import scale_velocity, unlimited
+from dqcontrol.limits.velocity_limit import scale_velocity, speed_limits, unlimited
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.robot import Robot
 
@@ -25,8 +25,8 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     ----------
     velocity
         True: where an input exceeds the robot's velocity limit, or the rim of a drive's wheel its rim speed, the whole
-        command is scaled down, so that the hand keeps its direction and only slows. Joints that go faster only
-        because `ModifiedClamping` blocks others do not slow the rest: each is held at its own limit.
+        command is scaled down, so that the hand keeps its direction and only slows. With `ModifiedClamping` joints do
+        not slow the rest: each is held at its own limit, and the others make up for it as far as they can.
         If omitted, the plant decides (see `dqcontrol.plants.limits_before`); a law prepared without a plant leaves the
         command as it is.
     position
@@ -48,4 +48,4 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             return unlimited, np.zeros(0)
         if not np.isfinite(robot.limits.velocity).any():
             raise ValueRangeError(f"limits.velocity: {robot.name} has no velocity limits to keep")
-        return scale_velocity, np.concatenate([robot.limits.velocity, robot.drives.ravel()])
+        return scale_velocity, speed_limits.pack(fastest=robot.limits.velocity, drives=robot.drives)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
@@ -63,8 +65,19 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
         return 0
 
 
-def position_limits(field: str, robot: Robot) -> NDArray[np.float64]:
-    """Return lower limits, upper limits and indices of the coordinates that inputs move, (3 m,).
+class InputRanges(NamedTuple):
+    """Limits of what each input moves, and which coordinate that is."""
+
+    lower: Annotated[Array, "m"]
+    upper: Annotated[Array, "m"]
+    coordinate: Annotated[Array, "m"]
+
+
+input_ranges = Layout(InputRanges, "m")
+
+
+def position_limits(field: str, robot: Robot) -> InputRanges:
+    """Return the position limits of a robot.
 
     Raises
     ------
@@ -74,6 +87,6 @@ def position_limits(field: str, robot: Robot) -> NDArray[np.float64]:
     lower, upper, input_coordinates = robot.limits.lower, robot.limits.upper, robot.input_coordinates
     if not (np.isfinite(lower) | np.isfinite(upper)).any():
         raise ValueRangeError(f"{field}: {robot.name} has no joint limits to keep")
-    return np.concatenate(
-        [lower[input_coordinates], upper[input_coordinates], input_coordinates.astype(np.float64)]
+    return InputRanges(
+        lower[input_coordinates], upper[input_coordinates], input_coordinates.astype(np.float64)
     )

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.robots.driving import drive_speeds
 
 # q, parameters, command
 LIMIT = STATUS(INPUT, READ, WRITE)
+
+
+class SpeedLimits(NamedTuple):
+    """The velocity limit of each input, and the robot's drives, whose rims have limits too."""
+
+    fastest: Annotated[Array, "m"]
+    drives: Annotated[Array, ..., 4]
+
+
+speed_limits = Layout(SpeedLimits, "m")
 
 
 @kernel(LIMIT)
@@ -18,20 +31,17 @@ def unlimited(q, parameters, command):
 
 @inline
 def velocity_scale(q, parameters, command):
-    """Return min(1, min u_max/|u|), wheel rims among the u.
-
-    Parameters: the velocity limit of each input, then the drives.
-    """
+    """Return min(1, min u_max/|u|), wheel rims among the u, for the numbers of `speed_limits`."""
     m = command.shape[0]
+    limits, drives = speed_limits(parameters, m)
     scale = 1.0
     for i in range(m):
-        if abs(command[i]) * scale > parameters[i]:
-            scale = parameters[i] / abs(command[i])
-    drives = as_matrix(parameters[m:], (parameters.shape[0] - m) // 4, 4)
+        if abs(command[i]) * scale > limits[i]:
+            scale = limits[i] / abs(command[i])
     for k in range(drives.shape[0]):
         v, omega = drive_speeds(drives, k, command, q)
         rim = abs(v) + drives[k, 3] * abs(omega)
-        fastest = parameters[int(drives[k, 0]) - (k if m < q.shape[0] else 0)]
+        fastest = limits[int(drives[k, 0]) - (k if m < q.shape[0] else 0)]
         if rim * scale > fastest:
             scale = fastest / rim
     return scale

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, kernel
 from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.layout import Layout
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import (
     POSITION_LIMIT,
     PositionLimit,
+    input_ranges,
     position_limits,
 )
 
@@ -20,25 +23,24 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
+class WeightingWork(NamedTuple):
+    """Scratch: the weights as scales of inputs, and the law's state before it was asked."""
+
+    scale: Annotated[Array, "m"]
+    state_before: Annotated[Array, "state"]
+
+
+weighting_work = Layout(WeightingWork, "m", "state")
+
+
 @kernel(POSITION_LIMIT)
 def weighted_least_norm(
-    law,
-    q,
-    pose,
-    pose_jacobian,
-    twist_jacobian,
-    sample,
-    law_parameters,
-    state,
-    law_work,
-    parameters,
-    work,
-    out,
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
 ):
     """Ask the law with J W^(−1/2) and W^(−1/2) z, w = 1 + |∂H| of joints that it drives towards a limit, else 1."""
     n = out.shape[0]
-    lower, upper, input_coordinates = parameters[0:n], parameters[n : 2 * n], parameters[2 * n : 3 * n]
-    scale, state_before = work[0:n], work[n:]
+    lower, upper, coordinate = input_ranges(parameters, n)
+    scale, state_before = weighting_work(work, n, state.shape[0])
     for i in range(n):
         scale[i] = 1.0
     for i in range(state.shape[0]):
@@ -46,14 +48,14 @@ def weighted_least_norm(
     again = True
     while again:  # weighs a joint more each time
         status = call_law(
-            law, q, pose, pose_jacobian, twist_jacobian, sample, law_parameters, state, law_work, out
+            law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
         )
         if status != OK:
             return status
         again = False
         for i in range(n):
             out[i] *= scale[i]
-            slope = repulsion(q[int(input_coordinates[i])], lower[i], upper[i])
+            slope = repulsion(q[int(coordinate[i])], lower[i], upper[i])
             if scale[i] == 1.0 and slope * out[i] > 0.0:
                 scale[i] = 1.0 / math.sqrt(1.0 + abs(slope))
                 for k in range(6):
@@ -90,4 +92,4 @@ class WeightedLeastNorm(PositionLimit, frozen=True, kw_only=True, tag="weighted-
 
     def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return the limits."""
-        return position_limits("limits.position", robot)
+        return input_ranges.pack(**position_limits("limits.position", robot)._asdict())

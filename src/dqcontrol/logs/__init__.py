@@ -2,9 +2,13 @@
 
 from dqcontrol.logs.evaluation import evaluate_log
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
+from dqcontrol.logs.servos import Identification, JointIdentification, identify
 
 __all__ = [
+    "Identification",
+    "JointIdentification",
     "JointLog",
     "evaluate_log",
+    "identify",
     "read_joint_log",
 ]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import msgspec
 import numpy as np
@@ -13,7 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
+from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_positive
 from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
@@ -22,16 +23,20 @@ from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
+from dqcontrol.logs.alignment import align as align_with
 from dqcontrol.logs.joint_log import JointLog, is_own, read_joint_log
-from dqcontrol.logs.joint_messages import is_recording, read_poses
+from dqcontrol.logs.joint_messages import holds_joint_states, is_recording, read_joint_states, read_poses
 from dqcontrol.logs.joint_table import Angles, column_names
+from dqcontrol.logs.missing_cells import Missing
 from dqcontrol.loop import Record
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
 
 STOPPED = "end of the log"
+LOW_PASS = 10.0  # Hz; arms and their tasks are slower, and encoders' noise faster
 _SNAP = 1e-9  # s; a sample this little before the start belongs to it
 
 
@@ -50,6 +55,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     start: Start | None = None
 
 
+@renamed_parameters(settle="skip_initial")
 def evaluate_log(
     log: str | Path,
     robot: str | Path | None = None,
@@ -58,19 +64,24 @@ def evaluate_log(
     base_link: str | None = None,
     tip_link: str | None = None,
     reference_topic: str | None = None,
+    reference_joints: str | Sequence[str] | None = None,
     joints: Sequence[str] | None = None,
     joint_topic: str | None = None,
     command_topic: str | None = None,
     angles: Angles | None = None,
+    missing: Missing = "interpolate",
     start: float = 0.0,
+    align: bool = False,
     duration: float | None = None,
-    settle: float | None = None,
+    skip_initial: float | None = None,
+    low_pass: float | None = None,
 ) -> Run:
     """Measure a joint log against a reference.
 
     The first sample is time 0. The reference begins there, or ``start`` seconds later; what was logged before is
     left out. Where the reference has ended, it rests at its last pose. Poses logged in the same recording keep
-    its clock: samples before the first pose are left out.
+    its clock: samples before the first pose are left out. What was recognised in a log, left out or joined, and gaps
+    and samples far from their neighbours, are told as `NoteWarning`.
 
     Parameters
     ----------
@@ -86,17 +97,26 @@ def evaluate_log(
     base_link, tip_link
         Ends of the chain in a URDF file.
     reference_topic
-        Topic of geometry_msgs/PoseStamped with the desired poses, robot base frame, in ``reference`` or, if that
-        is left out, in the log.
-    joints, joint_topic, command_topic, angles
+        Topic of geometry_msgs/PoseStamped with the desired poses, robot base frame, or of sensor_msgs/JointState with
+        the commanded positions, in ``reference`` or, if that is left out, in the log.
+    reference_joints
+        Columns of the log with the commanded positions: what their names begin with, as ``"target_"``, or all names in
+        the robot's order. Where they put the hand is where it should have been.
+    joints, joint_topic, command_topic, angles, missing
         As for `read_joint_log`.
     start
         s after the log's first sample.
+    align
+        True: find the start at which the reference fits the log best (`dqcontrol.logs.alignment.align`); how late the
+        robot is then no longer counts as error.
     duration
         s from there on; the rest is left out. Default: to the end of the log.
-    settle
+    skip_initial
         Length of the start that the settled errors leave out, s; default: as the spec says, if the reference or the
         recording has one, else 0.
+    low_pass
+        Cut-off of the filter behind speed and acceleration of the hand and joint steps, Hz; 0 for none. Default: 10,
+        and none for recordings of dqcontrol.
 
     Returns
     -------
@@ -123,58 +143,109 @@ def evaluate_log(
     else:
         raise ValueRangeError(f"robot: {path} does not name its robot; give one (--robot)")
     arm = chosen.load()
-    data = read_joint_log(
-        path, arm, joints=joints, angles=angles, joint_topic=joint_topic, command_topic=command_topic
-    )
+    options: _LogOptions = {
+        "joints": joints,
+        "angles": angles,
+        "joint_topic": joint_topic,
+        "missing": missing,
+    }
+    data = read_joint_log(path, arm, command_topic=command_topic, targets=reference_joints, **options)
+    notes = list(data.notes)
     file = Path(reference) if reference is not None else None
+    cutoff = _cutoff(low_pass, data)
     begin = as_positive("start", start, zero_allowed=True)
-    poses = _poses(data, file, reference_topic)
-    if poses is not None and file is None:
-        begin = max(begin, poses.begin)
-    kept = _kept(data, begin, duration)
-    time = np.maximum(data.time[kept] - begin, 0.0)
-    q = data.q[kept]
-    if settle is not None and as_positive("settle", settle, zero_allowed=True) > time[-1]:
-        raise ValueRangeError(f"settle: must be ≤ the {time[-1]:g} s that are judged, got {settle:g}")
-    own_settle = float(about.get("skip_initial", 0.0))
-    if poses is not None:
-        desired = poses.reference.samples(time + (begin - poses.begin if file is None else 0.0))
+    if reference_joints is not None:
+        target, its_skipped = _from_columns(data, arm, file, reference_topic), None
+    elif reference_topic is not None:
+        target, its_skipped = _from_topic(data, arm, file, reference_topic, joints), None
     elif file is not None:
-        target, its_settle = _from_file(file, arm, q[0], joints, angles, joint_topic)
-        own_settle = own_settle if its_settle is None else its_settle
-        desired = target.samples(time)
+        first = data.q[min(np.searchsorted(data.time, begin - _SNAP), len(data.q) - 1)]
+        reference_of_file, its_skipped = _from_file(file, arm, first, options)
+        target = _Target(reference_of_file, None)
+    else:
+        target, its_skipped = None, None
+    if align:
+        if begin or target is None or target.begin is not None:
+            raise ValueRangeError(
+                "align: the start is given, too (--start); give one of them"
+                if begin
+                else "align: the reference is in the log itself and keeps its clock; leave it out"
+            )
+        found = align_with(data.time, arm.fkm(data.q), target.reference)
+        begin = found.begin
+        notes.append(
+            f"aligned: the reference begins at {begin:.4g} s of the log, where it is {1e3 * found.rms:.3g} mm RMS from "
+            f"the hand and its axes (at 0 s: {1e3 * found.unshifted_rms:.3g}); a delay of the robot is part of that"
+        )
+    elif target is not None and target.begin is not None:
+        begin = max(begin, target.begin)
+    kept = _kept(data, begin, duration)
+    time = data.time[kept] - begin if align else np.maximum(data.time[kept] - begin, 0.0)
+    q = data.q[kept]
+    if skip_initial is not None and as_positive("skip_initial", skip_initial, zero_allowed=True) > time[-1]:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}"
+        )
+    if target is not None:
+        desired = target.reference.samples(time + (begin - target.begin if target.begin is not None else 0.0))
     elif data.record is not None:
         desired = data.record.desired[kept].copy()
     else:
         raise ValueRangeError(
-            f"reference: {data.path} holds none; give a file (--reference) or topic (--reference-topic)"
+            f"reference: {data.path} holds none; give a file (--reference), a topic (--reference-topic) "
+            "or its columns of commanded positions (--reference-joints target_)"
         )
+    for note in notes:
+        warnings.warn(f"{path}: {note}", NoteWarning, stacklevel=2)
     desired[:, TIME] = time
     command = np.full((len(time), arm.input_size), np.nan) if data.command is None else data.command[kept]
     record = Record(time, q, q, command, arm.fkm(q), desired, arm.joint_names, stopped=STOPPED)
+    skipped = float(about.get("skip_initial", 0.0)) if its_skipped is None else its_skipped
     spec = EvaluationSpec(
         log=str(data.path.resolve()),
         robot=_absolute(chosen),
         reference=str(file.resolve()) if file is not None else None,
         reference_topic=reference_topic,
+        reference_joints=reference_joints
+        if isinstance(reference_joints, str | None)
+        else list(reference_joints),
         joints=list(joints) if joints is not None else None,
         joint_topic=joint_topic,
         command_topic=command_topic,
         angles=angles,
-        start=start,
+        missing=missing,
+        start=begin if align else start,
+        align=align,
         duration=duration,
-        skip_initial=own_settle if settle is None else settle,
+        skip_initial=skipped if skip_initial is None else skip_initial,
+        low_pass=cutoff,
     )
     text = yaml.safe_dump({"evaluation": msgspec.to_builtins(spec)}, sort_keys=False, allow_unicode=True)
-    return Run(text, arm, record, spec.skip_initial, path.stem)
+    return Run(text, arm, record, spec.skip_initial, path.stem, low_pass=cutoff)
+
+
+class _LogOptions(TypedDict):
+    """How logs are read."""
+
+    joints: Sequence[str] | None
+    angles: Angles | None
+    joint_topic: str | None
+    missing: Missing
 
 
 @dataclass(frozen=True)
-class _LoggedPoses:
-    """A reference out of messages; it begins so many seconds after the first sample of the log they are in."""
+class _Target:
+    """A reference; if it is on the clock of the log, it begins so many seconds after the log's first sample."""
 
     reference: Reference
-    begin: float
+    begin: float | None
+
+
+def _cutoff(low_pass: float | None, data: JointLog) -> float | None:
+    """Return the cut-off of the filter, Hz, or None."""
+    if low_pass is None:
+        return LOW_PASS if data.record is None else None
+    return as_positive("low_pass", low_pass, zero_allowed=True) or None
 
 
 def about_log(path: Path) -> dict[str, Any]:
@@ -183,7 +254,6 @@ def about_log(path: Path) -> dict[str, Any]:
     data = parse_yaml(path, load_metadata(path)["spec"]) if is_own(path) else None
     if not isinstance(data, dict):
         return {}
-    rename_old_keys(str(path), data)
     rename_old_keys(str(path), data)
     data = data.get("evaluation", data)
     return data | {
@@ -209,36 +279,40 @@ def _kept(data: JointLog, begin: float, duration: float | None) -> NDArray[np.bo
     return kept
 
 
-def _poses(data: JointLog, file: Path | None, topic: str | None) -> _LoggedPoses | None:
-    """Return the poses of a topic, in the file or else in the log itself."""
-    if topic is None:
-        return None
+def _from_columns(data: JointLog, robot: Robot, file: Path | None, topic: str | None) -> _Target:
+    """Return where the commanded positions of the log put the hand."""
+    if file is not None or topic is not None:
+        raise ValueRangeError("reference_joints: a reference is given, too; give one of them")
+    assert data.target is not None
+    return _Target(Points(data.time, robot.fkm(data.target)), 0.0)
+
+
+def _from_topic(
+    data: JointLog, robot: Robot, file: Path | None, topic: str, joints: Sequence[str] | None
+) -> _Target:
+    """Return the poses of a topic, or where the positions of one put the hand, in the file or else in the log."""
     source = file or data.path
     if not is_recording(source):
         raise ShapeError(f"reference_topic: {source} is no recording and has no topics, got '{topic}'")
-    stamps, poses = read_poses(source, topic)
+    if holds_joint_states(source, topic):
+        stamps, q = read_joint_states(source, joints or robot.joint_names, topic)
+        poses = robot.fkm(q)
+    else:
+        stamps, poses = read_poses(source, topic)
     seconds = (stamps - stamps[0]) / 1e9
     reference = Points(seconds, poses) if len(poses) > 1 else SetPoint(poses[0])
-    return _LoggedPoses(reference, (int(stamps[0]) - data.origin) / 1e9)
+    return _Target(reference, None if file is not None else (int(stamps[0]) - data.origin) / 1e9)
 
 
-def _from_file(
-    file: Path,
-    robot: Robot,
-    q0: Array,
-    joints: Sequence[str] | None,
-    angles: Angles | None,
-    joint_topic: str | None,
-) -> tuple[Reference, float | None]:
+def _from_file(file: Path, robot: Robot, q0: Array, options: _LogOptions) -> tuple[Reference, float | None]:
     """Return the reference of a file, and the start that the errors leave out, s, if the file says so."""
+    names = (*(options["joints"] or robot.joint_names), "q1")
     if file.suffix.lower() in (".yaml", ".yml"):
         return _from_yaml(file, robot, q0)
-    if is_recording(file):
-        taught = read_joint_log(file, robot, joints=joints, joint_topic=joint_topic)
-    elif {*(joints or robot.joint_names), "q1"}.isdisjoint(column_names(file)):
+    if not is_recording(file) and set(names).isdisjoint(column_names(file, names)):
         return load_points(file, robot.fkm(q0)), None
-    else:
-        taught = read_joint_log(file, robot, joints=joints, angles=angles)
+    options = {**options, "angles": None} if is_recording(file) else {**options, "joint_topic": None}
+    taught = read_joint_log(file, robot, **options)
     return Points(taught.time, robot.fkm(taught.q)), None
 
 

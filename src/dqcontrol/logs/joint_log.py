@@ -13,6 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.logs.joint_table import Angles, read_joint_table
+from dqcontrol.logs.log_quality import remarks
+from dqcontrol.logs.missing_cells import Missing
 from dqcontrol.loop import Record
 from dqcontrol.recording import load_metadata, load_record
 from dqcontrol.robots import Robot
@@ -36,6 +38,10 @@ class JointLog:
         Stamp of the first sample, ns; 0 for tables.
     record
         The record, if the log is a recording of ours.
+    target
+        Commanded positions, shape (N, n), rad or m; None if the log has none.
+    notes
+        What was recognised, left out or joined, and what is unusual, a line each.
     """
 
     path: Path
@@ -44,6 +50,8 @@ class JointLog:
     command: Array | None
     origin: int = 0
     record: Record | None = None
+    target: Array | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read_joint_log(
@@ -54,15 +62,20 @@ def read_joint_log(
     angles: Angles | None = None,
     joint_topic: str | None = None,
     command_topic: str | None = None,
+    targets: str | Sequence[str] | None = None,
+    missing: Missing = "interpolate",
 ) -> JointLog:
     r"""Read a joint log: a table, an MCAP file, a ROS 1 or ROS 2 bag.
 
     A table is a text file with a line of column names, separated by commas, semicolons, tabs or blanks, and one
-    line a sample. Its columns, in any order: ``time`` (s), one for each joint, by the robot's joint names or
-    ``q1`` … ``qn``, and, if commands were logged, ``command.JOINT`` for each or ``u1`` … ``um``. A unit may stand
-    behind a name, as ``time [ms]`` (s, ms, us, ns), ``q1 [deg]`` (rad, deg; m, mm for sliding joints) or
+    line a sample. Its columns, in any order: ``time`` (or ``timestamp``, ``t``, ``stamp``; s, or dates as ISO 8601
+    writes them), one for each joint, by the robot's joint names or
+    ``q1`` … ``qn``, and, if commands were logged, ``command.JOINT`` for each or ``u1`` … ``um``; commanded positions
+    are ``target.JOINT``, ``target_JOINT`` or ``r1`` … ``rn``. A unit may stand
+    behind a name, as ``time [ms]`` (s, ms, us, ns), ``q1 [deg]`` (rad, deg; m, mm for sliding joints), ``q1_deg`` or
     ``u1 [deg/s]``. Other columns, empty lines and lines that begin with ``#`` are left out; a ``#`` before the
-    names themselves is allowed.
+    names themselves is allowed. Time without a unit whose steps are 0.5 or longer is taken for ms, µs or ns; angles
+    without a unit that leave the robot's limits by turns are taken for degrees; `JointLog.notes` says so.
 
     In recordings, positions come from a topic of type sensor_msgs/JointState at the times in the headers (at the
     times of recording, where the headers have none); messages that name no joint of the robot are left out.
@@ -81,6 +94,12 @@ def read_joint_log(
         Default: ``/joint_states``, or the only one of the type.
     command_topic
         Of type JointState (its velocities) or std_msgs/Float64MultiArray, each held until the next; 0 before the first.
+    targets
+        Columns of commanded positions of a table: their names in the robot's order, or what they begin with, as
+        ``"target_"``, before joint names or numbers.
+    missing
+        What to do with samples of a table that lack a position: ``"interpolate"`` joins them linearly, ``"skip"``
+        leaves them out. Commands that are missing are held.
 
     Raises
     ------
@@ -115,7 +134,14 @@ def read_joint_log(
         for field, topic in (("joint_topic", joint_topic), ("command_topic", command_topic)):
             if topic is not None:
                 raise ShapeError(f"{field}: {path} is a table and has no topics, got '{topic}'")
-        return JointLog(path, *read_joint_table(path, names, robot.joint_types, angles))
+        table = read_joint_table(path, robot, names, angles=angles, targets=targets, missing=missing)
+        notes = (*table.notes, *remarks(table.time, table.q, robot, names))
+        return JointLog(path, table.time, table.q, table.command, target=table.target, notes=notes)
+    if targets is not None:
+        raise ShapeError(
+            f"reference_joints: {path} is a recording and has no columns; name the topic of JointState that holds "
+            "the commanded positions (--reference-topic)"
+        )
     if angles is not None:
         raise ShapeError(f"angles: {path} is a recording, and its messages are in rad; leave it out")
     if joint_topic is None and command_topic is None and is_own(path):
@@ -124,7 +150,8 @@ def read_joint_log(
     command = None
     if command_topic is not None:
         command = held(*read_commands(path, names, command_topic), stamps)
-    return JointLog(path, (stamps - stamps[0]) / 1e9, q, command, int(stamps[0]))
+    time = (stamps - stamps[0]) / 1e9
+    return JointLog(path, time, q, command, int(stamps[0]), notes=remarks(time, q, robot, names))
 
 
 def is_own(path: Path) -> bool:

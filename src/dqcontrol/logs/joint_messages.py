@@ -73,10 +73,21 @@ def read_commands(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps,
         return _series(path, topic, messages, lambda message: _in_order(message, names))
 
 
+def read_targets(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and commanded positions (K, n) of the named joints; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "target_topic", (JOINTS, NUMBERS))
+        if messages.types[topic] == JOINTS:
+            return _numbers_by_name(path, topic, names, "position", increasing=True) or _series(
+                path, topic, messages, lambda message: _by_name(message, names, "position"), increasing=True
+            )
+        return _series(path, topic, messages, lambda message: _in_order(message, names), increasing=True)
+
+
 def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
     """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`."""
     with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "reference_topic", (POSE,))
+        topic = _choose(path, messages.types, topic, "reference_topic", (POSE, JOINTS))
         stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
     with np.errstate(over="ignore"):  # the check is for damaged numbers, too
         norms = np.linalg.norm(rows[:, 3:], axis=1)
@@ -85,6 +96,12 @@ def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
             f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.9g}"
         )
     return stamps, algebra.pose(rows[:, 3:] / norms[:, None], rows[:, :3])
+
+
+def holds_joint_states(path: Path, topic: str) -> bool:
+    """Whether a topic of a recording is one of joint states; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        return messages.types.get(topic) == JOINTS
 
 
 def held(stamps: Stamps, values: Array, at: Stamps) -> Array:

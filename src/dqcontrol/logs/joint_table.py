@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, Literal, NamedTuple
 
@@ -14,24 +15,61 @@ import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.text_file import as_number, read_text
+from dqcontrol.logs.missing_cells import Missing, fill_missing
+from dqcontrol.logs.time_stamps import TIME_NAMES, TIME_UNITS, seconds_from, time_unit, written_stamp
+from dqcontrol.robots import Robot
 
 Angles = Literal["rad", "deg"]
 
-_TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 _LENGTH = {"m": 1.0, "mm": 1e-3}
+_SUFFIX = re.compile(r"(.+)_(s|sec|ms|us|ns|rad|deg|m|mm)")
 _DELIMITERS = ",;\t"
 _BLOCK = 1 << 22  # bytes of lines that are read at a time
 _MANY_TURNS = 4 * math.pi  # rad; no joint turns so far, so such numbers without a unit are degrees
+_EMPTY = ("", "nan", "na", "n/a", "null", "none", "-")
+
+
+class JointTable(NamedTuple):
+    """What a table holds: time (N,) s after the first sample; positions, commands, commanded positions (N, n)."""
+
+    time: Array
+    q: Array
+    command: Array | None
+    target: Array | None
+    notes: tuple[str, ...]
+
+
+class _Columns(NamedTuple):
+    """Names and units of all columns, and the places of those that are read."""
+
+    where: str
+    names: list[str]
+    units: list[str]
+    time: int
+    joints: list[int]
+    commands: list[int]
+    targets: list[int]
+
+    @property
+    def numbers(self) -> list[int]:
+        """Places of all but the time."""
+        return [*self.joints, *self.commands, *self.targets]
 
 
 def read_joint_table(
-    path: Path, joint_names: Sequence[str], joint_types: Sequence[str], angles: Angles | None
-) -> tuple[Array, Array, Array | None]:
-    """Return time (N,), s after the first sample, positions (N, n) and, if there are any, commands (N, n).
+    path: Path,
+    robot: Robot,
+    joint_names: Sequence[str],
+    *,
+    angles: Angles | None = None,
+    targets: str | Sequence[str] | None = None,
+    missing: Missing = "interpolate",
+) -> JointTable:
+    """Return what a table holds of a robot's joints.
 
     For the columns, see `read_joint_log`.
 
@@ -40,68 +78,150 @@ def read_joint_table(
     FileFormatError
         If the file is missing or malformed; the message begins with the file and the line.
     ValueRangeError
-        If angles without a unit must be degrees.
+        If angles without a unit must be degrees, and it cannot be told which.
+    ShapeError
+        If ``targets`` does not fit the robot.
     """
-    found = _plain(path, joint_names, joint_types, angles)
-    if found is None:
-        header, *rows = _rows(path, read_text(path).splitlines())
-        columns = _chosen(path, header, joint_names, joint_types, angles)
-        if not rows:
-            raise FileFormatError(f"{path}: has no samples below the column names")
-        for number, cells in rows:
-            if len(cells) != len(columns.names):
-                raise FileFormatError(
-                    f"{path}:{number}: expected {len(columns.names)} values, got {len(cells)}"
-                )
-        found = columns, _numbers(path, rows, columns.names, columns.places), _times(path, rows, columns)
-    columns, values, time = found
-    n, scales, joints = len(joint_names), columns.scales, columns.places[1:]
-    table = values[:, 1:] * scales[1:]
-    unsaid = [k for k in range(n) if joint_types[k] == "revolute" and not columns.units[joints[k]]]
-    most = np.abs(table[:, unsaid]).max(initial=0.0)
-    if angles is None and most > _MANY_TURNS:
-        raise ValueRangeError(
-            f"{path}: angles up to {most:.4g} rad look like degrees; say which (--angles deg or --angles rad), "
-            f"or name the unit behind the column, as q1 [deg]"
-        )
-    return time, table[:, :n], table[:, n:] if len(joints) > n else None
+    columns, stamps, values, notes = _read(path, joint_names, targets)
+    unit = columns.units[columns.time]
+    if not unit:
+        unit, said = time_unit(stamps)
+        notes += said
+    time = seconds_from(stamps, TIME_UNITS[unit])
+    if angles is None and _must_be_degrees(path, robot, columns, values):
+        angles = "deg"
+        notes.append("angles without a unit are taken for degrees: as radians they leave the joints' limits")
+    values *= _scales(columns, robot.joint_types, angles)
+    n = len(joint_names)
+    time, values = fill_missing(
+        path, time, values, [columns.names[i] for i in columns.numbers], n, missing, notes
+    )
+    parts = np.split(values, [n, n + len(columns.commands)], axis=1)
+    command, target = (part if part.shape[1] else None for part in parts[1:])
+    return JointTable(time, parts[0], command, target, tuple(notes))
 
 
-def column_names(path: Path) -> list[str]:
+def column_names(path: Path, known: Sequence[str]) -> list[str]:
     """Return the names of the columns of a table without their units; raises as `read_joint_table`."""
     with _opened(path) as stream:
-        return [_name_and_unit(cell)[0] for cell in next(_rows(path, _text_lines(path, stream)))[1]]
+        return [_name_and_unit(cell, known)[0] for cell in next(_rows(path, _text_lines(path, stream)))[1]]
 
 
-class _Columns(NamedTuple):
-    """Names and units of all columns; places of time, joints and perhaps commands, and what scales them."""
-
-    names: Sequence[str]
-    units: Sequence[str]
-    places: list[int]
-    scales: list[float]
+def _read(
+    path: Path, joint_names: Sequence[str], targets: str | Sequence[str] | None
+) -> tuple[_Columns, list[Decimal], Array, list[str]]:
+    """Return the columns, the stamps with all digits, the numbers of the other columns, NaN where a cell is empty."""
+    found = _plain(path, joint_names, targets)
+    if found is not None:
+        return found[0], found[1], found[2], []
+    text, notes = read_text(path), list[str]()
+    header, *rows = _rows(path, text.splitlines())
+    columns = _chosen(path, header, joint_names, targets)
+    width = len(columns.names)
+    if rows and len(rows[-1][1]) < width and not text.endswith("\n"):
+        notes.append(f"line {rows.pop()[0]}, the last one, is cut off and left out")
+    for number, cells in rows:
+        if len(cells) != width:
+            raise FileFormatError(f"{path}:{number}: expected {width} values, got {len(cells)}")
+    stamped = [row for row in rows if row[1][columns.time].lower() not in _EMPTY]
+    if len(stamped) < len(rows):
+        notes.append(f"{len(rows) - len(stamped)} of {len(rows)} lines have no time and are left out")
+    if not stamped:
+        raise FileFormatError(f"{path}: has no samples below the column names")
+    return columns, _stamps(path, stamped, columns), _numbers(path, stamped, columns), notes
 
 
 def _chosen(
     path: Path,
     header: tuple[int, list[str]],
     joint_names: Sequence[str],
-    joint_types: Sequence[str],
-    angles: Angles | None,
+    targets: str | Sequence[str] | None,
 ) -> _Columns:
     """Return which columns are read."""
-    where = f"{path}:{header[0]}"
-    names, units = zip(*(_name_and_unit(cell) for cell in header[1]), strict=True)
+    where, n = f"{path}:{header[0]}", len(joint_names)
+    commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
+    wanted = _target_names(joint_names, targets)
+    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES}.union(*commanded, *wanted)
+    cells = [_name_and_unit(cell, known) for cell in header[1]]
+    names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
     joints = _find(where, "joints", names, joint_names, "q")
-    inputs = _find_commands(where, names, joint_names)
-    places = [_find(where, "column", names, ["time"], "")[0], *joints, *inputs]
-    scales = [_scale(f"{where}: time", units[places[0]], _TIME, "s")]
-    for chosen, per in ((joints, ""), (inputs, "/s")):
+    commands = _find_commands(where, names, joint_names)
+    lowered = [name.lower() for name in names]
+    time = next((name for name in TIME_NAMES if name in lowered), "time")
+    place = _find(where, "column", lowered, [time], "")[0]
+    if units[place] and units[place] not in TIME_UNITS:
+        raise FileFormatError(
+            f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(TIME_UNITS)})"
+        )
+    found = next((each for each in wanted if set(each) <= set(names)), None)
+    if found is None and targets is not None:
+        raise ShapeError(
+            f"reference_joints: {where}: columns missing: {', '.join(wanted[0])}{suggest(wanted[0][0], names)} "
+            f"(columns: {', '.join(names)})"
+        )
+    held = _find(where, "commanded positions", names, found, "") if found else []
+    return _Columns(where, names, units, place, joints, commands, held)
+
+
+def _target_names(joint_names: Sequence[str], targets: str | Sequence[str] | None) -> list[list[str]]:
+    """Return which names commanded positions may have, in the order in which they are looked for."""
+    count = range(1, len(joint_names) + 1)
+    if targets is None:
+        usual = [[f"target{dot}{name}" for name in joint_names] for dot in "._"]
+        return [*usual, [f"r{i}" for i in count]]
+    listed = targets.split(",") if isinstance(targets, str) else list(targets)
+    listed = [name.strip() for name in listed]
+    if len(listed) == 1:
+        stem = listed[0].rstrip("*…")
+        numbered = [[f"{stem}{letter}{i}" for i in count] for letter in ("", "q")]
+        return [[f"{stem}{name}" for name in joint_names], *numbered, *([listed] if len(count) == 1 else [])]
+    if len(listed) != len(joint_names) or len(set(listed)) != len(listed):
+        raise ShapeError(
+            f"reference_joints: expected {len(joint_names)} different names, or what they begin with, as target_, "
+            f"got {', '.join(listed)}"
+        )
+    return [listed]
+
+
+def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None) -> list[float]:
+    """Return what turns the numbers of each column into rad, m, rad/s and m/s."""
+    scales = []
+    for chosen, per in ((columns.joints, ""), (columns.commands, "/s"), (columns.targets, "")):
         for kind, i in zip(joint_types if chosen else (), chosen, strict=True):
             table, default = (_ANGLE, angles or "rad") if kind == "revolute" else (_LENGTH, "m")
             allowed = {unit + per: scale for unit, scale in table.items()}
-            scales.append(_scale(f"{where}: {names[i]}", units[i], allowed, default + per))
-    return _Columns(names, units, places, scales)
+            scales.append(
+                _scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
+            )
+    return scales
+
+
+def _must_be_degrees(path: Path, robot: Robot, columns: _Columns, values: Array) -> bool:
+    """Whether angles without a unit are degrees: no joint turns so far, and as degrees they respect the limits.
+
+    Raises
+    ------
+    ValueRangeError
+        If the robot has no limits that would tell.
+    """
+    types, limits = robot.joint_types, robot.limits
+    unsaid = [k for k, i in enumerate(columns.joints) if types[k] == "revolute" and not columns.units[i]]
+    least, most = (
+        getattr(np, name)(values[:, unsaid], axis=0, initial=0.0, where=~np.isnan(values[:, unsaid]))
+        for name in ("min", "max")
+    )
+    largest = max(float(-least.min(initial=0.0)), float(most.max(initial=0.0)))
+    if largest <= _MANY_TURNS:
+        return False
+    lower, upper = limits.lower[unsaid], limits.upper[unsaid]
+    crossed = ((least < lower) | (most > upper)).any()
+    inside = ((np.radians(least) >= lower - 0.1) & (np.radians(most) <= upper + 0.1)).all()
+    if crossed and inside:
+        return True
+    raise ValueRangeError(
+        f"{path}: angles up to {largest:.4g} rad look like degrees; say which (--angles deg or --angles rad), "
+        f"or name the unit behind the column, as q1 [deg]"
+    )
 
 
 def _opened(path: Path) -> BinaryIO:
@@ -121,13 +241,13 @@ def _text_lines(path: Path, stream: BinaryIO) -> Iterator[str]:
 
 
 def _plain(
-    path: Path, joint_names: Sequence[str], joint_types: Sequence[str], angles: Angles | None
-) -> tuple[_Columns, Array, Array] | None:
-    """Return columns, their numbers and the time, a block of lines at a time; None if not all lines are plain numbers.
+    path: Path, joint_names: Sequence[str], targets: str | Sequence[str] | None
+) -> tuple[_Columns, list[Decimal], Array] | None:
+    """Return columns, stamps and numbers, a block of lines at a time; None if not all lines are plain numbers.
 
     msgspec reads numbers as JSON, 30 times as fast as cell by cell.
     """
-    values, stamps = [], []
+    values, stamps = [], list[Decimal]()
     with _opened(path) as stream:
         header, columns = None, None
         for block in iter(lambda: stream.readlines(_BLOCK), []):
@@ -139,7 +259,7 @@ def _plain(
                     header = next(_rows(path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines)))
                 except (StopIteration, UnicodeDecodeError, FileFormatError):
                     return None
-                columns = _chosen(path, header, joint_names, joint_types, angles)
+                columns = _chosen(path, header, joint_names, targets)
                 block = list(lines)  # what is behind the header
             assert columns
             part = _plain_block(b"".join(block), columns)
@@ -149,27 +269,27 @@ def _plain(
             stamps += part[1]
     if columns is None or not stamps:
         return None
-    begin = stamps[0]
-    time = np.array([float(stamp - begin) for stamp in stamps]) * columns.scales[0]
-    return (columns, np.concatenate(values), time) if (np.diff(time) > 0).all() else None
+    increasing = all(after > before for before, after in pairwise(stamps))
+    return (columns, stamps, np.concatenate(values)) if increasing else None
 
 
 def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] | None:
     """Return the chosen columns of some lines and their stamps with all digits, or None."""
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
-        return np.zeros((0, len(columns.places))), []
+        return np.zeros((0, len(columns.numbers))), []
     delimiter = max((each.encode() for each in _DELIMITERS), key=lines[0].count)
     try:
         content = b"[[" + b"],[".join(lines).replace(delimiter, b",").replace(b"nan", b"null") + b"]]"
         table = np.array(msgspec.json.decode(content, type=list[list[float | None]]), dtype=np.float64)
-        place = columns.places[0]
+        place = columns.time
         stamps = [Decimal(line.split(delimiter, place + 1)[place].strip().decode()) for line in lines]
     except (ValueError, msgspec.DecodeError, InvalidOperation):
         return None
-    if table.shape[1:] != (len(columns.names),) or not np.isfinite(table[:, columns.places]).all():
+    if table.shape[1:] != (len(columns.names),) or not np.isfinite(table[:, place]).all():
         return None
-    return table[:, columns.places], stamps
+    values = table[:, columns.numbers]
+    return None if np.isinf(values).any() else (values, stamps)
 
 
 def _rows(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
@@ -193,17 +313,27 @@ def _rows(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
             raise FileFormatError(f"{path}:{number}: {error}") from None
         if header is not None:
             yield number, cells
-        elif not line.lstrip().startswith("#") or "time" in [_name_and_unit(cell)[0] for cell in cells]:
+        elif not line.lstrip().startswith("#") or any(
+            _name_and_unit(cell, TIME_NAMES)[0].lower() in TIME_NAMES for cell in cells
+        ):
             header = number, cells
             yield header
     if header is None:
         raise FileFormatError(f"{path}: is empty; expected a line of column names: time, q1, q2, …")
 
 
-def _name_and_unit(cell: str) -> tuple[str, str]:
-    """Split what stands behind a name in brackets off it; a number there, as in ``q[0]``, is part of the name."""
+def _name_and_unit(cell: str, known: Iterable[str] = ()) -> tuple[str, str]:
+    """Split the unit off a name: in brackets, or behind an underscore where that leaves a known name.
+
+    A number in brackets, as in ``q[0]``, is part of the name.
+    """
     match = re.fullmatch(r"(.+?)\s*(?:\[\s*([^\]\d]*)\]|\(\s*([^)\d]*)\))", cell)
-    return (match[1], (match[2] or match[3] or "").strip()) if match else (cell, "")
+    if match:
+        return match[1], (match[2] or match[3] or "").strip()
+    suffix = _SUFFIX.fullmatch(cell)
+    if suffix and cell not in known and (suffix[1] in known or suffix[1].lower() in known):
+        return suffix[1], suffix[2]
+    return cell, ""
 
 
 def _find(where: str, what: str, names: Sequence[str], wanted: Sequence[str], letter: str) -> list[int]:
@@ -238,31 +368,30 @@ def _scale(where: str, unit: str, allowed: dict[str, float], default: str) -> fl
     return allowed[unit or default]
 
 
-def _numbers(
-    path: Path, rows: list[tuple[int, list[str]]], names: Sequence[str], columns: list[int]
-) -> Array:
-    """Return the chosen columns, or name the first cell that is no finite number."""
+def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:
+    """Return the chosen columns, NaN for empty cells, or name the first cell that is no finite number."""
+    places = columns.numbers
     try:
-        table = np.array([[cells[i] for i in columns] for _, cells in rows], dtype=np.float64)
+        table = np.array(
+            [[cells[i] if cells[i].lower() not in _EMPTY else "nan" for i in places] for _, cells in rows],
+            dtype=np.float64,
+        )
     except ValueError:
-        table = np.array([np.nan])
-    if not np.isfinite(table).all():
+        table = np.array([np.inf])
+    if np.isinf(table).any():
         for number, cells in rows:
-            for i in columns:
-                as_number(f"{path}:{number}: {names[i]}", cells[i])
+            for i in places:
+                if cells[i].lower() not in _EMPTY:
+                    as_number(f"{path}:{number}: {columns.names[i]}", cells[i])
     return table
 
 
-def _times(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:
-    """Return s after the first sample, with all digits of long stamps: those of Unix time do not fit a float."""
-    column, scale = columns.places[0], columns.scales[0]
-    try:
-        stamps = [Decimal(cells[column]) for _, cells in rows]
-    except InvalidOperation:  # a way to write numbers that only Python's floats know
-        stamps = [Decimal(float(cells[column])) for _, cells in rows]
-    time = np.array([float(stamp - stamps[0]) for stamp in stamps]) * scale
-    for k in np.flatnonzero(np.diff(time) <= 0)[:1]:
-        raise FileFormatError(
-            f"{path}:{rows[k + 1][0]}: time: must increase, got {rows[k + 1][1][column]} after {rows[k][1][column]}"
-        )
-    return time
+def _stamps(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> list[Decimal]:
+    """Return the stamps with all digits: those of Unix time do not fit a float."""
+    name = columns.names[columns.time]
+    stamps = [written_stamp(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows]
+    for k in range(1, len(stamps)):
+        if stamps[k] <= stamps[k - 1]:
+            now, before = (rows[i][1][columns.time] for i in (k, k - 1))
+            raise FileFormatError(f"{path}:{rows[k][0]}: {name}: must increase, got {now} after {before}")
+    return stamps

@@ -23,7 +23,8 @@ from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
-from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
+from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.robots import kinematics_kernels as kernels
 
@@ -34,7 +35,7 @@ _LOST = "the measured configuration is not finite"
 
 def close_loop(
     law: PreparedLaw,
-    plant: LivePlant,
+    plant: MovedPlant,
     samples: Array,
     stop: Stop | None = None,
     *,
@@ -52,7 +53,8 @@ def close_loop(
     law
         From ``law.prepare``.
     plant
-        From ``plant.start``; it is moved.
+        From ``plant.start``, or a robot of your own: anything that has what `MovedPlant` has, and as much of
+        `LivePlant` as it can. It is moved.
     samples
         Desired motion, one row a period, shape (N, 21), inertial frame.
     stop
@@ -93,8 +95,9 @@ def close_loop(
     samples = np.ascontiguousarray(as_array("samples", samples, (SAMPLE_SIZE,)))
     if samples.ndim != 2:
         raise ShapeError(f"samples: expected shape (N, {SAMPLE_SIZE}), got {samples.shape}")
-    if isinstance(plant, CompiledPlant) and len(plant.noise) < len(samples):
-        raise ShapeError(f"plant: was started for {len(plant.noise)} periods, got {len(samples)} samples")
+    live = live_plant(plant)
+    if live.periods < len(samples):
+        raise ShapeError(f"plant: was started for {live.periods} periods, got {len(samples)} samples")
     if disturbance is not None:
         check_disturbed(plant)
         if len(disturbance.rows) < len(samples):
@@ -105,20 +108,21 @@ def close_loop(
         _ = supervise.pointer  # compiled now, not while the robot moves
     steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
     if clock is not None:
-        _warm_up(law, plant, samples, disturbance)
+        _warm_up(law, live, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
         with asked, clock.running(law.dt, len(steps.desired)):
             return steps.run(stop, progress)
-    if not interpreted and not recording and isinstance(plant, CompiledPlant):
-        law_kernel, plant_kernel = law.kernel, plant.kernel
+    compiled_plant = None if interpreted or recording else live.compiled()
+    if compiled_plant is not None:
+        law_kernel, plant_kernel = law.kernel, compiled_plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
-            return _rollout(steps, plant, plant_kernel.pointer, stop)
+            return _rollout(steps, compiled_plant, plant_kernel.pointer, stop)
     return steps.run(stop, progress)
 
 
-def check_disturbed(plant: LivePlant) -> None:
+def check_disturbed(plant: MovedPlant) -> None:
     """Raise an `Error` if a disturbance cannot move this plant's joints."""
-    if not isinstance(plant, CompiledPlant):
+    if live_plant(plant).compiled() is None:
         raise Error(
             f"disturbance: cannot move the joints of {type(plant).__name__}, whose physics moves them; "
             "use integrator, servo or own as plant"
@@ -133,39 +137,43 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
     empty, count = np.zeros(0), len(steps.samples)
-    realised = steps.realised[:count] if disturbance else np.zeros((1, 6))
-    done = np.zeros(10)
+    done, settling = np.zeros(1), np.zeros(9)
     status = compiled.rollout(
-        kernels.twist_kinematics.pointer,
-        supervise.pointer if supervision else 0,
-        disturbance.kernel.pointer if disturbance else 0,
-        plant_pointer,
-        compiled.settled.pointer if stop else 0,
-        law.robot.chain,
-        law.plan,
-        law.memory,
-        steps.law_state,
-        supervision.supervisor.parameters if supervision else empty,
-        supervision.state if supervision else empty,
-        supervision.supervisor.work if supervision else empty,
-        supervision.codes[:count] if supervision else empty,
-        disturbance.rows if disturbance else np.zeros((0, ROW)),
-        disturbance.parameters if disturbance else empty,
-        disturbance.work if disturbance else empty,
-        plant.parameters,
-        plant.state,
-        plant.noise,
-        plant.q,
-        plant.measured,
-        samples,
-        _stop_array(stop),
-        *(record[:count] for record in steps.records),
-        realised,
-        done,
+        compiled.stages(
+            kinematics=kernels.twist_kinematics.pointer,
+            supervisor=supervise.pointer if supervision else 0,
+            disturbance=disturbance.kernel.pointer if disturbance else 0,
+            plant=plant_pointer,
+            settled=compiled.settled.pointer if stop else 0,
+        ),
+        compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
+        compiled.supervisor_arrays(
+            parameters=supervision.supervisor.parameters if supervision else empty,
+            state=supervision.state if supervision else empty,
+            work=supervision.supervisor.work if supervision else empty,
+            codes=supervision.codes[:count] if supervision else empty,
+        ),
+        compiled.disturbance_arrays(
+            rows=disturbance.rows if disturbance else np.zeros((0, ROW)),
+            parameters=disturbance.parameters if disturbance else empty,
+            work=disturbance.work if disturbance else empty,
+            realised=steps.realised[:count] if disturbance else np.zeros((1, 6)),
+        ),
+        compiled.plant_arrays(
+            parameters=plant.parameters,
+            state=plant.state,
+            noise=plant.noise,
+            q=plant.q,
+            measured=plant.measured,
+        ),
+        compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
+        compiled.records(
+            **dict(zip(compiled.Records._fields, (each[:count] for each in steps.records), strict=True))
+        ),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
-    steps.is_sent = status == OK and not (stop and done[1] >= stop.samples)
+    steps.is_sent = status == OK and not (stop and settling[0] >= stop.samples)
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
@@ -184,14 +192,15 @@ class _Steps:
     def __init__(
         self,
         law: PreparedLaw,
-        plant: LivePlant,
+        plant: MovedPlant,
         samples: Array,
         disturbance: LiveDisturbance | None,
         clock: Clock | None,
         supervision: Supervision | None,
         recording: SampleSink | None,
     ) -> None:
-        self.law, self.plant, self.samples, self.disturbance = law, plant, samples, disturbance
+        self.law, self.samples, self.disturbance = law, samples, disturbance
+        self.plant = live = live_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self.desired, self.senses = samples, None
         if supervision is not None:
@@ -203,8 +212,7 @@ class _Steps:
         self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
         self.law_state = law.initial_state(plant.q)
         self.done, self.is_sent, self.rests = 0, True, False
-        self._guarded = plant if isinstance(plant, GuardedPlant) else None
-        self._readings = Readings(plant, len(self.desired))
+        self._readings = Readings(live, len(self.desired))
         self._fault = ""
         if clock is not None:
             self._take_memory()
@@ -258,8 +266,7 @@ class _Steps:
         supervision = self.supervision
         if supervision is None or not self.done:
             return
-        if isinstance(self.plant, CompiledPlant):
-            self.plant.rewind()
+        self.plant.rewind()
         if self.clock:
             self.clock.go_on()
         if hard:
@@ -338,9 +345,9 @@ class _Steps:
             self.disturbance.step(self.law.robot.chain, k, self.plant.q, self.realised[k])
         self.plant.step(self.records[2][k])
         self.is_sent = True
-        if self._guarded and not self._fault and self._guarded.fault:
+        if self.plant.fault and not self._fault:
             category = "stop category 0: " if self.supervision else ""
-            self._fault = f"faulted at {self.desired[k, TIME]:g} s: {category}{self._guarded.fault}"
+            self._fault = f"faulted at {self.desired[k, TIME]:g} s: {category}{self.plant.fault}"
             if self.supervision:
                 self.supervision.stop()
 
@@ -384,7 +391,13 @@ def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, co
 
 def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:
     """Compile what the loop calls, so that its first steps are as fast as the others."""
-    for kernel in (compiled.settled, getattr(plant, "kernel", None), getattr(disturbance, "kernel", None)):
+    compiled_plant = plant.compiled()
+    kernels_of_loop = (
+        compiled.settled,
+        compiled_plant and compiled_plant.kernel,
+        disturbance and disturbance.kernel,
+    )
+    for kernel in kernels_of_loop:
         if isinstance(kernel, Kernel):
             _ = kernel.pointer
     if isinstance(law.kernel, Kernel):

@@ -18,7 +18,7 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import Speeds, TwistTarget
-from dqcontrol.plants.plant import CompiledPlant, GuardedPlant, LivePlant
+from dqcontrol.plants.live_plant import MovedPlant, live_plant
 from dqcontrol.references.points_writer import PointsWriter
 
 # Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
@@ -89,15 +89,20 @@ class Jog:
         self,
         law: PreparedLaw,
         supervisor: PreparedSupervisor,
-        plant: LivePlant,
+        plant: MovedPlant,
         poses: PointsWriter | None = None,
         speeds: Speeds | None = None,
         steps: int = 100_000,
     ) -> None:
-        self.speeds, self._poses, self._plant, self._steps = speeds or Speeds(), poses, plant, steps
+        self.speeds, self._poses, self._plant, self._steps = (
+            speeds or Speeds(),
+            poses,
+            live_plant(plant),
+            steps,
+        )
         self._target = TwistTarget(self.speeds, timeout=_HOLD)
         self._control = Control(law, self._target, supervisor)
-        self._control.activate(plant.measured.copy())
+        self._control.activate(self._plant.measured.copy())
         self._time, self._done, self._dt = 0.0, 0, law.dt
         self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
@@ -206,7 +211,7 @@ class Jog:
         if self.recording:
             control.record(self.recording, self._done * self._dt, plant.q)
         self._time, self._done = self._time + self._dt, self._done + 1
-        if isinstance(plant, CompiledPlant) and self._done % self._steps == 0:
+        if self._done % self._steps == 0:
             plant.rewind()
         try:
             plant.step(control.command)
@@ -215,7 +220,7 @@ class Jog:
 
     @property
     def _fault(self) -> str:
-        return self._fallen or (self._plant.fault if isinstance(self._plant, GuardedPlant) else "")
+        return self._fallen or self._plant.fault
 
     def _move(self, axis: int, sign: int) -> None:
         asked = np.zeros((2, 3))

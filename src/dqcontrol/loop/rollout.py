@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
@@ -21,31 +24,90 @@ SETTLED = STATUS(READ, READ, READ, WRITE)
 _call_supervisor, _call_disturbance = caller(SUPERVISOR), caller(DISTURBANCE)
 _call_plant, _call_settled = caller(PLANT), caller(SETTLED)
 
+
+class Stages(NamedTuple):
+    """Addresses of what a loop calls; 0 for none."""
+
+    kinematics: Annotated[int, ADDRESS]
+    supervisor: Annotated[int, ADDRESS]
+    disturbance: Annotated[int, ADDRESS]
+    plant: Annotated[int, ADDRESS]
+    settled: Annotated[int, ADDRESS]
+
+
+class LawArrays(NamedTuple):
+    """Of a prepared law; and its state."""
+
+    plan: Annotated[Array, PLAN]
+    memory: Annotated[Array, WRITE]
+    state: Annotated[Array, WRITE]
+
+
+class SupervisorArrays(NamedTuple):
+    """Of a prepared supervisor, empty without one; and its state, and the record of its interventions."""
+
+    parameters: Annotated[Array, READ]
+    state: Annotated[Array, WRITE]
+    work: Annotated[Array, WRITE]
+    codes: Annotated[Array, WRITE]
+
+
+class DisturbanceArrays(NamedTuple):
+    """Of a disturbance, no rows without one; and what it realised, at least one row."""
+
+    rows: Annotated[Array, READ2]
+    parameters: Annotated[Array, READ]
+    work: Annotated[Array, WRITE]
+    realised: Annotated[Array, WRITE2]
+
+
+class PlantArrays(NamedTuple):
+    """Of a plant, and its configurations."""
+
+    parameters: Annotated[Array, READ]
+    state: Annotated[Array, WRITE]
+    noise: Annotated[Array, READ2]
+    q: Annotated[Array, WRITE]
+    measured: Annotated[Array, WRITE]
+
+
+class Records(NamedTuple):
+    """What is recorded of each sample."""
+
+    q: Annotated[Array, WRITE2]
+    measured: Annotated[Array, WRITE2]
+    command: Annotated[Array, WRITE2]
+
+
+class Course(NamedTuple):
+    """What is followed, and how far.
+
+    Attributes
+    ----------
+    samples
+        Of the desired motion.
+    stop
+        Tolerance, and how many consecutive samples within it end the loop.
+    done
+        Steps done.
+    settling
+        Count and scratch of `settled`.
+    """
+
+    samples: Annotated[Array, READ2]
+    stop: Annotated[Array, READ]
+    done: Annotated[Array, WRITE]
+    settling: Annotated[Array, WRITE]
+
+
+stages, law_arrays, supervisor_arrays = Bundle(Stages), Bundle(LawArrays), Bundle(SupervisorArrays)
+disturbance_arrays, plant_arrays = Bundle(DisturbanceArrays), Bundle(PlantArrays)
+records, course = Bundle(Records), Bundle(Course)
+
 ROLLOUT = STATUS(
-    *5 * [ADDRESS],  # kinematics, supervisor, disturbance, plant, `settled`; 0 for none
-    READ2,  # chain
-    PLAN,  # of the law
-    WRITE,  # its memory
-    WRITE,  # its state
-    READ,  # supervisor parameters
-    WRITE,  # supervisor state
-    WRITE,  # supervisor work
-    WRITE,  # record of its interventions
-    READ2,  # disturbance
-    READ,  # disturbance parameters
-    WRITE,  # disturbance work
-    READ,  # plant parameters
-    WRITE,  # plant state
-    READ2,  # plant noise
-    WRITE,  # q
-    WRITE,  # measured
-    READ2,  # samples
-    READ,  # stop: tolerance, consecutive samples
-    WRITE2,  # record of q
-    WRITE2,  # record of measured
-    WRITE2,  # record of commands
-    WRITE2,  # record of disturbances, at least one row
-    WRITE,  # steps done, then the count of `settled` and its scratch (1 + 9)
+    *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),
+    course.type,
+    records.type,
 )
 
 
@@ -63,95 +125,70 @@ def settled(pose, desired, stop, count):
 
 
 @kernel(ROLLOUT)
-def rollout(
-    kinematics,
-    supervise,
-    disturb,
-    plant,
-    settled_at,
-    chain,
-    plan,
-    memory,
-    law_state,
-    supervisor_parameters,
-    supervisor_state,
-    supervisor_work,
-    code_record,
-    disturbance,
-    disturbance_parameters,
-    disturbance_work,
-    plant_parameters,
-    plant_state,
-    noise,
-    q,
-    measured,
-    samples,
-    stop,
-    q_record,
-    measured_record,
-    command_record,
-    disturbance_record,
-    steps,
-):
+def rollout(stages, law, supervisor, disturbance, plant, course, records):
     """Run the loop until the samples end, the error has settled or something fails."""
-    n = q.shape[0]
-    m = command_record.shape[1]
-    law = unpack(plan, memory)
-    pose = law[5][0:8]
-    supervising = supervisor_parameters.shape[0] > 0
-    last_disturbance = disturbance.shape[0] - 1
+    q, measured, samples, stop = plant.q, plant.measured, course.samples, course.stop
+    n, m = q.shape[0], records.command.shape[1]
+    prepared = unpack(law.plan, law.memory)
+    chain, pose = prepared.memory.chain, prepared.memory.kinematics[0:8]
+    supervising = supervisor.parameters.shape[0] > 0
+    nothing = supervisor.parameters[0:0]
+    last_disturbance = disturbance.rows.shape[0] - 1
     for k in range(samples.shape[0]):
+        command = records.command[k]
         for i in range(n):
-            q_record[k, i] = q[i]
-            measured_record[k, i] = measured[i]
-        status = compute_command(law, measured, samples[k], k, law_state, command_record[k])
+            records.q[k, i] = q[i]
+            records.measured[k, i] = measured[i]
+        status = compute_command(prepared, measured, samples[k], k, law.state, command)
         if status != OK:
             if not supervising:
                 return status
             for i in range(m):
-                command_record[k, i] = math.nan
-        steps[0] = k + 1.0
+                command[i] = math.nan
+        course.done[0] = k + 1.0
         if supervising:
             supervised = _call_supervisor(
-                supervise,
-                kinematics,
+                stages.supervisor,
+                stages.kinematics,
                 chain,
                 measured,
                 0.0,
-                supervisor_parameters[DT],
+                supervisor.parameters[DT],
                 GO,
-                command_record[k],
-                supervisor_parameters[0:0],
-                supervisor_parameters[0:0],
-                supervisor_parameters,
-                supervisor_state,
-                supervisor_work,
-                command_record[k],
+                command,
+                nothing,
+                nothing,
+                supervisor.parameters,
+                supervisor.state,
+                supervisor.work,
+                command,
             )
-            code_record[k] = supervisor_state[NOW]
-            note_sent(law, law_state, command_record[k])
+            supervisor.codes[k] = supervisor.state[NOW]
+            note_sent(prepared, law.state, command)
             if supervised == AT_REST:
                 return HALTED
         if (
             status == OK
             and stop[1] > 0.0
-            and _call_settled(settled_at, pose, samples[k], stop, steps[1:10]) == 1
+            and _call_settled(stages.settled, pose, samples[k], stop, course.settling) == 1
         ):
             return OK
         if last_disturbance >= 0:
             status = _call_disturbance(
-                disturb,
-                kinematics,
+                stages.disturbance,
+                stages.kinematics,
                 chain,
-                disturbance[min(k, last_disturbance)],
-                disturbance_parameters,
-                disturbance_work,
+                disturbance.rows[min(k, last_disturbance)],
+                disturbance.parameters,
+                disturbance.work,
                 q,
-                disturbance_record[k],
+                disturbance.realised[k],
             )
             if status != OK:
                 return PLANT_FAILED + status
-        status = _call_plant(plant, command_record[k], plant_parameters, noise[k], plant_state, q, measured)
+        status = _call_plant(
+            stages.plant, command, plant.parameters, plant.noise[k], plant.state, q, measured
+        )
         if status != OK:
             return PLANT_FAILED + status
     return OK

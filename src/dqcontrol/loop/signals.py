@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.plants.channels import Channel, SensingPlant
-from dqcontrol.plants.plant import CompiledPlant, LivePlant
+from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import WholeBody
 
@@ -47,19 +47,17 @@ class Readings:
 
     def __init__(self, plant: LivePlant, count: int) -> None:
         self._plant = plant
-        self._sensing = plant if isinstance(plant, SensingPlant) else None
-        self.rows = np.empty((count, len(self._sensing.readings))) if self._sensing else np.empty((0, 0))
+        self.rows = np.empty((count, len(plant.readings)))
 
     def take(self, k: int) -> None:
         """Keep the present values as those of sample k."""
-        if self._sensing:
-            self.rows[k] = self._sensing.readings
+        self.rows[k] = self._plant.readings
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
         found = foreseen_signals(self._plant, count)
         first = 0
-        for channel in self._sensing.channels if self._sensing else ():
+        for channel in self._plant.channels:
             values = self.rows[:count, first : first + channel.size]
             found[channel.name] = _signal(channel, values)
             first += channel.size
@@ -67,13 +65,12 @@ class Readings:
 
 
 def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
-    """Return the first samples of what a compiled plant knew before, by name."""
-    known = plant.foreseen if isinstance(plant, CompiledPlant) else ()
-    return {channel.name: _signal(channel, _first(values, count)) for channel, values in known}
+    """Return the first samples of what a plant knew before, by name."""
+    return {channel.name: _signal(channel, _first(values, count)) for channel, values in plant.foreseen}
 
 
 def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """Return the first rows; beyond them the last one goes on."""
+    """Return the first rows; beyond them the last one is repeated."""
     return values[np.minimum(np.arange(count), len(values) - 1)] if count > len(values) else values[:count]
 
 

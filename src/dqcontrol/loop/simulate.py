@@ -214,5 +214,12 @@ def step_count(reference: Reference, period: float, duration: float | None) -> i
         )
     steps = round(seconds / period) + 1
     if steps < 2:
-        raise ValueRangeError(f"duration: {seconds:g} s is shorter than one period of {period:g} s")
+        raise ValueRangeError(
+            f"duration: {seconds:g} s is shorter than one period of {period:g} s{_slip(period)}"
+        )
     return steps
+
+
+def _slip(period: float) -> str:
+    """Return a hint for a period that looks like milliseconds."""
+    return f"; milliseconds? Write {period:g} ms" if period >= 1 else ""

@@ -14,7 +14,7 @@ from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, 
 from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
-from dqcontrol.plants.plant import AgedPlant, EffortPlant, LivePlant, WrenchPlant
+from dqcontrol.plants.live_plant import MovedPlant, live_plant
 
 Watch = Callable[[float, tuple[str, ...]], None]
 
@@ -31,19 +31,16 @@ class Senses:
         If the supervisor bounds what the plant does not measure.
     """
 
-    def __init__(self, plant: LivePlant, supervisor: PreparedSupervisor) -> None:
-        self._aged = plant if isinstance(plant, AgedPlant) else None
-        self._effort = plant if isinstance(plant, EffortPlant) else None
-        self._wrench = plant if isinstance(plant, WrenchPlant) else None
+    def __init__(self, plant: MovedPlant, supervisor: PreparedSupervisor) -> None:
+        self._plant = live_plant(plant)
         bounds = supervisor.bounds
-        for field, limit, measures in (
-            ("effort", bounds.effort.min(initial=np.inf), self._effort),
-            ("contact_effort", bounds.head[layout.CONTACT_EFFORT], self._effort),
-            ("contact_force", bounds.head[layout.CONTACT_FORCE], self._wrench),
-            ("contact_torque", bounds.head[layout.CONTACT_TORQUE], self._wrench),
+        for field, limit, what, measured in (
+            ("effort", bounds.effort.min(initial=np.inf), "effort", self.effort),
+            ("contact_effort", bounds.head[layout.CONTACT_EFFORT], "effort", self.effort),
+            ("contact_force", bounds.head[layout.CONTACT_FORCE], "wrench", self.wrench),
+            ("contact_torque", bounds.head[layout.CONTACT_TORQUE], "wrench", self.wrench),
         ):
-            if np.isfinite(limit) and measures is None:
-                what = "effort" if "effort" in field else "wrench"
+            if np.isfinite(limit) and not measured.size:
                 raise ValueRangeError(
                     f"supervisor.{field}: {type(plant).__name__} measures no {what}; it may have none here"
                 )
@@ -51,17 +48,17 @@ class Senses:
     @property
     def age(self) -> float:
         """Age of the measurement, s; 0 if the plant does not report it."""
-        return self._aged.age if self._aged else 0.0
+        return self._plant.age
 
     @property
     def effort(self) -> Array:
         """Measured, shape (m,); empty if it is not."""
-        return np.ascontiguousarray(self._effort.effort, dtype=np.float64) if self._effort else _NOTHING
+        return np.ascontiguousarray(self._plant.effort, dtype=np.float64)
 
     @property
     def wrench(self) -> Array:
         """Measured at the hand, shape (6,); empty if it is not."""
-        return np.ascontiguousarray(self._wrench.wrench, dtype=np.float64) if self._wrench else _NOTHING
+        return np.ascontiguousarray(self._plant.wrench, dtype=np.float64)
 
 
 class Supervision:

@@ -12,7 +12,7 @@ from dqcontrol.laws import FeedbackLinearization, FilteredInverse, Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.task_range import task_range
-from dqcontrol.plants import Integrator, Plant
+from dqcontrol.plants import Plant
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 from dqcontrol.robots import Robot, WholeBody
 
@@ -159,7 +159,7 @@ def with_certificate(robot: Robot, record: Record, law: Law, plant: Plant) -> Re
     robot, record, law, plant
         The run.
     """
-    if not isinstance(law, FeedbackLinearization) or not isinstance(plant, Integrator):
+    if not isinstance(law, FeedbackLinearization) or not plant.is_ideal:
         return record
     if len(record) < 2 or not np.isfinite(record.q).all():
         return record

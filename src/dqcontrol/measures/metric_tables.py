@@ -9,8 +9,8 @@ from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.tables import Cell, Column, Table
 
 _SIGNALS = {  # title, unit, unit of the integral; in [P16]: Err., control signal, Eff., L.Vel., L.Acc.
-    "error": ("Error", "", "s"),
-    "settled_error": ("Settled error", "", "s"),
+    "error": ("Pose error", "", "s"),
+    "settled_error": ("Pose error, settled", "", "s"),
     "control": ("Control", "rad/s or m/s", "rad or m"),
     "joint_step": ("Joint step", "rad or m", "rad s or m s"),
     "hand_speed": ("Hand speed", "m/s", "m"),
@@ -35,7 +35,7 @@ METRIC_COLUMNS: dict[str, Column] = {
         for key, (title, unit) in _DEVIATIONS.items()
         for part, part_title in _PARTS.items()
     },
-    "final_error": Column("Error final"),
+    "final_error": Column("Pose error final"),
     **{
         f"{key}.{part}": Column(f"{title} {part_title}", integral_unit if part == "integral" else unit)
         for key, (title, unit, integral_unit) in _SIGNALS.items()
@@ -95,28 +95,39 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     return Table([Column("Metric"), Column("Value"), Column("Unit")], rows, title)
 
 
-def metrics_tables(metrics: Metrics) -> list[Table]:
-    """Return the numbers of one run as its report shows them: tables of deviations, of signals, and of all others."""
+def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
+    """Return the numbers of one run as its report shows them: tables of deviations, of signals, and of all others.
+
+    ``unit`` is that of what the inputs move: ``"rad"``, ``"m"``, or both.
+    """
     flat = metrics.flat()
+
+    def fitting(text: str) -> str:
+        """Return of a unit with two forms, as ``rad/s or m/s``, the one of this robot."""
+        both = text.split(" or ")
+        return text if " or " in unit or len(both) == 1 else both[unit == "m"]
+
     first = [Column("Signal"), Column("Unit")]
     deviations: list[list[Cell]] = [
-        [title, unit, *(flat[f"{key}.{part}"] for part in _PARTS)]
-        for key, (title, unit) in _DEVIATIONS.items()
+        [title, shown, *(flat[f"{key}.{part}"] for part in _PARTS)]
+        for key, (title, shown) in _DEVIATIONS.items()
     ]
     parts = {"mean": "mean", "rms": "RMS", "peak": "peak", "integral": "integral"}
     signals: list[list[Cell]] = [
-        [title, unit, *(flat[f"{key}.{part}"] for part in parts), whole]
-        for key, (title, unit, whole) in _SIGNALS.items()
+        [title, fitting(shown), *(flat[f"{key}.{part}"] for part in parts), fitting(whole)]
+        for key, (title, shown, whole) in _SIGNALS.items()
     ]
     others: list[list[Cell]] = [
-        [column.title, column.show(flat[key]), column.unit]
+        [column.title, column.show(flat[key]), fitting(column.unit)]
         for key, column in METRIC_COLUMNS.items()
         if "." not in key and flat[key] not in (None, "")
     ]
     return [
-        Table([*first, *map(Column, _PARTS.values())], deviations),
-        Table([*first, *map(Column, parts.values()), Column("of the integral")], signals),
-        Table([Column("Number"), Column("Value"), Column("Unit")], others),
+        Table(
+            [*first, *map(Column, _PARTS.values())], deviations, "How far the hand was from its desired pose"
+        ),
+        Table([*first, *map(Column, parts.values()), Column("its unit")], signals, "Norms of signals"),
+        Table([Column("Number"), Column("Value"), Column("Unit")], others, "Further numbers"),
     ]
 
 

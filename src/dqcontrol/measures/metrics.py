@@ -21,9 +21,11 @@ from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.measures.contact import peak_contact, recovery_time
+from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
 SETTLED_FRACTION = 0.02
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
+_STEP_SHARE = 0.1  # of the largest error: a run whose first error is smaller starts on its target
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Deviation:
     final
         At the last sample.
     settled_mean, settled_rms, settled_peak
-        The same without the start: only samples from ``settle`` on.
+        The same without the start: only samples from ``skip_initial`` on.
     """
 
     mean: float
@@ -94,7 +97,7 @@ class Metrics:
     error
         |vec8(1 − x* x_d)|, no unit; "Err" [P16 5.1]. Half the distance in m, about half the angle in rad.
     settled_error
-        The same without the start: only samples from ``settle`` on, its integral over them only [P16 Table 5.6].
+        The same without the start: only samples from ``skip_initial`` on, its integral over them only [P16 Table 5.6].
     final_error
         |vec8(1 − x* x_d)| at the last sample.
     control
@@ -116,9 +119,10 @@ class Metrics:
         √∫|u|² dt, rad/√s (and m/√s for prismatic joints and holonomic bases); of differential drives u holds the speeds
         of the wheels in place of v and ω. [S17 Table 5.1]
     settling_time
-        Time from the start after which the error stays in its band, s; NaN if it ends outside.
+        Time from the start after which the error stays in its band, s; NaN if it ends outside, or without a band.
     settling_band
-        The band of |1 − x* x_d|, no unit.
+        The band of |1 − x* x_d|, no unit; NaN if it is a share of the first error and the run starts on its target:
+        the first error is less than a tenth of the largest.
     position_overshoot
         How far the hand passes its target along the direction of the first error, as a fraction of that
         error; NaN if the run starts on its target.
@@ -205,14 +209,16 @@ class Metrics:
         return _flatten(self.to_dict())
 
 
+@renamed_parameters(settle="skip_initial")
 def evaluate(
     record: Record,
     limits: Limits | None = None,
     *,
-    settle: float = 0.0,
+    skip_initial: float = 0.0,
     tolerance: float | None = None,
     law: Law | None = None,
     robot: Robot | None = None,
+    low_pass: float | None = None,
 ) -> Metrics:
     """Measure a run.
 
@@ -222,7 +228,7 @@ def evaluate(
         The run; true configurations and poses are judged, not measured ones.
     limits
         Of the configuration variables, for the margin, and of the inputs' speeds.
-    settle
+    skip_initial
         Length of the start that the settled error and deviations leave out, s.
     tolerance
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
@@ -230,11 +236,14 @@ def evaluate(
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
     robot
         That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
+    low_pass
+        Cut-off of the filter (`low_passed`) behind joint steps and path, speed and acceleration of the hand, Hz: the
+        noise of encoders is most of the differences of what was measured. Default: none.
 
     Raises
     ------
     ValueRangeError
-        If ``settle`` is negative or longer than the run, or ``tolerance`` is not positive.
+        If ``skip_initial`` is negative or longer than the run, or ``tolerance`` is not positive.
     ShapeError
         If the limits do not fit the record.
 
@@ -249,18 +258,26 @@ def evaluate(
     >>> evaluate(record).control.integral
     6.0
     """
-    as_positive("settle", settle, zero_allowed=True)
-    if settle > record.duration:
-        raise ValueRangeError(f"settle: must be ≤ the run's {record.duration:g} s, got {settle:g}")
-    start = min(int(np.searchsorted(record.time, record.time[0] + settle * (1 - 1e-12))), len(record) - 1)
+    as_positive("skip_initial", skip_initial, zero_allowed=True)
+    if skip_initial > record.duration:
+        raise ValueRangeError(
+            f"skip_initial: must be ≤ the run's {record.duration:g} s, got {skip_initial:g}"
+        )
+    start = min(
+        int(np.searchsorted(record.time, record.time[0] + skip_initial * (1 - 1e-12))), len(record) - 1
+    )
     if tolerance is not None:
         as_positive("tolerance", tolerance)
     time, intervals = record.time, np.diff(record.time)
     between = (intervals[1:] + intervals[:-1]) / 2
+    moved, position = record.q, record.position
+    if low_pass is not None:
+        cutoff = as_positive("low_pass", low_pass)
+        moved, position = low_passed(time, moved, cutoff), low_passed(time, position, cutoff)
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), record.q, ahead=1)
-        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), record.position, time, ahead=1)
-        acceleration = row_by_row(_acceleration, record.position, time, ahead=2)
+        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), moved, ahead=1)
+        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), position, time, ahead=1)
+        acceleration = row_by_row(_acceleration, position, time, ahead=2)
         control = row_by_row(row_norms, record.command[:-1])
         actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
         effort = math.sqrt(np.sum(row_by_row(row_norms, actuators[:-1]) ** 2 * intervals))
@@ -289,7 +306,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, settle=settle, robot=robot).words,
+            task=task_result(record, law=law, skip_initial=skip_initial, robot=robot).words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),
@@ -339,6 +356,8 @@ def _deviation(time: Array, value: Array, start: int) -> Deviation:
 
 def _settling(time: Array, error: Array, tolerance: float | None) -> tuple[float, float]:
     """Return the settling time and the band."""
+    if tolerance is None and float(error[0]) < _STEP_SHARE * float(error.max()):
+        return math.nan, math.nan
     band = SETTLED_FRACTION * float(error[0]) if tolerance is None else tolerance
     outside = np.flatnonzero(~(error <= band))  # NaN is outside
     if not len(outside):
@@ -361,7 +380,7 @@ def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
 def _overshoot(error: Array) -> float:
     """Return the largest component against the first error vector over the latter's length."""
     size = float(np.linalg.norm(error[0]))
-    if not size > _RESTING:
+    if not size > _RESTING or size < _STEP_SHARE * float(row_norms(error).max()):
         return math.nan
     return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
 

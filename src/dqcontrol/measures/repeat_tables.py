@@ -38,9 +38,9 @@ def means_table(rows: Sequence[Row], keys: Sequence[str] = PUBLISHED, title: str
     --------
     >>> rows = [{"law": "K", "seed": i, "error.integral": 1.0 + 0.1 * i} for i in range(3)]
     >>> print(means_table(rows, ["error.integral"]).markdown(), end="")
-    | Law | Runs | Failed | Error integral [s] |
-    |:----|-----:|-------:|-------------------:|
-    | K   |    3 |      0 |        1.10 ± 0.10 |
+    | Law | Runs | Failed | Pose error integral [s] |
+    |:----|-----:|-------:|------------------------:|
+    | K   |    3 |      0 |             1.10 ± 0.10 |
     """
     return _means(Repeats(rows), keys, title, lambda mean: mean.deviation)
 

@@ -32,6 +32,7 @@ _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
 _ROUNDING = 1e-12
 _FREQUENCIES = 2000
 _LONGEST = 20_000  # periods of a step response
+_MOST_INTEGRAL = 1e100  # k_I/k²; no loop is stable from far less on, and more would overflow
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
             k = int(np.abs(values).argmax())
             gain = complex(values[k])
             share = rates.integral / abs(gain) / abs(gain) if gain else 0.0  # its square may overflow
+            share = min(share, _MOST_INTEGRAL)
             when = k * prepared.dt if np.ptp(values) else None
             gains.append(LoopGain(loop, gain, when, share, rates.lag))
     rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
@@ -345,7 +347,8 @@ def _least_damping(poles: NDArray[np.complex128]) -> float:
     if moduli.max() < _ROUNDING:
         return 1.0
     exponents = np.log(poles[moduli >= (1 - _TIE) * moduli.max()])
-    return float(np.min(-np.real(exponents) / np.abs(exponents)))
+    sizes = np.abs(exponents)  # 0 at z = 1, which is real
+    return float(np.min(np.divide(-np.real(exponents), sizes, out=np.ones_like(sizes), where=sizes > 0)))
 
 
 def first_failure(holds: Callable[[float], bool]) -> float:

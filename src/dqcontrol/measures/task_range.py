@@ -25,7 +25,6 @@ RANGE = "range_condition"  # among the readings of a record
 
 _DEFAULT = FilteredInverse()
 _AT_LIMIT = 1e-6  # rad or m
-_SINGULAR = 0.02  # singular values below it count as none, as in `FilteredInverse`
 _FARTHEST = 1e6  # m; farther away a run has diverged
 _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
@@ -102,13 +101,12 @@ def task_range(
         error = algebra.short(algebra.multiply(opposite, record.desired_pose))
         body_twist = 2 * algebra.log_body(error) + algebra.adjoint_twist(opposite, record.desired[:, TWIST])
     jacobian = np.where(_resting_at_limits(moved, q)[:, None, :], 0.0, moved.hand_jacobian(q))
-    weight = np.array([inverse.characteristic_length] * 3 + [1.0] * 3)
+    weight = _weight(inverse)
     left, values, _ = np.linalg.svd(weight[:, None] * jacobian)
     rotation = np.hstack([pose[:, :4], np.zeros((len(record), 4))])
     components = np.einsum("kij,ki->kj", left, weight * algebra.adjoint_twist(rotation, body_twist))
     count = values.shape[1]  # fewer than six inputs leave directions without any singular value
-    threshold = inverse.threshold if isinstance(inverse, FilteredInverse) else inverse.damping
-    lost = np.hstack([values < threshold, np.ones((len(values), 6 - count), dtype=bool)])
+    lost = np.hstack([values < _lost_below(inverse), np.ones((len(values), 6 - count), dtype=bool)])
     return TaskRange(
         time=record.time,
         asked=np.where(usable, row_norms(components), np.nan),
@@ -117,11 +115,13 @@ def task_range(
     )
 
 
-def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> float:
+def lost_share(
+    robot: Robot, q: Array, desired: Array, part: Part = "pose", inverse: Inverse = _DEFAULT
+) -> float:
     """Return how much of the error lies where a singularity lets no joint move the hand, 0 … 1.
 
     At 1 every law that only follows its error stands still. A base with wheels, which never moves sideways, and an arm
-    of fewer than six joints are not meant: 0.
+    of fewer joints than a pose has directions are not meant: 0.
 
     Parameters
     ----------
@@ -132,7 +132,9 @@ def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> f
     desired
         Pose, shape (8,), inertial frame.
     part
-        Of the pose that counts.
+        Of the pose that counts: that which a law controls. Of an axis all of its rotation is taken.
+    inverse
+        That of the law, whose ℓ is the measure and which says which singular values count as none, as for `task_range`.
 
     Examples
     --------
@@ -147,15 +149,29 @@ def lost_share(robot: Robot, q: Array, desired: Array, part: Part = "pose") -> f
         return 0.0
     pose = robot.fkm(q)
     body_twist = 2 * algebra.log_body(algebra.short(algebra.multiply(algebra.conjugate(pose), desired)))
-    if part == "position":
-        body_twist[:3] = 0.0
-    elif part == "rotation":
-        body_twist[3:] = 0.0
-    left, values, _ = np.linalg.svd(robot.hand_jacobian(q))
+    rows = {"pose": slice(0, 6), "position": slice(3, 6)}.get(part, slice(0, 3))
     rotation = np.concatenate([pose[:4], np.zeros(4)])
-    components = left.T @ algebra.adjoint_twist(rotation, body_twist)
+    weight = _weight(inverse)[rows]
+    left, values, _ = np.linalg.svd(weight[:, None] * robot.hand_jacobian(q)[rows])
+    components = left.T @ (weight * algebra.adjoint_twist(rotation, body_twist)[rows])
     asked = float(np.linalg.norm(components))
-    return float(np.linalg.norm(components[values < _SINGULAR])) / asked if asked > 0 else 0.0
+    return float(np.linalg.norm(components[values < _lost_below(inverse)])) / asked if asked > 0 else 0.0
+
+
+def _weight(inverse: Inverse) -> Array:
+    """Return what the rows of [ω ; ṗ] are multiplied by in the measure of an inverse."""
+    return np.array([inverse.characteristic_length] * 3 + [1.0] * 3)
+
+
+def _lost_below(inverse: Inverse) -> float:
+    """Return the singular value below which an inverse does less than about half of what is asked."""
+    return inverse.threshold if isinstance(inverse, FilteredInverse) else inverse.damping
+
+
+def inverse_of(law: Law | None) -> Inverse:
+    """Return the inverse of a law; the default of laws that have none."""
+    found = getattr(law, "inverse", None)
+    return found if isinstance(found, Inverse) else _DEFAULT
 
 
 def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
@@ -173,7 +189,7 @@ def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
     if not len(robot.drives):
         return record
     values, block = long_array.long_array(len(record), 3), long_array.BLOCK
-    inverse = getattr(law, "inverse", _DEFAULT)
+    inverse = inverse_of(law)
     for first in range(0, len(record), block):
         # Whether a joint rests is seen from the next sample, of the last from that before.
         begin = max(first - 1, 0)

@@ -13,7 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
-from dqcontrol.measures.task_range import lost_share
+from dqcontrol.measures.task_range import inverse_of, lost_share
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
@@ -94,8 +95,9 @@ class TaskResult:
         return f"errs by {', '.join(parts)} RMS"
 
 
+@renamed_parameters(settle="skip_initial")
 def task_result(
-    record: Record, *, law: Law | None = None, settle: float = 0.0, robot: Robot | None = None
+    record: Record, *, law: Law | None = None, skip_initial: float = 0.0, robot: Robot | None = None
 ) -> TaskResult:
     """Return whether a run did what was asked.
 
@@ -111,7 +113,7 @@ def task_result(
         The run.
     law
         What drove the hand: of one that controls a part of the pose only that part is judged.
-    settle
+    skip_initial
         Length of the start that does not count where the reference ends moving, s.
     robot
         That of the run: with it a run that rests short of its goal is told whether a singularity is in the way.
@@ -131,7 +133,7 @@ def task_result(
     part = law.part if isinstance(law, PartialProportional) else "pose"
     desired = record.desired[:, POSE]
     ends_at_rest = _ends_at_rest(desired)
-    judged = _resting(desired) if ends_at_rest else record.time >= record.time[0] + settle * (1 - 1e-12)
+    judged = _resting(desired) if ends_at_rest else record.time >= record.time[0] + skip_initial * (1 - 1e-12)
     position = record.position_error if part in ("pose", "position") else None
     orientation = _orientation_error(record, law)
     errors, tolerances = [], []
@@ -165,7 +167,8 @@ def task_result(
     )
     if robot is None or outcome != "not reached" or found.is_moving:
         return found
-    return replace(found, is_singular=lost_share(robot, record.q[-1], desired[-1], part) > _LOST)
+    lost = lost_share(robot, record.q[-1], desired[-1], part, inverse_of(law))
+    return replace(found, is_singular=lost > _LOST)
 
 
 def _ends_at_rest(desired: Array) -> bool:

@@ -14,6 +14,7 @@ from dqcontrol.plants.disturbance import (
     WorstCase,
 )
 from dqcontrol.plants.integrator import Integrator
+from dqcontrol.plants.live_plant import LivePlant, MovedPlant
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
 from dqcontrol.plants.mobile.odometry import Odometry
@@ -21,8 +22,8 @@ from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
-from dqcontrol.plants.plant import CompiledPlant, LivePlant, Plant, limits_before
-from dqcontrol.plants.servo import Servo
+from dqcontrol.plants.plant import CompiledPlant, Plant, limits_before
+from dqcontrol.plants.servo import Servo, load_servo
 
 __all__ = [
     "BandLimitedTwist",
@@ -41,6 +42,7 @@ __all__ = [
     "Integrator",
     "LivePlant",
     "MobilePlant",
+    "MovedPlant",
     "MujocoPlant",
     "Obstacle",
     "Odometry",
@@ -56,4 +58,5 @@ __all__ = [
     "WorstCase",
     "WristFault",
     "limits_before",
+    "load_servo",
 ]

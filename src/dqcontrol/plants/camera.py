@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.plant import begun_periods
 
 CAMERA_CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))  # of plants with one
 
@@ -76,8 +77,9 @@ class CameraSchedule:
 class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A camera that measures x, y and φ of mobile bases: late, seldom, with noise and outliers, and not always.
 
-    A frame shows the pose at the first sample at or after its time, arrives after the delay, and is held until the next
-    one. Each moves the estimate z by its weight w: z + w (frame − z), w = 1 − exp(−1 / (rate · filter_time)).
+    A frame shows the pose at the first sample at or after its time, arrives after the delay, is read at the next sample
+    and held until the next one. Each moves the estimate z by its weight w: z + w (frame − z), w = 1 − exp(−1 / (rate ·
+    filter_time)).
 
     When no frame has arrived for longer than ``timeout``, all commands are scaled down, to nothing within
     ``stopping_time``; with the next frame they count again. The arm stops with its base: where that is believed to be,
@@ -88,7 +90,7 @@ class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     rate
         Frames a second, Hz; at most one a control period.
     delay
-        From a frame to its arrival, s, a multiple of the control period.
+        From a frame to its arrival, s.
     position_noise, angle_noise
         Standard deviation of x and y (m) and of φ (rad), white.
     outlier_probability
@@ -141,14 +143,15 @@ class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 f"got {self.timeout:g} s"
             )
 
-    def schedule(self, dt: float, delay: int, steps: int, bases: int, seed: int) -> CameraSchedule:
-        """Return what the camera does in a number of periods dt (s), the delay given in periods.
+    def schedule(self, dt: float, steps: int, bases: int, seed: int) -> CameraSchedule:
+        """Return what the camera does in a number of periods dt (s).
 
         Raises
         ------
         ValueRangeError
-            If there is more than one frame a period.
+            If there is more than one frame a period, or the delay is of too many periods.
         """
+        delay, _ = begun_periods("plant.camera.delay", self.delay, dt)  # read at the sample after its arrival
         if self.rate * dt > 1 + _SNAP:
             raise ValueRangeError(
                 f"plant.camera.rate: must be ≤ {1 / dt:g} Hz, one frame a period, got {self.rate:g}"

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
-from dqcontrol.plants.plant import Plant, as_command, start_configuration
+from dqcontrol.plants.live_plant import LivePlant
+from dqcontrol.plants.plant import CommandMode, Plant, as_command, start_configuration
 from dqcontrol.robots.robot import Robot
 
 _STOPPED = 0  # sim.simulation_stopped
@@ -65,18 +66,13 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
             raise ShapeError(f"plant.joints: expected {len(start)} paths, got {len(self.joints)}")
         return LiveCoppelia(self, start, as_positive("dt", dt))
 
+    def target_mode(self) -> CommandMode:
+        """Return what targets grow from; joints follow also a velocity with a lag."""
+        return "measured" if self.command_mode == "measured" else "integrated"
 
-class LiveCoppelia:
-    """Joints in a running simulation.
 
-    Attributes
-    ----------
-    q, measured
-        Joint positions as the simulator gives them, shape (n,), rad or m, updated in place.
-    """
-
-    q: Array
-    measured: Array
+class LiveCoppelia(LivePlant):
+    """Joints in a running simulation."""
 
     def __init__(self, plant: CoppeliaPlant, start: Array, dt: float) -> None:
         self._client = _connect(plant)
@@ -101,20 +97,7 @@ class LiveCoppelia:
         self._closing = weakref.finalize(self, _leave, self._sim, self._client)
 
     def step(self, command: ArrayLike) -> None:
-        """Move for one control period; `q` and `measured` are updated in place.
-
-        Parameters
-        ----------
-        command
-            Joint velocities u, shape (n,), rad/s or m/s.
-
-        Raises
-        ------
-        ShapeError, ValueRangeError
-            If the command has the wrong shape or is not finite.
-        Error
-            If CoppeliaSim does not answer, or says that something went wrong.
-        """
+        """Move for one control period, as `LivePlant.step` says; raise an `Error` if CoppeliaSim does not answer."""
         rate = as_command(command, len(self.q))
         if self._mode == "velocity":
             send, values = self._sim.setJointTargetVelocity, rate

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -61,6 +61,7 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
     0.01
     """
 
+    is_ideal: ClassVar[bool] = True
     bias: Annotated[float | list[float], Meta(description="rad/s or m/s")] = 0.0
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar, Literal, Protocol, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from msgspec import Struct
@@ -17,74 +18,42 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.live_plant import LivePlant, MovedPlant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
+CommandMode: TypeAlias = Literal["integrated", "measured"]
+COMMAND_MODES = get_args(CommandMode)
+_COMPILED_STEP, _INTERPRETED_STEP = 1.5e-6, 2e-4  # s
 _MOST_LATE = 2000  # periods: the linear model has a state for each, and a table of their squares
 
 
-@runtime_checkable
-class LivePlant(Protocol):
-    """A plant at work, at one configuration."""
+class EncoderErrors(NamedTuple):
+    """Standard deviation of white noise, and the step that readings are rounded to: rad or m, one or one a joint."""
 
-    q: Array
-    measured: Array
-
-    def step(self, command: Array) -> None:
-        """Apply the inputs, shape (m,), for one period; update ``q`` and ``measured`` in place."""
-        ...
+    noise: float | list[float]
+    resolution: float | list[float]
 
 
-@runtime_checkable
-class GuardedPlant(Protocol):
-    """A live plant that switches its motors off when something is wrong."""
+class PhysicsPicture(NamedTuple):
+    """A robot and the things around it, as MuJoCo draws them.
 
-    @property
-    def fault(self) -> str:
-        """Why it did so; empty while all is well."""
-        ...
+    Attributes
+    ----------
+    spec
+        ``mjSpec`` of all of it, without floor and light.
+    things
+        Where things stand at the start, shape (k, 3), m.
+    coordinates
+        Takes the compiled model, configurations (N, n) and by name what the plant sensed, (N, size); returns MuJoCo's
+        coordinates, shape (N, nq).
+    """
 
-
-@runtime_checkable
-class AgedPlant(Protocol):
-    """A live plant whose measurements come when they come, as those of a robot on a network."""
-
-    @property
-    def age(self) -> float:
-        """Age of the present measurement, s."""
-        ...
-
-
-@runtime_checkable
-class EffortPlant(Protocol):
-    """A live plant that measures the efforts of its joints."""
-
-    @property
-    def effort(self) -> Array:
-        """Effort of each input, shape (m,), N·m or N."""
-        ...
-
-
-@runtime_checkable
-class WrenchPlant(Protocol):
-    """A live plant that measures what acts on its hand."""
-
-    @property
-    def wrench(self) -> Array:
-        """Force and torque, shape (6,), N and N·m."""
-        ...
-
-
-@runtime_checkable
-class TargetPlant(Protocol):
-    """Parameters of a plant whose commands move targets of joint controllers."""
-
-    @property
-    def command_mode(self) -> str:
-        """What they count from."""
-        ...
+    spec: Any
+    things: Array
+    coordinates: Callable[[Any, Array, Mapping[str, Array]], Array]
 
 
 class Plant(
@@ -99,29 +68,72 @@ class Plant(
     has_velocity_limits
         Whether commands before it are scaled to the robot's velocity limits unless told otherwise: of servos and
         physics, which real joints stand behind.
+    is_ideal
+        Whether joints do at once and exactly what is commanded.
+    file_keys
+        Its parameters that name files, relative to the spec.
     """
 
     is_supervised: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
+    is_ideal: ClassVar[bool] = False
+    file_keys: ClassVar[tuple[str, ...]] = ()
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LivePlant:
+    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> MovedPlant:
         """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""
         raise NotImplementedError
+
+    def target_mode(self) -> CommandMode | None:
+        """Return what the targets of its joint controllers grow from by T u: the last ones, or the measured joints.
+
+        None of plants without such targets.
+        """
+        return None
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
 
+    def files(self) -> list[Path]:
+        """Return the files that it reads, for lists of what results depend on."""
+        return [Path(file) for key in self.file_keys if (file := getattr(self, key))]
 
-def command_mode(plant: Plant) -> Literal["integrated", "measured"]:
+    def encoder_errors(self) -> EncoderErrors:
+        """Return how its encoders err."""
+        return EncoderErrors(0.0, 0.0)
+
+    def step_time(self, period: float, *, is_compiled: bool) -> float:
+        """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""
+        return _COMPILED_STEP if is_compiled else _INTERPRETED_STEP
+
+    def balls(self, times: Array) -> list[tuple[Array, float]]:
+        """Return the balls in the hand's way, for pictures.
+
+        Parameters
+        ----------
+        times
+            Shape (N,), s.
+
+        Returns
+        -------
+        list
+            Of each its centres, shape (N, 3), m, base frame, NaN while it is not there, and its radius, m.
+        """
+        return []
+
+    def picture(self, robot: Robot) -> PhysicsPicture | None:
+        """Return the robot among the things around it, for pictures; None if the robot alone says it all."""
+        return None
+
+
+def command_mode(plant: Plant) -> CommandMode:
     """Return what a plant's commands count from: the last target, or the measured joints."""
-    measured = isinstance(plant, TargetPlant) and plant.command_mode == "measured"
-    return "measured" if measured else "integrated"
+    return plant.target_mode() or "integrated"
 
 
-def lagging_mode(plant: Plant) -> Literal["integrated", "measured"]:
+def lagging_mode(plant: Plant) -> CommandMode:
     """Return ``"integrated"`` if commands move a target that the joints follow with a lag, else ``"measured"``."""
-    return command_mode(plant) if isinstance(plant, TargetPlant) else "measured"
+    return plant.target_mode() or "measured"
 
 
 def limits_before(plant: Plant, limits: CommandLimits | None, robot: Robot) -> CommandLimits:
@@ -206,14 +218,6 @@ def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
     return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
-def whole_periods(field: str, seconds: float, dt: float) -> int:
-    """Return a time of at least 0 in periods dt, or say that it is not a multiple of them."""
-    count = round(_periods(field, seconds, dt))
-    if abs(count * dt - seconds) > 1e-9:
-        raise ValueRangeError(f"{field}: must be a multiple of the period {dt:g} s, got {seconds:g} s")
-    return count
-
-
 def _periods(field: str, seconds: float, dt: float) -> float:
     """Return a time of at least 0 over the period; refuse more periods than there is sense in remembering."""
     periods = as_positive(field, seconds, zero_allowed=True) / dt
@@ -224,18 +228,13 @@ def _periods(field: str, seconds: float, dt: float) -> float:
     return periods
 
 
-class CompiledPlant:
+class CompiledPlant(LivePlant):
     """A plant whose step is a compiled function of signature ``PLANT``.
 
     Attributes
     ----------
-    q, measured
-        True and measured configuration, shape (n,), updated in place.
     noise
         What chance does, drawn before: one row a step.
-    foreseen
-        What the plant senses beside its configuration and is known before: quantities, and their values at each
-        sample.
     """
 
     def __init__(
@@ -250,14 +249,15 @@ class CompiledPlant:
         self.kernel = kernel
         self.parameters: Array = np.ascontiguousarray(parameters, dtype=np.float64)
         self.state: Array = np.ascontiguousarray(state, dtype=np.float64)
-        self.q: Array = np.array(q0, dtype=np.float64)
-        self.measured: Array = self.q.copy()
+        self.q = np.array(q0, dtype=np.float64)
+        self.measured = self.q.copy()
         self.noise = noise
-        self.foreseen: tuple[tuple[Channel, Array], ...] = tuple(foreseen)
+        self.foreseen = tuple(foreseen)
+        self.periods = len(noise)
         self._step = 0
 
     def step(self, command: Array) -> None:
-        """Apply the inputs for one period."""
+        """Apply the inputs for one period; see `LivePlant.step`."""
         if self._step == len(self.noise):
             raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
         status = self.kernel(
@@ -270,5 +270,9 @@ class CompiledPlant:
         self._step += 1
 
     def rewind(self) -> None:
-        """Use the noise again from its start, for a plant that runs longer than it was started for."""
+        """Use the noise again from its start; see `LivePlant.rewind`."""
         self._step = 0
+
+    def compiled(self) -> CompiledPlant:
+        """Return itself; see `LivePlant.compiled`."""
+        return self

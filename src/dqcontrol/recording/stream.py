@@ -91,19 +91,7 @@ class RecordStream:
     def take(
         self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
     ) -> None:
-        """Hand over one sample; returns at once.
-
-        Parameters
-        ----------
-        sample
-            As of ``Sample.data``, shape (21,); the time increases.
-        q, measured
-            True and measured configuration, shape (n,), rad or m.
-        command
-            Inputs after all limits, shape (m,), rad/s or m/s.
-        interventions
-            Code of the supervisor.
-        """
+        """Hand over one sample, as `SampleSink.take` says; returns at once."""
         self._waiting.append((sample.copy(), q.copy(), measured.copy(), command.copy(), interventions))
 
     def close(self, stopped: str = "") -> None:

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
+from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
+_SpeedFraction = Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")]
 _TRIES = 64  # starts of the search for a goal configuration
 
 
+@renamed_parameters(share="speed_fraction")
 @dataclass(frozen=True, eq=False, repr=False)
 class DriveTo(Reference):
     """The hand's motion while its robot goes from one configuration to another, as it can.
@@ -34,8 +41,8 @@ class DriveTo(Reference):
         An arm or a whole body, with velocity limits for all that has to move.
     start, goal
         Configurations, shape (n,), rad or m. Headings of drives count modulo a turn.
-    share
-        Of the robot's velocity limits, the most that is used.
+    speed_fraction
+        The most of the robot's velocity limits that is used, 0 … 1.
 
     Attributes
     ----------
@@ -56,10 +63,12 @@ class DriveTo(Reference):
     (20.94, [-1.0, 2.0, 3.0, 0.5, -0.5, 0.5, 0.5, 0.0])
     """
 
+    kind = "drive-to"
+
     robot: Robot
     start: ArrayLike
     goal: ArrayLike
-    share: float = 0.5
+    speed_fraction: float = 0.5
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
     _moves: Array = field(
@@ -72,9 +81,9 @@ class DriveTo(Reference):
     def __post_init__(self) -> None:
         n = self.robot.configuration_size
         start, goal = as_array("start", self.start, (n,)), as_array("goal", self.goal, (n,))
-        share = as_positive("share", self.share)
+        fraction = as_positive("speed_fraction", self.speed_fraction)
         moves, inputs = _moves(self.robot, start, goal)
-        lasts = _least_durations(self.robot, inputs, share)
+        lasts = _least_durations(self.robot, inputs, fraction)
         driving = lasts[:3].sum()
         if 0 < driving < lasts[3]:
             lasts[:3] *= lasts[3] / driving
@@ -86,7 +95,24 @@ class DriveTo(Reference):
             object.__setattr__(self, name, value)
 
     @classmethod
-    def pose(cls, robot: Robot, start: ArrayLike, pose: ArrayLike, share: float = 0.5) -> DriveTo:
+    def from_spec(cls, start: SpecStart, *, speed_fraction: _SpeedFraction = 0.5) -> Reference:
+        """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
+        if start.place != "reference":
+            raise ValueRangeError(
+                f"{start.place}: drive-to starts where the robot does, so it is no part of a sequence"
+            )
+        return SetPoint(start.pose)
+
+    @classmethod
+    def of_robot(
+        cls, reference: Reference, robot: Robot, start: Array, *, speed_fraction: float = 0.5
+    ) -> DriveTo:
+        """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
+        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction)
+
+    @classmethod
+    @renamed_parameters(share="speed_fraction")
+    def pose(cls, robot: Robot, start: ArrayLike, pose: ArrayLike, speed_fraction: float = 0.5) -> DriveTo:
         """Return the way to a pose of the hand.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
@@ -101,7 +127,7 @@ class DriveTo(Reference):
         q = as_array("start", start, (robot.configuration_size,))
         found = _solutions(robot, q, target)
         smallest = np.linalg.svd(robot.hand_jacobian(found), compute_uv=False)[:, -1]
-        ways = [cls(robot, q, each, share) for each in found[smallest >= 0.5 * smallest.max()]]
+        ways = [cls(robot, q, each, speed_fraction) for each in found[smallest >= 0.5 * smallest.max()]]
         return min(ways, key=lambda way: way.duration)
 
     def configurations(self, times: ArrayLike) -> Array:
@@ -166,9 +192,9 @@ def _turn_drive_turn(start: Array, goal: Array) -> tuple[float, float, float]:
     return min(ways, key=lambda way: abs(way[0]) + abs(way[2]))
 
 
-def _least_durations(robot: Robot, inputs: Array, share: float) -> Array:
+def _least_durations(robot: Robot, inputs: Array, speed_fraction: float) -> Array:
     """Return how long motions of minimum jerk take: 15/8 of the mean speed at their peak, 10/√3 of the acceleration."""
-    ways, limits = np.abs(inputs), share * robot.limits.velocity
+    ways, limits = np.abs(inputs), speed_fraction * robot.limits.velocity
     unlimited = (ways.max(axis=0) > 0) & np.isinf(limits)
     if unlimited.any():
         name = robot.input_names[int(unlimited.argmax())]

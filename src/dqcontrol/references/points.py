@@ -12,6 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
+from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,6 +40,8 @@ class Points(Reference):
     [0.0, 0.0, 0.0, 0.05, 0.0, 0.0]
     """
 
+    kind = "points"
+
     times: ArrayLike
     poses: ArrayLike
     duration: float = field(init=False)
@@ -62,6 +65,21 @@ class Points(Reference):
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_spec(cls, start: SpecStart, *, file: FileName, duration: Seconds | None = None) -> Points:
+        """Run from pose to pose of a file; see `dqcontrol.references.load_points`."""
+        from dqcontrol.references.points_file import load_points
+
+        path = start.folder / file
+        start.refuse_position(path)
+        if start.orientation_keys:
+            try:
+                load_points(path, duration=duration)
+            except ValueRangeError:  # it has no orientations: those of the start are needed
+                return load_points(path, start.pose, duration)
+            start.refuse_orientation(path)
+        return load_points(path, start.pose, duration)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

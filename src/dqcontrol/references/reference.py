@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,10 @@ from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
+from dqcontrol.references.yaml_form import SpecStart
+
+if TYPE_CHECKING:
+    from dqcontrol.robots import Robot
 
 SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
@@ -56,12 +60,51 @@ class Reference(ABC):
         Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
         to rest there by itself; the start is not.
     kind
-        Its name in specs, if its parameters in a spec are those of its constructor: a dataclass with a field ``start``.
+        Its name in specs; empty if it has none. Its keys there are the parameters of `from_spec`.
     """
 
     kind: ClassVar[str] = ""
     duration: float
     corners: Array
+
+    @classmethod
+    def from_spec(cls, start: SpecStart, **parameters: Any) -> Reference:
+        """Return the reference that a spec describes; a subclass says its keys as keyword-only parameters with types.
+
+        Without that they are those of the constructor, of a dataclass with a field ``start``.
+
+        Parameters
+        ----------
+        start
+            Where it starts.
+        **parameters
+            As the spec gives them.
+        """
+        return cls(start.pose, **parameters)  # type: ignore[call-arg] — of a dataclass
+
+    @classmethod
+    def of_robot(cls, reference: Reference, robot: Robot, start: Array, **parameters: Any) -> Reference:
+        """Return what a robot at its start configuration, shape (n,), makes of the reference of a spec.
+
+        Parameters
+        ----------
+        reference
+            From `from_spec`, with all that modifies it.
+        robot, start
+            Who follows it, and from where, rad or m.
+        **parameters
+            As of `from_spec`.
+        """
+        return reference
+
+    def to_spec(self) -> dict[str, Any] | None:
+        """Return its keys in a spec, and ``start``, its first pose; None if a spec cannot say it."""
+        if (
+            not vars(type(self)).get("kind")
+            or type(self).from_spec.__func__ is not Reference.from_spec.__func__
+        ):
+            return None
+        return {each.name: getattr(self, each.name) for each in dataclasses.fields(self) if each.init}  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         """Return the class and its parameters in a line: of arrays their shape."""

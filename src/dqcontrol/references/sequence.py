@@ -108,7 +108,7 @@ class Repeat(Sequence):
     Raises
     ------
     ValueRangeError
-        If the count is no whole number ≥ 1, or the reference never ends, or not where it starts.
+        If the count is not a whole number ≥ 1, or the reference never ends, or not where it starts.
 
     Examples
     --------

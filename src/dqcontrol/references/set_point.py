@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, as_pose
+from dqcontrol.references.yaml_form import Seconds, SpecStart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,6 +37,8 @@ class SetPoint(Reference):
     [1.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0]
     """
 
+    kind = "set-point"
+
     pose: ArrayLike
     duration: float = math.inf
     corners: NDArray[np.float64] = field(init=False, repr=False)
@@ -44,6 +48,17 @@ class SetPoint(Reference):
         if self.duration != math.inf:
             object.__setattr__(self, "duration", as_positive("duration", self.duration))
         object.__setattr__(self, "corners", NO_CORNERS)
+
+    @classmethod
+    def from_spec(cls, start: SpecStart, *, duration: Seconds | None = None) -> SetPoint:
+        """Rest at the start pose, without end or for a given duration."""
+        return cls(start.pose, math.inf if duration is None else duration)
+
+    def to_spec(self) -> dict[str, Any] | None:
+        """Return its pose and duration; see `Reference.to_spec`."""
+        if type(self) is not SetPoint:
+            return super().to_spec()
+        return {"start": self.pose} | ({"duration": self.duration} if math.isfinite(self.duration) else {})
 
     def motion(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return samples (N, 21); see `Reference.motion`."""

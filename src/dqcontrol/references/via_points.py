@@ -12,10 +12,11 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.references.points import as_path
+from dqcontrol.references.points import Points, as_path
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import TWIST
+from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 _FARTHEST_TURN = 150.0  # degrees between two poses
 
@@ -104,6 +105,8 @@ class ViaPoints(Reference):
     ([0.1, 0.1, 0.0], [0.2, 0.0, 0.0])
     """
 
+    kind = "via-points"
+
     times: ArrayLike
     poses: ArrayLike
     duration: float = field(init=False)
@@ -128,6 +131,12 @@ class ViaPoints(Reference):
         end = np.array([self.duration])
         corners = corners_between(self.motion(end)[:, TWIST], np.zeros((1, 6)), end)
         object.__setattr__(self, "corners", corners)
+
+    @classmethod
+    def from_spec(cls, start: SpecStart, *, file: FileName, duration: Seconds | None = None) -> ViaPoints:
+        """Run smoothly through the poses of a file; see `dqcontrol.references.ViaPoints`."""
+        points = Points.from_spec(start, file=file, duration=duration)
+        return cls(points.times, points.poses)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

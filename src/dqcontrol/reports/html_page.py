@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -35,12 +35,18 @@ td.good, td.bad, td.open { font-weight: 600; white-space: nowrap; }
 td.good { color: #00664a; }
 td.bad { color: #b2182b; }
 td.open { color: #7a5200; }
-div.wide { overflow-x: auto; }
+div.wide { overflow-x: auto; max-width: 100%; }
+div.tables { display: flex; flex-wrap: wrap; gap: 0 2rem; align-items: flex-start; }
+div.about { display: flex; flex-wrap: wrap; gap: 0.5rem 1.5rem; align-items: center; margin: 1rem 0; }
+div.about table { flex: 1 1 22rem; margin: 0; }
+div.about th { border-bottom-color: #eee; font-weight: 400; color: #555; white-space: nowrap; padding-left: 0; }
+div.about td { overflow-wrap: anywhere; }
+div.about td.good, div.about td.bad, div.about td.open { white-space: normal; }
 figure { margin: 1.4rem 0; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #555; font-size: 0.9rem; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem; }
-pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
+pre.command, pre.later { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wrap: anywhere; }
 @page { size: A4; margin: 16mm 14mm; }
 @media print {
   body { font-size: 10pt; max-width: none; margin: 0; padding: 0; color: #000; }
@@ -49,12 +55,17 @@ pre.command { border-left: 4px solid #0072b2; white-space: pre-wrap; overflow-wr
   p.facts, figcaption { color: #333; }
   div.wide { overflow: visible; }
   table { font-size: 8pt; }
-  th, td { padding: 0.12rem 0.4rem; overflow-wrap: break-word; }
+  th, td { padding: 0.1rem 0.3rem; overflow-wrap: break-word; }
+  table { margin: 0.6rem 0; }
+  div.tables { gap: 0 1rem; }
   thead { display: table-header-group; }
   tbody tr:nth-child(-n+2) { break-before: avoid; }
   div.short, tr, figure, p.notice, pre.command { break-inside: avoid; }
   figure { margin: 0.8rem 0; }
-  figure img { max-height: 235mm; }
+  figure img { max-height: 110mm; max-width: 100%; width: auto; }
+  div.about { break-inside: avoid; }
+  div.about table { flex-basis: 80mm; font-size: 8.5pt; }
+  div.about img { width: 62mm; }
   pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; border: 1px solid #ccc; }
   pre.spec { columns: 2; }
   a { color: inherit; text-decoration: none; }
@@ -104,6 +115,25 @@ def links(places: Mapping[str, str]) -> str:
     return f"<ul>{''.join(items)}</ul>"
 
 
+def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
+    """Return what a page is about: names with texts, and a picture beside them."""
+    rows = "".join(
+        f"<tr><th>{escape(name) if name != before else ''}</th>{_cell(cell, str(cell), '')}</tr>"
+        for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
+    )
+    drawn = (
+        f"<div>{_image(picture, 'The robot at its start, with the path of its hand')}</div>"
+        if picture
+        else ""
+    )
+    return f'<div class="about">{drawn}<table>{rows}</table></div>'
+
+
+def tables_beside(tables: Iterable[Table]) -> str:
+    """Return tables, narrow ones side by side where there is room."""
+    return f'<div class="tables">{"".join(map(html_table, tables))}</div>'
+
+
 def html_table(table: Table) -> str:
     """Return a table; verdicts in it have a colour and a mark."""
     numeric = table.numeric()
@@ -125,13 +155,14 @@ def html_table(table: Table) -> str:
 
 def html_figure(figure: Figure, caption: str) -> str:
     """Return a figure with its caption; as an image of its own, so that the ids in several cannot clash."""
+    return f"<figure>{_image(figure, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _image(figure: Figure, caption: str) -> str:
     kind, content = for_page(figure)
     width = round(96 * figure.get_figwidth())  # CSS pixels: on paper it has the size that it was drawn in
     source = f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
-    text = escape(caption)
-    return (
-        f'<figure><img src="{source}" width="{width}" alt="{text}"><figcaption>{text}</figcaption></figure>'
-    )
+    return f'<img src="{source}" width="{width}" alt="{escape(caption)}">'
 
 
 def _cell(cell: Cell, text: str, kind: str) -> str:

@@ -40,10 +40,7 @@ def command(name: str, *arguments: str, **options: Any) -> str:
 
 def evaluation_command(evaluation: dict[str, Any]) -> str:
     """Return the command that measures a log again, from what ``spec.yaml`` says about it."""
-    option_of = {"skip_initial": "settle"}
-    options = {
-        option_of.get(key, key): value for key, value in evaluation.items() if key not in ("log", "robot")
-    }
+    options = {key: value for key, value in evaluation.items() if key not in ("log", "robot")}
     robot = evaluation["robot"]
     ends = {key: robot.get(key) for key in ("base_link", "tip_link")}
     joints = options.pop("joints")

@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
+from dqcontrol.measures.table_cells import Cell
 from dqcontrol.measures.tables import Table
-from dqcontrol.reports.html_page import code, heading, html_figure, html_table, links, page, paragraph
+from dqcontrol.reports.html_page import (
+    code,
+    head,
+    heading,
+    html_figure,
+    html_table,
+    links,
+    page,
+    paragraph,
+    tables_beside,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,11 +53,14 @@ def write_report(
     *,
     facts: str = "",
     notice: str = "",
+    about: Sequence[tuple[str, Cell]] = (),
+    picture: Figure | None = None,
     command: str = "",
     verdicts: Sequence[Table] = (),
     tables: Sequence[Table] = (),
     figures: Mapping[str, Figure] | None = None,
     files: Mapping[str, str] | None = None,
+    later: str = "",
     spec: str = "",
     origins: Table | None = None,
 ) -> Path:
@@ -62,6 +76,10 @@ def write_report(
         A line below it.
     notice
         What a reader must not miss, as why a run failed.
+    about
+        What it is about, as names and texts.
+    picture
+        Beside them.
     command
         The line that gives the results again.
     verdicts
@@ -70,6 +88,8 @@ def write_report(
         In this order.
     figures
         By name; known names have captions, others are their own.
+    later
+        The line that draws figures which are left out.
     files
         Pages of single runs and others, relative to the folder, by label.
     spec
@@ -95,16 +115,20 @@ def write_report(
         raise ExistsError(f"{target}: exists already; choose another folder or remove it")
     parts = [paragraph(facts, "facts")] if facts else []
     parts += [paragraph(notice, "notice")] if notice else []
+    parts += [head(about, picture)] if about else []
     if verdicts:
         parts += [heading("Verdicts"), *map(html_table, verdicts)]
     if command:
         parts += [heading("The same again"), code(command, "command")]
         parts += [paragraph(_WHERE)] if spec else []
     if tables:
-        parts += [heading("Tables"), *map(html_table, tables)]
+        parts += [heading("Tables"), tables_beside(tables)]
     if figures:
         drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
         parts += [heading("Figures"), *drawn]
+    if later:
+        demand = paragraph("Drawn on demand, in the folder of this page:")
+        parts += [heading("Figures"), demand, code(later, "later")]
     if files:
         parts += [heading("Files beside this page"), links(files)]
     if spec:

@@ -11,6 +11,8 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
+from dqcontrol.reports.about import about_run
+from dqcontrol.reports.compared_runs import unit_of_way
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import interventions_tables, run_verdicts
 
@@ -28,19 +30,21 @@ def figures_of(run: Run) -> dict[str, Figure]:
     return _figures(run, Certificate.recorded(run.record))
 
 
-def write_run_report(run: Run, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
+def write_run_report(
+    run: Run, folder: Path, outside: str = PARENT, *, figures: bool = True, recorded: Path | None = None
+) -> None:
     """Write ``report.html`` and, unless told otherwise, the figures of a run as PNG files into an existing folder.
 
-    ``outside`` leads from there out of all results.
+    ``outside`` leads from there out of all results; ``recorded`` is the folder of its recording, if that is another.
     """
-    from dqcontrol.figures import save_figures, timing_table
+    from dqcontrol.figures import robot_picture, save_figures, timing_table
     from dqcontrol.figures.figure_files import laid_out
     from dqcontrol.reports import write_report
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
     certificate, stopped = Certificate.recorded(run.record), run.record.stopped
     drawn = _figures(run, certificate) if figures else {}
-    tables = [*metrics_tables(run.metrics), *interventions_tables(run.record)]
+    tables = [*metrics_tables(run.metrics, unit_of_way([run.robot])), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
     with laid_out(drawn.values()):
@@ -49,11 +53,14 @@ def write_run_report(run: Run, folder: Path, outside: str = PARENT, *, figures: 
             folder,
             run.label,
             facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+            about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
+            picture=robot_picture(run.robot, run.record) if figures else None,
             notice=f"The run {stopped}" if has_failed(stopped) else "",
             command=_command(run, data, outside),
             verdicts=[run_verdicts(run, certificate)],
             tables=tables,
             figures=drawn,
+            later="" if figures else command("report", "."),
             spec=run.spec,
             origins=origins(data),
         )

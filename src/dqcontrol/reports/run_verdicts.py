@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
 
 _ROUND_OFF = 1e-9  # as a share of a velocity limit
-_STUCK = 0.9  # share of the twist asked for that the robot cannot give
-_ARRIVED = 1e-3  # |1 − x* x_d|; below it nothing worth speaking of is asked for
+_STUCK = 0.9  # share of the twist asked for, in the measure of the law's inverse, that the robot cannot give
 _RISE = 1e-3  # of V in a sample, as a share of its first value
 
 Row = list[Cell]
@@ -47,7 +46,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_velocity_limits(run),
         *_clearance(run),
         *_interventions(run.record),
-        *_range(run.record),
+        *_range(run),
         *_periods(run.timing),
     ]
     if certificate is not None:
@@ -137,11 +136,11 @@ def _interventions(record: Record) -> Iterator[Row]:
     ]
 
 
-def _range(record: Record) -> Iterator[Row]:
-    if RANGE not in record.readings:
+def _range(run: Run) -> Iterator[Row]:
+    if RANGE not in run.record.readings:
         return
-    last = float(TaskRange.recorded(record).share[-1])
-    stuck = last > _STUCK and record.error[-1] > _ARRIVED
+    last = float(TaskRange.recorded(run.record).share[-1])
+    stuck = last > _STUCK and not run.task.succeeded
     words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
     yield ["Range of J", VerdictCell("stuck" if stuck else "not stuck", not stuck), words]
 

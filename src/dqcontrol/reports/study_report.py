@@ -14,11 +14,9 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
+from dqcontrol.reports.about import about_study
 from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
-
-if TYPE_CHECKING:
-    pass
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,13 +48,17 @@ def write_study_report(
     figures
         False: draw none.
     """
+    from dqcontrol.figures import robot_picture
     from dqcontrol.reports import write_report
 
+    first = next(iter(study.runs.values()), None)
     data: dict[str, Any] = parse_yaml("spec", study.spec)
     write_report(
         folder,
         study.name,
         facts=f"{len(study.rows)} runs" if len(study.rows) > 1 else "1 run",
+        about=about_study(study, _outcome(study.rows)),
+        picture=robot_picture(first.robot, first.record) if first and figures else None,
         notice="; ".join(study.failures()),
         command=command("run", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[study_verdicts(study.rows)],
@@ -66,6 +68,13 @@ def write_study_report(
         spec=study.spec,
         origins=origins(data),
     )
+
+
+def _outcome(rows: Sequence[Row]) -> VerdictCell:
+    """Return how many runs did what was asked."""
+    done = sum(str(row.get("task")) in ("reached", "followed") for row in rows)
+    verdict = None if 0 < done < len(rows) else done > 0
+    return VerdictCell(f"{done} of {len(rows)} did what was asked", verdict)
 
 
 def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:

@@ -1,11 +1,12 @@
 """Robots: chains, their Jacobians, and where they come from."""
 
+from dqcontrol.moved import names_moved_from
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.load import load_robot, robot_names
-from dqcontrol.robots.postures import Posture, postures
+from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
@@ -22,7 +23,7 @@ __all__ = [
     "JointRow",
     "Kinematics",
     "Limits",
-    "Posture",
+    "ReachingPosture",
     "Robot",
     "RobotFile",
     "SerialArm",
@@ -37,3 +38,5 @@ __all__ = [
     "robot_names",
     "symmetric_limits",
 ]
+
+__getattr__ = names_moved_from(__name__)

@@ -45,6 +45,8 @@ class Description:
         nothing beyond can be reached.
     mass
         Mass of all moving bodies in kg; None if unknown.
+    links
+        The links of its URDF file from base to tip; empty without one.
     """
 
     name: str
@@ -52,6 +54,12 @@ class Description:
     joints: tuple[JointRow, ...]
     reach: float
     mass: float | None
+    links: tuple[str, ...] = ()
+
+    @property
+    def ends(self) -> str:
+        """The links of its file between which its chain lies, as ``base → tool``; empty without such a file."""
+        return f"{self.links[0]} → {self.links[-1]}" if self.links else ""
 
 
 def describe(robot: Robot) -> Description:
@@ -77,7 +85,7 @@ def describe(robot: Robot) -> Description:
         rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
     bases = " + ".join(kind for _, kind in robot.bases)
-    return Description(robot.name, bases, tuple(rows), _reach(robot), mass)
+    return Description(robot.name, bases, tuple(rows), _reach(robot), mass, getattr(robot, "links", ()))
 
 
 def _reach(robot: Robot) -> float:

@@ -2,18 +2,8 @@
 
 from __future__ import annotations
 
-from dqcontrol.compiled.compile import (
-    INPUT,
-    NOT_FINITE,
-    OK,
-    READ2,
-    STATUS,
-    WRITE,
-    WRITE2,
-    WRONG_SIZE,
-    inline,
-    kernel,
-)
+from dqcontrol.algebra.dual_quaternion_kernels import half_twist_product
+from dqcontrol.compiled.compile import INPUT, NOT_FINITE, OK, READ2, STATUS, WRITE, WRITE2, WRONG_SIZE, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
 from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS, all_kinematics, split
 
@@ -21,21 +11,6 @@ RATES = STATUS(READ2, INPUT, INPUT, WRITE)
 BATCH = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)
 
 _call_rates = caller(RATES)
-
-
-@inline
-def _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz):
-    """Return vec8(½ξx) of a twist [a b c d e f], given ½x."""
-    return (
-        -a * x - b * y - c * z,
-        a * w + b * z - c * y,
-        b * w + c * x - a * z,
-        c * w + a * y - b * x,
-        -a * dx - b * dy - c * dz - d * x - e * y - f * z,
-        a * dw + b * dz - c * dy + d * w + e * z - f * y,
-        b * dw + c * dx - a * dz + e * w + f * x - d * z,
-        c * dw + a * dy - b * dx + f * w + d * y - e * x,
-    )
 
 
 @kernel(RATES)
@@ -84,16 +59,16 @@ def jacobian_rates(chain, q, speed, out):
         j += 1
     w, x, y, z = 0.5 * pose[0], 0.5 * pose[1], 0.5 * pose[2], 0.5 * pose[3]
     dw, dx, dy, dz = 0.5 * pose[4], 0.5 * pose[5], 0.5 * pose[6], 0.5 * pose[7]
-    rw, rx, ry, rz, sw, sx, sy, sz = _half_product(wx, wy, wz, vx, vy, vz, w, x, y, z, dw, dx, dy, dz)
+    rw, rx, ry, rz, sw, sx, sy, sz = half_twist_product(wx, wy, wz, vx, vy, vz, w, x, y, z, dw, dx, dy, dz)
     rw, rx, ry, rz = 0.5 * rw, 0.5 * rx, 0.5 * ry, 0.5 * rz
     sw, sx, sy, sz = 0.5 * sw, 0.5 * sx, 0.5 * sy, 0.5 * sz
     for j in range(m):
         a, b, c = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
         d, e, f = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]
-        moved = _half_product(a, b, c, d, e, f, rw, rx, ry, rz, sw, sx, sy, sz)
+        moved = half_twist_product(a, b, c, d, e, f, rw, rx, ry, rz, sw, sx, sy, sz)
         a, b, c = twist_rate[0, j], twist_rate[1, j], twist_rate[2, j]
         d, e, f = twist_rate[3, j], twist_rate[4, j], twist_rate[5, j]
-        turned = _half_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
+        turned = half_twist_product(a, b, c, d, e, f, w, x, y, z, dw, dx, dy, dz)
         pose_rate[0, j], pose_rate[1, j] = moved[0] + turned[0], moved[1] + turned[1]
         pose_rate[2, j], pose_rate[3, j] = moved[2] + turned[2], moved[3] + turned[3]
         pose_rate[4, j], pose_rate[5, j] = moved[4] + turned[4], moved[5] + turned[5]

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import (
-    FileFormatError,
     MissingExtraError,
     ShapeError,
     UnknownNameError,
@@ -20,6 +19,7 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf import load_urdf
+from dqcontrol.robots.urdf_xml import XACRO
 from dqcontrol.robots.whole_body_file import whole_body_from
 
 EXAMPLES = "example-robot-data"
@@ -39,7 +39,8 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     ----------
     source
         One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`); or a
-        ``.urdf`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
+        ``.urdf`` or ``.xacro`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that
+        package.
     base_link, tip_link
         Ends of the chain, for URDF files only; see `load_urdf`.
 
@@ -85,13 +86,11 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
     suffix = Path(text).suffix.lower()
     if package == EXAMPLES and colon:
         return load_urdf(_example(inner), base_link, tip_link)
-    if suffix == ".urdf":
+    if suffix in (".urdf", XACRO):
         return load_urdf(text, base_link, tip_link)
-    if suffix == ".xacro":
-        raise FileFormatError(f"{text}: is a xacro file; expand it first: xacro {text} > robot.urdf")
     if suffix not in (".yaml", ".yml") and text not in robot_names():
         raise UnknownNameError(
-            f"{unknown_name('robot', text, robot_names())}; or give the path of a .yaml or .urdf file, "
+            f"{unknown_name('robot', text, robot_names())}; or give the path of a .yaml, .urdf or .xacro file, "
             f"or {EXAMPLES}:PATH.urdf"
         )
     for field, link in (("base_link", base_link), ("tip_link", tip_link)):

@@ -24,7 +24,7 @@ _SAME = 1e-3  # rad or m between two configurations: one solution
 
 
 @dataclass(frozen=True)
-class Posture:
+class ReachingPosture:
     """A configuration that gives the hand a pose.
 
     Attributes
@@ -58,7 +58,7 @@ class Posture:
 
 def postures(
     robot: Robot, pose: ArrayLike, *, orientation: bool = True, starts: int = _STARTS, seed: int = 0
-) -> list[Posture]:
+) -> list[ReachingPosture]:
     """Return configurations within the joint limits that give the hand a pose, the best to start from first.
 
     The best has the largest product of manipulability and of the least share of a joint's half range that is left to
@@ -111,9 +111,11 @@ def postures(
     return [_posture(robot, q[i], float(margin[i]), int(nearest[i]), float(dexterity[i])) for i in order]
 
 
-def _posture(robot: Robot, q: Array, margin: float, nearest: int, dexterity: float) -> Posture:
+def _posture(robot: Robot, q: Array, margin: float, nearest: int, dexterity: float) -> ReachingPosture:
     name = robot.joint_names[nearest] if math.isfinite(margin) else ""
-    return Posture(q, margin, name, dexterity, "rad" if robot.joint_types[nearest] == "revolute" else "m")
+    return ReachingPosture(
+        q, margin, name, dexterity, "rad" if robot.joint_types[nearest] == "revolute" else "m"
+    )
 
 
 def _distinct(q: Array) -> Array:

@@ -85,6 +85,7 @@ class SerialArm(Robot):
         chain[:, :4] /= norms[:, None]
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
         self.urdf: tuple[Path, str] | None = None
+        self.links: tuple[str, ...] = ()  # of that file, from base to tip
         self.name: str = name or "arm"
         self._keep_chain(chain)
         self.joint_types: tuple[str, ...] = tuple(joint_types)

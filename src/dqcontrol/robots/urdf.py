@@ -32,7 +32,7 @@ def load_urdf(
     Parameters
     ----------
     path
-        URDF file (not xacro).
+        URDF file; or a xacro file, which is expanded (extra ``xacro``).
     base_link
         Link in whose frame poses are given, and gravity is; the root if omitted.
     tip_link
@@ -89,7 +89,7 @@ def load_urdf(
         name=name or tree.name,
         inertia=lump(moving, tree.children, tree.links, turns),
     )
-    arm.urdf = Path(path), base
+    arm.urdf, arm.links = (Path(path), base), (base, *(joint.child for joint in joints))
     return arm
 
 
@@ -172,7 +172,7 @@ class UrdfTree:
         if len(best) > 1:
             raise UnknownNameError(
                 f"tip_link: must be given for {self.xml.path}; {len(best)} links end a chain of {most} "
-                f"joints: {', '.join(best)}"
+                f"joints: {', '.join(best)} (--tip-link {best[0]}; in a spec robot: {{source: …, tip_link: {best[0]}}})"
             )
         return best[0]
 

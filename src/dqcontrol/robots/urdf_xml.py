@@ -8,6 +8,9 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, suggest
 from dqcontrol.files.input_file import read_whole
+from dqcontrol.robots.xacro_file import expand_xacro
+
+XACRO = ".xacro"  # files of this suffix are expanded first
 
 _DEEPEST = 50
 _LARGEST = 20_000_000  # bytes; the largest that robots come with have one million
@@ -46,6 +49,9 @@ class CheckedXml:
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
         self._refuse_declarations()
+        if Path(path).suffix.lower() == XACRO:
+            self.data = expand_xacro(path)
+            self._refuse_declarations()
         self._stack: list[str] = []
         self._parser = expat.ParserCreate(namespace_separator=" ")
         self._parser.StartElementHandler = self._start
@@ -86,7 +92,8 @@ class CheckedXml:
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         if " " in tag and "xacro" in tag:
-            raise self._fault("is a xacro file; expand it first: xacro FILE > robot.urdf")
+            name = Path(self.path).with_suffix(XACRO).name
+            raise self._fault(f"has xacro's elements: call it {name}, and it is expanded")
         depth = len(self._stack)
         if depth > _DEEPEST:
             raise self._fault(f"more than {_DEEPEST} elements inside each other")

@@ -32,7 +32,7 @@ from dqcontrol.ros2.parameters import (
     read_once,
     refuse_unknown,
 )
-from dqcontrol.ros2.period_monitor import SILENCE, Pace
+from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.tuning import numbers_of, retune
 
@@ -88,7 +88,7 @@ class Following:
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self.control: Control = Control(law, self.target, supervisor)
-        self._pace, self._stamps = Pace(loaded.period), Stamps("joint states")
+        self._periods, self._stamps = PeriodMonitor(loaded.period), Stamps("joint states")
         self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
         self._origin = self._passed = self._stepped = self._steady_since = (
             0.0  # s, by stamps, and by our clock
@@ -147,7 +147,7 @@ class Following:
             self.control.activate(measured)
         finally:
             self.let_go()
-        self._pace.start(heard, stamp)
+        self._periods.start(heard, stamp)
         self._origin, self._passed, self._stepped, self.longest_period = stamp, 0.0, now, 0.0
         self._step(0.0, measured, now)
 
@@ -214,7 +214,7 @@ class Following:
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
-        elif self._pace.hear(now, stamp) and not late:
+        elif self._periods.hear(now, stamp) and not late:
             self._step(stamp - self._origin, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
@@ -232,7 +232,7 @@ class Following:
         now, period = time.monotonic(), self.loaded.period
         late = self._has_slept(now)
         self._watch_in(0.5 * period if late else period)
-        if not late and self.control.is_commanding and self._pace.is_overdue(now):
+        if not late and self.control.is_commanding and self._periods.is_overdue(now):
             self._step(self._passed + period, None, now)
 
     def _has_slept(self, now: float) -> bool:
@@ -256,7 +256,7 @@ class Following:
         if control.phase is Phase.ACTIVE and (cause := self._why_not()):
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
-        age, felt = max(self._pace.age(now), self._felt.age), self._felt
+        age, felt = max(self._periods.age(now), self._felt.age), self._felt
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._commands.send(control.position, control.rate)
         if self.recorder:

@@ -7,7 +7,7 @@ SILENCE = 1.4  # periods without a message after which steps are taken without o
 _DRIFT = 1e-3  # by which two clocks may differ in speed: without it, one that is slow would seem ever later
 
 
-class Pace:
+class PeriodMonitor:
     """Allows one step a period on average, whatever the messages do: those that come in a burst are left out.
 
     Parameters
@@ -17,11 +17,11 @@ class Pace:
 
     Examples
     --------
-    >>> pace = Pace(0.01)
-    >>> pace.start(now=5.0, stamp=100.0)
-    >>> pace.hear(now=5.02, stamp=100.01), pace.hear(now=5.021, stamp=100.02)  # the first comes 10 ms late
+    >>> monitor = PeriodMonitor(0.01)
+    >>> monitor.start(now=5.0, stamp=100.0)
+    >>> monitor.hear(now=5.02, stamp=100.01), monitor.hear(now=5.021, stamp=100.02)  # the first comes 10 ms late
     (True, False)
-    >>> round(pace.age(now=5.025), 3)
+    >>> round(monitor.age(now=5.025), 3)
     0.005
     """
 

@@ -14,8 +14,7 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
-from dqcontrol.plants.channels import SensingPlant
-from dqcontrol.plants.plant import CompiledPlant, EffortPlant, GuardedPlant
+from dqcontrol.plants.live_plant import LivePlant, live_plant
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH, publishers_of
 from dqcontrol.ros2.loading import Loaded
@@ -68,9 +67,8 @@ class RobotNode(Node):
         self._supervisor, self._from_measured = loaded.limits_alone(interface)
         self._state = self._supervisor.start(start)
         self._warm_up(loaded)
-        self._plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
-        self._guarded = self._plant if isinstance(self._plant, GuardedPlant) else None
-        self._efforts = self._plant if isinstance(self._plant, EffortPlant) else None
+        plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
+        self._plant = live_plant(plant)
         self._asked: Array | None = None
         self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
         self._is_broken = False
@@ -142,14 +140,14 @@ class RobotNode(Node):
             self._asked, self._has_missed = None, True
         self._before[:] = self._plant.measured
         self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
-        if isinstance(self._plant, CompiledPlant) and self._ticks and self._ticks % _NOISE_PERIODS == 0:
+        if self._ticks and self._ticks % _NOISE_PERIODS == 0:
             self._plant.rewind()
         self._plant.step(self._input)
         self._ticks += 1
         if waits != self._waits:
             self._waits = waits
             self._diagnostics.tell(self._state_in_words)
-        fault = self._guarded.fault if self._guarded else ""
+        fault = self._plant.fault
         if fault and fault != self._fault:
             self._fault = fault
             self._diagnostics.alarm(f"motors off: {fault}")
@@ -194,8 +192,7 @@ class RobotNode(Node):
         measured = self._plant.measured
         velocity = (measured - self._before) / self._period
         message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
-        if self._efforts:
-            message.effort = self._efforts.effort.tolist()
+        message.effort = np.asarray(self._plant.effort, dtype=np.float64).tolist()
         stamp_of(stamp, message.header.stamp)
         self._joint_states.publish(message)
         if self._wrench:
@@ -203,21 +200,15 @@ class RobotNode(Node):
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         words = ", ".join(self._supervisor.reasons(self._state))
-        values = {"interface": self._interface, "limits": words or "let all through", "periods": self._ticks}
+        values = {"interface": self._interface, "limits": words or "no intervention", "periods": self._ticks}
         if self._fault:
             return "error", f"{'broken' if self._is_broken else 'motors off'}: {self._fault}", values
         return "ok", self._state_in_words, values
 
 
-def wrench_publisher(node: Node, plant: object) -> Callable[[int], None] | None:
+def wrench_publisher(node: Node, plant: LivePlant) -> Callable[[int], None] | None:
     """Return what publishes a plant's wrench at a time in ns; None if it senses none."""
-    if not isinstance(plant, SensingPlant):
-        return None
-    place, places = 0, {}
-    for channel in plant.channels:
-        places[channel.name] = slice(place, place + channel.size)
-        place += channel.size
-    if not {"wrist_force", "wrist_torque"} <= places.keys():
+    if not len(plant.wrench):
         return None
     publisher = node.create_publisher(WrenchStamped, WRENCH, SENT)
 
@@ -225,8 +216,10 @@ def wrench_publisher(node: Node, plant: object) -> Callable[[int], None] | None:
         message = WrenchStamped()
         message.header.frame_id = "tool0"
         stamp_of(stamp, message.header.stamp)
-        force, torque = plant.readings[places["wrist_force"]], plant.readings[places["wrist_torque"]]
-        for vector, values in ((message.wrench.force, force), (message.wrench.torque, torque)):
+        for vector, values in (
+            (message.wrench.force, plant.wrench[:3]),
+            (message.wrench.torque, plant.wrench[3:]),
+        ):
             vector.x, vector.y, vector.z = map(float, values)
         publisher.publish(message)
 

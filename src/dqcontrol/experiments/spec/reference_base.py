@@ -15,12 +15,14 @@ from dqcontrol import algebra
 from dqcontrol import references as shapes
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
+from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _NO_TURN = (1.0, 0.0, 0.0, 0.0)
+_START_KEYS = {"position": (("position",), "translation"), "orientation": (("quaternion", "rpy"), "rotation")}
 _MOST_CORNERS = 1_000_000  # a few nested repeats would fill any memory
 
 
@@ -101,7 +103,9 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             raise ValueRangeError(f"{where}: give only one of {', '.join(timings)}")
         start = self._start(hand, where)
         with _within(f"{where}."):
-            reference = self._shape(start, folder, where)
+            reference = self._shape(
+                SpecStart(start, folder, where, self._given("position"), self._given("orientation"))
+            )
         if self.repeat > 1:
             if (corners := self.repeat * len(reference.corners)) > _MOST_CORNERS:
                 raise ValueRangeError(
@@ -131,8 +135,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         """Return the reference that `build` returned, or what a robot at its start configuration makes of it."""
         return reference
 
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        """Return the reference before it is modified; `start` is a pose (8,)."""
+    def _shape(self, start: SpecStart) -> shapes.Reference:
+        """Return the reference before it is modified."""
         raise NotImplementedError
 
     def _start(self, hand: Array, where: str) -> Array:
@@ -147,19 +151,11 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         moved = position + as_array(f"{where}.offset.translation", self.offset.translation, (3,))
         return algebra.pose(turned, moved)
 
-    def _moves(self, part: int) -> list[str]:
-        """Return the keys that say where (0) or how turned (1) the reference starts."""
-        keys = (("position",), ("quaternion", "rpy"))[part]
+    def _given(self, part: str) -> tuple[str, ...]:
+        """Return the keys given that say where, its position, or how turned, its orientation, the reference starts."""
+        keys, offset = _START_KEYS[part]
         given = [f"start.{key}" for key in keys if getattr(self.start, key) is not None]
-        offset = ("translation", "rotation")[part]
-        return given + ([f"offset.{offset}"] if any(getattr(self.offset, offset)) else [])
-
-    def _refuse(self, part: int, where: str, file: Path, says: str) -> None:
-        """Refuse keys that a file makes pointless."""
-        for key in self._moves(part):
-            raise ValueRangeError(
-                f"{where}.{key}: {file} says itself {says}: leave it out, or use 'transform'"
-            )
+        return (*given, *([f"offset.{offset}"] if any(getattr(self.offset, offset)) else []))
 
 
 def rotation_from(field: str, quaternion: Quaternion | None, rpy: Vector | None) -> Array | None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
 import msgspec
@@ -18,81 +19,11 @@ from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
-from dqcontrol.files.text_file import read_text
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.yaml_form import Yaml
+from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
 
 __all__ = ["AnyReference", "Part"]
-
-
-class SetPointSpec(ReferenceSpec, frozen=True, kw_only=True, tag="set-point"):
-    """Rest at the start pose, without end or for a given duration."""
-
-    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return shapes.SetPoint(start, math.inf if self.duration is None else self.duration)
-
-
-class DriveToSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drive-to"):
-    """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
-
-    speed_fraction: Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")] = 0.5
-
-    def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
-        """Return the way from the start configuration to the reference's pose."""
-        return shapes.DriveTo.pose(robot, start, reference.at(0.0).pose, self.speed_fraction)
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        if where != "reference":
-            raise ValueRangeError(
-                f"{where}: drive-to starts where the robot does, so it is no part of a sequence"
-            )
-        return shapes.SetPoint(start)
-
-
-class DrawingSpec(ReferenceSpec, frozen=True, kw_only=True, tag="drawing"):
-    """Follow a drawing file; see `dqcontrol.references.load_drawing`."""
-
-    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        file = shapes.parse_drawing(read_text(folder / self.file), str(folder / self.file))
-        if file.position is not None:
-            self._refuse(0, where, folder / self.file, "where it starts")
-        if file.rotation is not None:
-            self._refuse(1, where, folder / self.file, "how the hand is turned")
-        return file.drawing(start)
-
-
-class PointsSpec(ReferenceSpec, frozen=True, kw_only=True, tag="points"):
-    """Run from pose to pose of a file; see `dqcontrol.references.load_points`."""
-
-    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
-    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return self._points(start, folder, where)
-
-    def _points(self, start: Array, folder: Path, where: str) -> shapes.Points:
-        file = folder / self.file
-        self._refuse(0, where, file, "where it starts")
-        if self._moves(1):
-            try:
-                shapes.load_points(file, duration=self.duration)
-            except ValueRangeError:  # it has no orientations: those of the start are needed
-                return shapes.load_points(file, start, self.duration)
-            self._refuse(1, where, file, "how the hand is turned")
-        return shapes.load_points(file, start, self.duration)
-
-
-class ViaPointsSpec(PointsSpec, frozen=True, kw_only=True, tag="via-points"):
-    """Run smoothly through the poses of a file; see `dqcontrol.references.ViaPoints`."""
-
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        points = self._points(start, folder, where)
-        return shapes.ViaPoints(points.times, points.poses)
 
 
 class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
@@ -100,14 +31,14 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
 
     references: Annotated[list[AnyReference], Meta(min_length=1)]
 
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        parts, hand = [], start
+    def _shape(self, start: SpecStart) -> shapes.Reference:
+        parts, hand = [], start.pose
         for i, each in enumerate(self.references):
             if parts and not math.isfinite(parts[-1].duration):
                 raise ValueRangeError(
                     f"references[{i - 1}]: never ends, so nothing can follow it: give its duration"
                 )
-            parts.append(each.build(hand, folder, f"{where}.references[{i}]"))
+            parts.append(each.build(hand, start.folder, f"{start.place}.references[{i}]"))
             if math.isfinite(parts[-1].duration):
                 hand = parts[-1].samples([parts[-1].duration])[0, :8]
         return shapes.Sequence(parts)
@@ -119,10 +50,10 @@ class OwnSpec(ReferenceSpec, frozen=True, kw_only=True, tag="own"):
     function: Annotated[str, Meta(min_length=3, description="FILE.py:NAME or MODULE:NAME")]
     parameters: dict[str, Any] = {}
 
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
-        make = function_at("function", place_from(self.function, folder))
+    def _shape(self, start: SpecStart) -> shapes.Reference:
+        make = function_at("function", place_from(self.function, start.folder))
         try:
-            made = make(start, **self.parameters)
+            made = make(start.pose, **self.parameters)
         except Error:
             raise
         except Exception as error:
@@ -140,7 +71,7 @@ class ObjectSpec(ReferenceSpec, frozen=True, kw_only=True, tag="object"):
     name: str
     token: str
 
-    def _shape(self, start: Array, folder: Path, where: str) -> shapes.Reference:
+    def _shape(self, start: SpecStart) -> shapes.Reference:
         if self.token not in _OBJECTS:
             raise ValueRangeError(
                 f"reference: {self.name} was an object of the program that ran this; run that program again, or name "
@@ -154,13 +85,8 @@ _OBJECTS: dict[str, shapes.Reference] = {}  # those of this process, by token
 
 def reference_data(reference: shapes.Reference) -> dict[str, Any]:
     """Return what a spec says of a reference: its kind and parameters where it has a YAML form, else a token for it."""
-    if isinstance(reference, shapes.SetPoint):
-        lasts = {"duration": reference.duration} if math.isfinite(reference.duration) else {}
-        return {"kind": "set-point", "start": _start_data(reference.pose), **lasts}
-    if reference.kind:  # a dataclass whose fields are the keys
-        names = [each.name for each in dataclasses.fields(reference) if each.init]  # type: ignore[arg-type]
-        values = {name: getattr(reference, name) for name in names}
-        return {"kind": reference.kind, **values, "start": _start_data(values["start"])}
+    if (keys := reference.to_spec()) is not None:
+        return {"kind": reference.kind, **keys, "start": _start_data(keys["start"])}
     token = f"{id(reference):x}"
     _OBJECTS[token] = reference
     return {"kind": "object", "name": repr(reference)[:200], "token": token}
@@ -172,30 +98,50 @@ def _start_data(pose: ArrayLike) -> dict[str, Any]:
 
 
 def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
-    """Return the YAML form of a shape that is its constructor: its fields but ``start``, which all references have."""
-    hints = get_type_hints(shape, include_extras=True)
-    fields = [
-        (each.name, _form(hints[each.name]))
-        if each.default is dataclasses.MISSING
-        else (each.name, _form(hints[each.name]), each.default)
-        for each in dataclasses.fields(shape)  # type: ignore[arg-type]
-        if each.init and each.name != "start"
-    ]
+    """Return the YAML form of a shape: the parameters of `Reference.from_spec`, beside what all references have."""
+    makes = shape.from_spec.__func__
+    is_constructor = makes is shapes.Reference.from_spec.__func__
+    fields = _fields_of_constructor(shape) if is_constructor else _fields_of_function(makes)
+    names = [name for name, *_ in fields]
+    said = (shape if is_constructor else makes).__doc__ or ""
 
-    def _shape(self: ReferenceSpec, start: Array, folder: Path, where: str) -> shapes.Reference:
-        return shape(start, **{name[0]: getattr(self, name[0]) for name in fields})  # type: ignore[call-arg]
+    def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
+        return shape.from_spec(start, **{name: getattr(self, name) for name in names})
+
+    def of_robot(self: Any, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
+        return shape.of_robot(reference, robot, start, **{name: getattr(self, name) for name in names})
 
     return msgspec.defstruct(  # type: ignore[return-value] — a subclass of its bases
         f"{shape.__name__}Spec",
         fields,
         bases=(ReferenceSpec,),
         module=__name__,
-        namespace={"__doc__": f"See `dqcontrol.references.{shape.__name__}`.", "_shape": _shape},
+        namespace={"__doc__": said, "_shape": _shape, "of_robot": of_robot},
         frozen=True,
         kw_only=True,
         forbid_unknown_fields=True,
         tag=shape.kind,
     )
+
+
+def _fields_of_constructor(shape: type[shapes.Reference]) -> list[tuple[Any, ...]]:
+    """Return names, types and defaults of a dataclass, but ``start``, which all references have."""
+    hints = get_type_hints(shape, include_extras=True)
+    return [
+        (each.name, _form(hints[each.name]), *([] if each.default is dataclasses.MISSING else [each.default]))
+        for each in dataclasses.fields(shape)  # type: ignore[arg-type]
+        if each.init and each.name != "start"
+    ]
+
+
+def _fields_of_function(makes: Callable[..., Any]) -> list[tuple[Any, ...]]:
+    """Return names, types and defaults of a function's keyword-only parameters."""
+    hints = get_type_hints(makes, include_extras=True)
+    return [
+        (name, _form(hints[name]), *([] if each.default is each.empty else [each.default]))
+        for name, each in inspect.signature(makes).parameters.items()
+        if each.kind is each.KEYWORD_ONLY
+    ]
 
 
 def _form(hint: Any) -> Any:
@@ -204,7 +150,7 @@ def _form(hint: Any) -> Any:
 
 
 for _shape in registered(shapes.Reference, "dqcontrol.references"):
-    if _shape.kind:
+    if vars(_shape).get("kind"):
         globals()[f"{_shape.__name__}Spec"] = _written(_shape)  # by this name, so that workers find it
 
 if TYPE_CHECKING:

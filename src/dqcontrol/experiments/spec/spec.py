@@ -20,7 +20,7 @@ from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
-from dqcontrol.experiments.spec.spec_files import locate_controllers, locate_files
+from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
@@ -30,7 +30,7 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.robots import Posture, Robot, SerialArm, load_robot, postures
+from dqcontrol.robots import ReachingPosture, Robot, SerialArm, load_robot, postures
 from dqcontrol.robots.robot_file import arm_from, plain_arm
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class HandStart(Part, frozen=True, kw_only=True):
     quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
     rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
-    def postures(self, robot: Robot) -> list[Posture]:
+    def postures(self, robot: Robot) -> list[ReachingPosture]:
         """Return configurations that bring the hand there, the best to start from first; see `robots.postures`.
 
         Raises
@@ -321,17 +321,20 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
         where, folder = str(source), Path(source).resolve().parent
         data = parse_yaml(where, read_text(where))
     if not isinstance(data, dict):
+        glued = "; put a space after each colon" if isinstance(data, str) and ":" in data else ""
         raise FileFormatError(
-            f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant"
+            f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant{glued}"
         )
     rename_old_keys(where, data)
+    if not isinstance(source, dict):
+        use_copies(data, folder)
     return where, data, folder
 
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     rename_old_keys(where, data)
-    locate_controllers(data, folder)
+    complete_plants(data, folder)
     admit(where, data, folder)
     spec = convert(where, _with_numbers(where, data), Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
@@ -410,8 +413,27 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot hold {value!r:.80}")
 
 
+def _written(value: Any) -> Any:
+    """Return a part of a spec as plain data with its defaults, without keys that say nothing."""
+    if isinstance(value, msgspec.Struct):
+        config = type(value).__struct_config__
+        out = {config.tag_field: config.tag} if config.tag_field else {}
+        for each in msgspec.structs.fields(value):
+            content = getattr(value, each.name)
+            if content is UNSET or (content is None and each.default is None):
+                continue
+            if (plain := _written(content)) or not isinstance(content, msgspec.Struct):
+                out[each.encode_name] = plain
+        return out
+    if isinstance(value, dict):
+        return {key: _written(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_written(each) for each in value]
+    return msgspec.to_builtins(value, enc_hook=_plain)
+
+
 def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
-    data = msgspec.to_builtins(spec)
+    data = _written(spec)
     locate_files(data, folder)
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)

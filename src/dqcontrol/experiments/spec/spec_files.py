@@ -1,39 +1,147 @@
-"""The names of files in a spec's plain data, made absolute, so that it runs anywhere."""
+"""The files that a spec names: made absolute, so that it runs from anywhere, and copied, so that it runs elsewhere."""
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+from dqcontrol.errors import Error
+from dqcontrol.extensions.registry import by_tag
+from dqcontrol.extensions.user_code import places
+from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.plants import Plant
+from dqcontrol.plants.servo.servo_file import servo_parameters
+from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
-def locate_controllers(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of controller files absolute."""
-    several = data.get("plants")
-    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    for plant in plants:
-        if isinstance(plant, dict) and isinstance(plant.get("controllers"), str):
-            plant["controllers"] = str((folder / plant["controllers"]).resolve())
+INPUTS = "inputs"  # folder of the copies, in one of results
+
+
+def complete_plants(data: dict[str, Any], folder: Path) -> None:
+    """Make the names of files of plants absolute, and put what files of servos hold in their place.
+
+    What a spec says besides ``file`` counts in place of what the file says.
+    """
+    for plant, key in _plants(data):
+        plant[key] = str((folder / plant[key]).resolve())
+    for plant in _plant_tables(data):
+        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
+            own = {key: value for key, value in plant.items() if key != "file"}
+            held = servo_parameters(folder / plant["file"])
+            plant.clear()
+            plant.update(held | own)
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
     """Make the names of files of robots and references absolute."""
-    _make_absolute(data["reference"], folder)
-    if "robot" in data:
-        data["robot"] = _absolute_robot(data["robot"], folder)
-    for label, robot in data.get("robots", {}).items():
-        data["robots"][label] = _absolute_robot(robot, folder)
+    for part in _references(data.get("reference")):
+        part["file"] = str((folder / part["file"]).resolve())
+    for part, key in _robots(data):
+        if (folder / part[key]).is_file():
+            path = str((folder / part[key]).resolve())
+            part[key] = {"source": path} if key == "robot" else path
 
 
-def _absolute_robot(robot: str | dict[str, Any], folder: Path) -> str | dict[str, Any]:
-    source = robot["source"] if isinstance(robot, dict) else robot
-    if source is None or not (folder / source).is_file():
-        return robot
-    return (robot if isinstance(robot, dict) else {}) | {"source": str((folder / source).resolve())}
+def copy_inputs(data: dict[str, Any], folder: Path) -> None:
+    """Copy the files that a spec names by absolute names into a folder of results, for `use_copies` elsewhere.
+
+    A robot file brings those of its parts along, a xacro file is expanded; of meshes only the names remain. Files that
+    cannot be read, and several of one name, are left out.
+    """
+    files = [
+        Path(part[key].rpartition(":")[0] if key == "function" else part[key]) for part, key in _named(data)
+    ]
+    files = [path for path in dict.fromkeys(files) if path.is_absolute() and path.is_file()]
+    for path in list(files):
+        files += [part for part in _parts(path) if part not in files]
+    names = [_copy_name(path) for path in files]
+    for path, name in zip(files, names, strict=True):
+        if names.count(name) > 1:
+            continue
+        (folder / INPUTS).mkdir(exist_ok=True)
+        with suppress(Error, OSError):
+            if path.suffix == XACRO:
+                (folder / INPUTS / name).write_bytes(CheckedXml(path).data)
+            else:
+                shutil.copyfile(path, folder / INPUTS / name)
 
 
-def _make_absolute(reference: dict[str, Any], folder: Path) -> None:
-    """Make the file names of a reference, and of those that it is made of, absolute."""
-    if "file" in reference:
-        reference["file"] = str((folder / reference["file"]).resolve())
-    for part in reference.get("references", ()):
-        _make_absolute(part, folder)
+def use_copies(data: dict[str, Any], folder: Path) -> None:
+    """Replace the absolute names of files that are not there, as on another machine, by their copies in a folder."""
+    for part, key in _named(data):
+        source, colon, name = part[key].rpartition(":") if key == "function" else (part[key], "", "")
+        path = Path(source)
+        copy = folder / INPUTS / _copy_name(path)
+        if path.is_absolute() and not path.exists() and copy.is_file():
+            part[key] = f"{copy.resolve()}{colon}{name}"
+
+
+def _copy_name(path: Path) -> str:
+    return path.with_suffix("").with_suffix(".urdf").name if path.suffix == XACRO else path.name
+
+
+def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield each mapping that names a file, with the key that does."""
+    yield from _robots(data)
+    yield from ((part, "file") for part in _references(data.get("reference")))
+    yield from _plants(data)
+    yield from (
+        (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
+    )
+
+
+def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    several, evaluated = data.get("robots"), data.get("evaluation")
+    if isinstance(data.get("robot"), str):
+        yield data, "robot"
+    inner = [data.get("robot"), *(several.values() if isinstance(several, dict) else ())]
+    inner.append(evaluated.get("robot") if isinstance(evaluated, dict) else None)
+    for robot in inner:
+        if isinstance(robot, dict) and isinstance(robot.get("source"), str):
+            yield robot, "source"
+
+
+def _references(reference: Any) -> Iterator[dict[str, Any]]:
+    """Yield a reference that names a file, and those that it is made of."""
+    if not isinstance(reference, dict):
+        return
+    if isinstance(reference.get("file"), str):
+        yield reference
+    parts = reference.get("references")
+    for part in parts if isinstance(parts, list) else ():
+        yield from _references(part)
+
+
+def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    for plant in _plant_tables(data):
+        for key in _file_keys().get(str(plant.get("kind")), ()):
+            if isinstance(plant.get(key), str):
+                yield plant, key
+
+
+def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    several = data.get("plants")
+    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
+    yield from (plant for plant in plants if isinstance(plant, dict))
+
+
+@cache
+def _file_keys() -> dict[str, tuple[str, ...]]:
+    """Return by kind of plant the keys that name files."""
+    return {tag: kind.file_keys for tag, kind in by_tag(Plant, "dqcontrol.plants").items()}
+
+
+def _parts(robot: Path) -> Iterator[Path]:
+    """Yield the files beside a file of a whole body that it is made of."""
+    if robot.suffix not in (".yaml", ".yml"):
+        return
+    with suppress(Error):
+        data = parse_yaml(robot, read_text(robot))
+        parts = data.get("parts") if isinstance(data, dict) else None
+        for part in parts if isinstance(parts, list) else ():
+            name = part.get("robot") if isinstance(part, dict) else None
+            if isinstance(name, str) and Path(name).name == name and (robot.parent / name).is_file():
+                yield robot.parent / name

@@ -17,6 +17,7 @@ from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
+from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.gravity import WORK
 
@@ -40,7 +41,7 @@ _JOINT_COLUMNS = [
 ]  # of all but the motors' angles
 
 
-class LiveCompliant:
+class LiveCompliant(LivePlant):
     """An arm in motion; made by `CompliantPlant.start`.
 
     Attributes
@@ -49,8 +50,10 @@ class LiveCompliant:
         MuJoCo's own model and state, for whoever needs more.
     q, measured
         True link angles and those that the encoders give behind their filters, shape (n,), rad, updated in place.
-    channels, readings
-        What is sensed beside them, as `dqcontrol.plants.channels.SensingPlant` says.
+    effort
+        Measured torques of the springs, shape (n,), N·m.
+    wrench
+        Force and torque measured at the wrist, shape (6,), N and N·m.
     """
 
     model: Any
@@ -59,8 +62,7 @@ class LiveCompliant:
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         robot, model, data, n = arm.robot, arm.model, arm.data, arm.robot.configuration_size
         self.model, self.data = model, data
-        self.q: Array = data.qpos[:n]
-        self.measured: Array = np.empty(n)
+        self.q, self.measured = data.qpos[:n], np.empty(n)
         self._arm, self._state = arm, arm.state
         self._shared = np.zeros(column.SHARED)
         self._shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
@@ -70,7 +72,7 @@ class LiveCompliant:
         self._rng = np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
-        self._told, self._pushed = False, bool(plant.pushes)
+        self._pushed = bool(plant.pushes)
         self._wrist = wrist = LiveWrist(arm.file.wrist_sensor, plant.wrist_fault)
         self._scale = arm.scale
         self._draw()
@@ -111,24 +113,14 @@ class LiveCompliant:
             wrist.memory,
             wrist.filtered,
         )
-        self.channels: tuple[Channel, ...] = _channels(
-            robot.joint_names, bool(plant.obstacles), bool(arm.scale)
-        )
-        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
+        self.channels = _channels(robot.joint_names, bool(plant.obstacles), bool(arm.scale))
+        self.readings = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
+        self.effort = self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
+        self.wrench = self._other_readings[0:6]
         self._rotors = arm.rotors.astype(np.intp)
         self._measure()
-
-    @property
-    def effort(self) -> Array:
-        """Measured torques of the springs, shape (n,), N·m."""
-        return self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
-
-    @property
-    def wrench(self) -> Array:
-        """Force and torque measured at the wrist, shape (6,), N and N·m."""
-        return self._other_readings[0:6]
 
     @property
     def time(self) -> float:
@@ -160,11 +152,7 @@ class LiveCompliant:
         """The gains of the modes THETA and THETA_MJ, shape (n,), N·m/rad."""
         return self._arm.constants[:, column.SERVO_P].copy()
 
-    @property
-    def fault(self) -> str:
-        """Why the motors were switched off; empty while all is well."""
-        if self._shared[column.FAULT] == 0:
-            return ""
+    def _fault_in_words(self) -> str:
         what, joint = column.FAULTS[int(self._shared[column.FAULT])], int(self._shared[column.FAULTY_JOINT])
         return what if joint < 0 else f"{self._arm.robot.joint_names[joint]}: {what}"
 
@@ -179,23 +167,10 @@ class LiveCompliant:
         if mode not in column.MODES:
             raise unknown_name("mode", str(mode), column.MODES)
         self._shared[column.ASKED_MODE] = column.MODES[mode]
-        self._shared[column.FAULT], self._told = 0.0, False
+        self._shared[column.FAULT], self.fault = 0.0, ""
 
     def step(self, command: ArrayLike) -> None:
-        """Move the arm for one control period; `q` and `measured` are updated in place.
-
-        Parameters
-        ----------
-        command
-            Joint velocities u, shape (n,), rad/s.
-
-        Raises
-        ------
-        ShapeError, ValueRangeError
-            If the command has the wrong shape or is not finite.
-        DivergedError
-            If the arm's state became NaN or infinite.
-        """
+        """Move the arm for one control period; see `LivePlant.step`."""
         moves = self._moves
         np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)
         self._shared[column.AGE] = 0.0
@@ -221,8 +196,8 @@ class LiveCompliant:
         if advance(*self._physics, ticks, self._arm.steps, self._moves, from_measured, *self._tables):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
-        if self._shared[column.FAULT] and not self._told:
-            self._told = True
+        if self._shared[column.FAULT] and not self.fault:
+            self.fault = self._fault_in_words()
             warnings.warn(
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
             )

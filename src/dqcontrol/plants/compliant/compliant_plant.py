@@ -10,19 +10,21 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
+from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import MODES
 from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_live import LiveCompliant
     from dqcontrol.robots.robot import Robot
 
 
-COMMAND_MODES = ("integrated", "measured")
+# s, roughly: a step without ticks of its joint controllers, and each tick; by `accurate`
+_STEP, _TICK = 5e-5, {False: 7e-6, True: 1.6e-5}
 Mode = Literal["OFF", "PWM", "TORQUE", "TORQUE_GC", "THETA", "THETA_GC", "THETA_MJ", "THETA_GC_MJ"]
 Share = Annotated[float, Meta(ge=0, le=1, description="0 … 1")]
 
@@ -97,8 +99,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     """
 
     has_velocity_limits: ClassVar[bool] = True
+    file_keys: ClassVar[tuple[str, ...]] = ("controllers",)
     mode: Mode = "THETA_GC"
-    command_mode: Literal["integrated", "measured"] = "integrated"
+    command_mode: CommandMode = "integrated"
     stiffness: Share | list[Share] = 1.0
     gravity_factor: Annotated[float, Meta(ge=0, le=10, description="1 if exact")] = 1.0
     hand: bool | str = False
@@ -170,6 +173,22 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 
         return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
+
+    def target_mode(self) -> CommandMode:
+        """Return its command mode."""
+        return self.command_mode
+
+    def encoder_errors(self) -> EncoderErrors:
+        """Return noise and resolution of its encoders."""
+        return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
+
+    def step_time(self, period: float, *, is_compiled: bool) -> float:
+        """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""
+        return _STEP + _TICK[self.accurate] * period / TICK
+
+    def balls(self, times: Array) -> list[tuple[Array, float]]:
+        """Return its obstacles; see `Plant.balls`."""
+        return [(obstacle.centers(times), obstacle.radius) for obstacle in self.obstacles]
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return all joints together, without gravity, limits and integrals; None where they do not follow angles.

@@ -54,6 +54,12 @@ class Obstacle(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     begin: Seconds = msgspec.field(default=0.0, name="from")
     until: Seconds | None = None
 
+    def centers(self, times: Array) -> Array:
+        """Return its centre at times (N,), s: shape (N, 3), m, base frame; NaN while it is not there."""
+        there = (times >= self.begin) & (times < (math.inf if self.until is None else self.until))
+        moved = np.array(self.position) + (times - self.begin)[:, None] * np.array(self.velocity)
+        return np.where(there[:, None], moved, np.nan)
+
 
 def obstacle_table(obstacles: list[Obstacle], body: int) -> Array:
     """Return a row an obstacle, shape (N, COLUMNS), for the body that they push; or name what does not fit."""

@@ -6,7 +6,6 @@ from collections import deque
 
 from dqcontrol.arrays import Array
 from dqcontrol.plants.camera import Camera
-from dqcontrol.plants.plant import whole_periods
 
 
 class Sight:
@@ -19,10 +18,9 @@ class Sight:
     """
 
     def __init__(self, camera: Camera, start: Array, dt: float, steps: int, seed: int) -> None:
-        late = whole_periods("plant.camera.delay", camera.delay, dt)
-        self._plan = camera.schedule(dt, late, steps, 1, seed)
+        self._plan = camera.schedule(dt, steps, 1, seed)
         self.pose: Array = start.copy()
-        self._shown = deque([start.copy()] * (late + 1), maxlen=late + 1)
+        self._shown = deque([start.copy()] * (self._plan.delay + 1), maxlen=self._plan.delay + 1)
         self._k = 0
 
     @property

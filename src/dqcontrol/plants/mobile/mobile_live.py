@@ -13,6 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
+from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.live_camera import Sight
 from dqcontrol.plants.mobile.odometry import Odometry
@@ -33,15 +34,13 @@ SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long 
 SLIP, TILT = slice(4, 7), 7  # among the readings
 
 
-class LiveMobile:
+class LiveMobile(LivePlant):
     """A mobile manipulator in motion; made by `MobilePlant.start`.
 
     Attributes
     ----------
     model, data
         MuJoCo's own model and state, for whoever needs more.
-    q, measured
-        True and measured configuration, shape (n,), rad or m, updated in place.
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip: speed of each wheel's contact along
         the heading, and of the axle across it), tilt and pose of the base, opening of the gripper, poses of the cubes,
@@ -64,8 +63,7 @@ class LiveMobile:
         run: tuple[float, int, int],
     ) -> None:
         self.model, self.data = model, import_mujoco().MjData(model)
-        self.q: Array = np.zeros(robot.configuration_size)
-        self.measured: Array = np.zeros(robot.configuration_size)
+        self.q, self.measured = np.zeros(robot.configuration_size), np.zeros(robot.configuration_size)
         self._plant, self._robot, self._drive, self._arm, self._run = plant, robot, drive, arm, run
         self._substeps, self._advance = substeps, import_mujoco().mj_step
         joints = robot.joint_names[3:]
@@ -79,8 +77,8 @@ class LiveMobile:
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
         self._acceleration, self._moving = robot.largest_acceleration[:2].tolist(), [0.0, 0.0]  # of v and ω
-        self.channels: tuple[Channel, ...] = _channels(plant)
-        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
+        self.channels = _channels(plant)
+        self.readings = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
     def time(self) -> float:
@@ -121,22 +119,13 @@ class LiveMobile:
         self._measure()
 
     def step(self, command: ArrayLike) -> None:
-        """Move the robot for one control period; `q`, `measured` and `readings` are updated in place.
+        """Move the robot for one control period; see `LivePlant.step`.
 
         Parameters
         ----------
         command
             Inputs v and ω of the base and the joints' velocities, shape (n − 1,), or in the unconstrained form the
             rates of the configuration, shape (n,); m/s and rad/s.
-
-        Raises
-        ------
-        ShapeError, ValueRangeError
-            If the command has the wrong shape or is not finite, or the camera's periods are over.
-        DivergedError
-            If the robot's state became NaN or infinite, or the command those that MuJoCo takes.
-        FallenError
-            If the base has toppled, or its wheels have lost their grip for long.
         """
         u = as_command(command, self._robot.input_size)
         if len(u) == len(self.q):

@@ -12,12 +12,13 @@ from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, un
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
+from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
 from dqcontrol.plants.mobile.scene import Scene, add_scene
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
-from dqcontrol.plants.plant import plants_that_drive, start_within_limits
+from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
@@ -136,9 +137,17 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         live.settle(start, round(_SETTLING / self.timestep))
         return live
 
-    def picture_model(self, robot: Robot) -> Any:
-        """Return an ``mjSpec`` of robot, gripper and scene; what ``LiveMobile`` moves."""
-        return self._spec(*self._parts_of(robot))
+    def picture(self, robot: Robot) -> PhysicsPicture:
+        """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
+        return PhysicsPicture(
+            self._spec(*self._parts_of(robot)),
+            np.array([[*thing.position, 0.0] for thing in (*self.scene.cubes, *self.scene.baskets)]).reshape(
+                -1, 3
+            ),
+            lambda model, q, readings: recorded_coordinates(
+                model, robot, q, readings, self.gripper, len(self.scene.cubes)
+            ),
+        )
 
     def _parts_of(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
         """Return the robot, its drive and what that carries, the arm with inertias."""

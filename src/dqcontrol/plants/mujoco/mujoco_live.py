@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, as_each
+from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
 
@@ -21,15 +22,13 @@ LOST = 1e12  # rad², m²; a configuration beyond it has diverged
 _MOST_RATE = 1e10  # MuJoCo's mjMAXVAL
 
 
-class LiveMujoco:
+class LiveMujoco(LivePlant):
     """An arm in motion; made by `MujocoPlant.start`.
 
     Attributes
     ----------
     model, data
         MuJoCo's own model and state, for whoever needs more.
-    q, measured
-        True and measured configuration, shape (n,), rad or m, updated in place.
     """
 
     model: Any
@@ -38,8 +37,7 @@ class LiveMujoco:
     def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
         n = model.nv
         self.model, self.data = model, data
-        self.q: Array = data.qpos
-        self.measured: Array = np.empty(n)
+        self.q, self.measured = data.qpos, np.empty(n)
         self._rate, self._target = data.ctrl, data.act
         self._advance = import_mujoco().mj_step
         self._substeps = substeps
@@ -79,20 +77,7 @@ class LiveMujoco:
         return -self.model.actuator_biasprm[:, 2]
 
     def step(self, command: ArrayLike) -> None:
-        """Move the arm for one control period; `q` and `measured` are updated in place.
-
-        Parameters
-        ----------
-        command
-            Joint velocities u, shape (n,), rad/s or m/s.
-
-        Raises
-        ------
-        ShapeError, ValueRangeError
-            If the command has the wrong shape or is not finite.
-        DivergedError
-            If the arm's state became NaN or infinite, or the command those that MuJoCo takes.
-        """
+        """Move the arm for one control period; see `LivePlant.step`."""
         rate = self._rate
         rate[:] = as_command(command, len(rate))
         if self._from_measured:  # the rate that ends at measured + T u

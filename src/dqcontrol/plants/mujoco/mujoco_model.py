@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
 _ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it
 
+RODS = 1  # group of the shapes that meshes replace
 _SHELL = (0.93, 0.94, 0.95, 1.0)
 _HUB = (0.95, 0.45, 0.10, 1.0)
 _BASE = (0.25, 0.27, 0.30, 1.0)
@@ -172,13 +173,14 @@ class _Shapes:
         self.reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
         self.radii = self.reach * np.linspace(0.048, 0.026, len(points))
 
-    def add(self, body: Any, kind: str, size: Any, colour: Any, **place: Any) -> None:
+    def add(self, body: Any, kind: str, size: Any, colour: Any, *, group: int = RODS, **place: Any) -> None:
         """Add a geom that only shows."""
         geom = body.add_geom(
             type=getattr(self.mujoco.mjtGeom, f"mjGEOM_{kind}"), rgba=colour, mass=0, **place
         )
         geom.size[: len(size)] = size
         geom.contype = geom.conaffinity = 0
+        geom.group = group
 
     def link(self, body: Any, i: int) -> None:
         """Draw what leads from joint i − 1 to joint i (or to the hand)."""
@@ -213,4 +215,4 @@ class _Shapes:
         for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
             self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))
             ends = [*tool[4:7], *(tool[4:7] + length * axis)]
-            self.add(body, "CAPSULE", [0.0045 * self.reach], colour, fromto=ends)
+            self.add(body, "CAPSULE", [0.0045 * self.reach], colour, group=0, fromto=ends)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
-COMMAND_MODES = ("integrated", "measured")
 _NOT_NEGATIVE = (
     "damping",
     "armature",
@@ -33,7 +32,7 @@ class JointServos(Plant, frozen=True, kw_only=True):
     """What `MujocoPlant`, which describes it, and `MobilePlant` share."""
 
     has_velocity_limits: ClassVar[bool] = True
-    command_mode: Literal["integrated", "measured"] = "integrated"
+    command_mode: CommandMode = "integrated"
     bandwidth: Annotated[float, Meta(gt=0, description="Hz")] = 10.0
     damping_ratio: Annotated[float, Meta(ge=0, description="ζ")] = 1.0
     stiffness: Annotated[float | list[float] | None, Meta(description="k_p, N·m/rad or N/m")] = None
@@ -65,6 +64,14 @@ class JointServos(Plant, frozen=True, kw_only=True):
             value = getattr(self, field)
             if value is not None and (as_array(f"plant.{field}", value) < 0).any():
                 raise ValueRangeError(f"plant.{field}: must be ≥ 0, got {value}")
+
+    def target_mode(self) -> CommandMode:
+        """Return its command mode."""
+        return self.command_mode
+
+    def encoder_errors(self) -> EncoderErrors:
+        """Return noise and resolution of its encoders."""
+        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def substeps(self, dt: float) -> int:
         """Return how many time steps a control period has."""

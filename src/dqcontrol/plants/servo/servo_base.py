@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.errors import as_positive
+from dqcontrol.errors import ShapeError, as_positive
 from dqcontrol.limits.velocity_limit import scale_down
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods, whole_periods
+from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.driving import advance, to_inputs
 from dqcontrol.robots.limits import Limits
@@ -125,6 +125,8 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     Error
         If a parameter is out of range, or there is sag.
     """
+    if not isinstance(plant.delay, int | float):
+        raise ShapeError(f"plant.delay: expected one number with mobile bases, got {plant.delay}")
     driven = body.in_form("constrained") if isinstance(body, WholeBody) else body
     is_base, p = base_coordinates(body), driven.input_size
     moved_by, place = np.flatnonzero(~is_base[driven.input_coordinates]), np.flatnonzero(is_base)
@@ -169,8 +171,7 @@ def _sight(
     noise[:, :2] = 1.0
     if camera is None:
         return noise, 0, 1.0, []
-    late = whole_periods("plant.camera.delay", camera.delay, dt)
-    found = camera.schedule(dt, late, steps, places // 3, seed)
+    found = camera.schedule(dt, steps, places // 3, seed)
     noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
     values = found.age[:, None], found.share[:, None]
-    return noise, late, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))
+    return noise, found.delay, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))

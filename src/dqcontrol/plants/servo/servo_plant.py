@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
+from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import CompiledPlant, Plant, begun_periods, start_configuration
+from dqcontrol.plants.plant import (
+    COMMAND_MODES,
+    CommandMode,
+    CompiledPlant,
+    EncoderErrors,
+    Plant,
+    begun_periods,
+    start_configuration,
+)
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
@@ -22,7 +31,8 @@ from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
-COMMAND_MODES = ("integrated", "measured")
+Each: TypeAlias = float | list[float]
+_HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
 class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
@@ -37,23 +47,29 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     on the arc of their v and ω, with a lag on that of the mean of each over the period. ``rate_limit`` scales v and ω
     to the rim speed.
 
+    Numbers marked "each" are one number for all joints, or one a joint; bodies with mobile bases take one for all.
+    A file with such numbers, as ``dqcontrol identify`` writes it, is named in specs (``file: my_arm.yaml``) or read by
+    `load_servo`.
+
     Parameters
     ----------
     command_mode
         ``"integrated"`` or ``"measured"``.
     time_constant
-        τ in s; 0 for none.
+        τ in s, each; 0 for none.
+    gain
+        Share of a commanded move that the target makes, each.
     sag
         α, a factor on the gravity sag; 0 for none. Needs a robot with inertia.
     stiffness
-        K in N·m/rad (N/m for sliding joints): one number, or one a joint.
+        K in N·m/rad (N/m for sliding joints), each.
     delay
-        From command to joint, s. Where it ends within a period, joints follow the older target up to there and then
-        the newer one, exactly; bases the mean of both commands.
+        From command to joint, s, each. Where it ends within a period, joints follow the older target up to there and
+        then the newer one, exactly; bases the mean of both commands.
     encoder_resolution
-        Step of the measured position, rad or m; 0 for none.
+        Step of the measured position, rad or m, each; 0 for none.
     encoder_noise
-        Standard deviation of the measured position, rad or m, white.
+        Standard deviation of the measured position, rad or m, white, each.
     rate_limit
         True: targets move no faster than the robot's velocity limits.
     position_limit
@@ -67,13 +83,14 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     """
 
     has_velocity_limits: ClassVar[bool] = True
-    command_mode: Literal["integrated", "measured"] = "integrated"
-    time_constant: Annotated[float, Meta(ge=0, description="τ, s")] = 0.05
+    command_mode: CommandMode = "integrated"
+    time_constant: Annotated[Each, Meta(description="τ, s")] = 0.05
+    gain: Annotated[Each, Meta(description="share of a commanded move that is made")] = 1.0
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
-    stiffness: Annotated[float | list[float], Meta(description="K, N·m/rad or N/m")] = 500.0
-    delay: Annotated[float, Meta(ge=0, description="s")] = 0.0
-    encoder_resolution: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
-    encoder_noise: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
+    stiffness: Annotated[Each, Meta(description="K, N·m/rad or N/m")] = 500.0
+    delay: Annotated[Each, Meta(description="s")] = 0.0
+    encoder_resolution: Annotated[Each, Meta(description="rad or m")] = 0.0
+    encoder_noise: Annotated[Each, Meta(description="rad or m")] = 0.0
     rate_limit: bool = True
     position_limit: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
@@ -97,53 +114,74 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        delay_steps, oldest, decay = self._delay(dt)
-        stiffness = as_each("plant.stiffness", self.stiffness, n)
-        if (stiffness <= 0).any():
-            raise ValueRangeError(f"plant.stiffness: must be > 0, got {stiffness.min():g}")
+        answers = [self._answer(i, n, dt) for i in range(n)]
+        gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
         sag = as_positive("plant.sag", self.sag, zero_allowed=True)
         compliance = sag / stiffness
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
-        rate = robot.limits.velocity if self.rate_limit else np.full(n, np.inf)
         ends = robot.limits if self.position_limit else Limits.none(n)
+        oldest = max((each.delay for each in answers), default=0)
         head = np.zeros(layout.HEAD)
-        head[layout.DT] = dt
-        head[layout.DECAY] = decay
         head[layout.MEASURED_MODE] = self.command_mode == "measured"
-        head[layout.DELAY], head[layout.OLDEST] = delay_steps, oldest
-        head[layout.RESOLUTION] = as_positive(
-            "plant.encoder_resolution", self.encoder_resolution, zero_allowed=True
-        )
-        head[layout.NOISE] = as_positive("plant.encoder_noise", self.encoder_noise, zero_allowed=True)
-        head[layout.SAG] = sag
+        head[layout.OLDEST_TARGET], head[layout.SAG] = oldest, sag
         head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
+        joint = np.zeros((n, layout.COLUMNS))
+        joint[:, layout.STEP] = gain * dt
+        joint[:, layout.RATE] = robot.limits.velocity if self.rate_limit else np.inf
+        joint[:, layout.LOWER], joint[:, layout.UPPER] = ends.lower, ends.upper
+        joint[:, layout.COMPLIANCE] = compliance
+        joint[:, layout.DELAY] = [each.delay for each in answers]
+        joint[:, layout.OLDEST] = [each.oldest for each in answers]
+        joint[:, layout.DECAY] = [each.decay for each in answers]
+        joint[:, layout.RESOLUTION] = self._each("encoder_resolution", n)
+        joint[:, layout.NOISE] = self._each("encoder_noise", n)
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
-        parameters = np.concatenate(
-            [head, rate, ends.lower, ends.upper, compliance, bodies.ravel(), robot.chain.ravel()]
-        )
-        state = np.concatenate([target, np.zeros(n), np.tile(target, delay_steps + 1), np.zeros(WORK * n)])
+        parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), robot.chain.ravel()])
+        state = np.concatenate([target, np.zeros(n), np.tile(target, oldest + 1), np.zeros(WORK * n)])
         noise = (
             np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
-            if self.encoder_noise
+            if joint[:, layout.NOISE].any()
             else np.zeros((steps, n))
         )
         return CompiledPlant(servo, parameters, state, q0, noise)
 
+    def target_mode(self) -> CommandMode:
+        """Return its command mode."""
+        return self.command_mode
+
+    def encoder_errors(self) -> EncoderErrors:
+        """Return noise and resolution of its encoders."""
+        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
+
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
-        """Return one joint without sag, encoder and rate limit: its position and its targets, newest first.
+        """Return the joints without sag, encoder and rate limit: positions, then their targets, newest first.
 
-        None for mobile bases, which move otherwise than joints.
+        One joint stands for all if all are alike. None for mobile bases, which move otherwise than joints.
 
-        t⁺ = t + T u (``integrated``) or y + T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ); where
+        t⁺ = t + g T u (``integrated``) or y + g T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ); where
         the delay ends within a period, t⁺ is the mean of the two that are in force then, by their weights.
         """
         if base_coordinates(robot).any():
             return None
-        delay, oldest, decay = self._delay(dt)
+        n = robot.configuration_size
+        gain = self._each("gain", n, zero_allowed=False)
+        answers = [(self._answer(i, n, dt), float(gain[i])) for i in range(n)]
+        if all(each == answers[0] for each in answers):
+            return self._joint_model(*answers[0], dt)
+        models = [self._joint_model(*each, dt) for each in answers]
+        sizes = [len(model.transition) for model in models]
+        begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
+        order = np.concatenate([begins, np.setdiff1d(np.arange(sum(sizes)), begins)])
+        transition = block_diag(*(model.transition for model in models))[np.ix_(order, order)]
+        inputs = block_diag(*(model.inputs for model in models))[order]
+        return LinearModel(transition, inputs).reduced(round(_HORIZON / dt))
+
+    def _joint_model(self, answer: _Answer, gain: float, dt: float) -> LinearModel:
+        delay, oldest, decay = answer
         transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
         transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
-        inputs[1] = dt
+        inputs[1] = gain * dt
         for late in range(2, delay + 2):
             transition[late, late - 1] = 1.0
         transition[0] = (1 - decay) * (oldest * transition[-1] + (1 - oldest) * transition[-2] * (delay > 0))
@@ -151,16 +189,33 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
         return LinearModel(transition, inputs)
 
-    def _delay(self, dt: float) -> tuple[int, float, float]:
-        """Return the delay in periods begun, the weight of the oldest target, and exp(−T/τ).
+    def _each(self, field: str, n: int, *, zero_allowed: bool = True) -> Array:
+        """Return a parameter of each of n joints, checked."""
+        values = as_each(f"plant.{field}", getattr(self, field), n)
+        if (values < 0).any() or (not zero_allowed and (values == 0).any()):
+            raise ValueRangeError(
+                f"plant.{field}: must be {'≥' if zero_allowed else '>'} 0, got {values.min():g}"
+            )
+        return values
+
+    def _answer(self, joint: int, n: int, dt: float) -> _Answer:
+        """Return how a joint follows its targets.
 
         A target that is followed for the first share f of a period, before the next one is for the rest, counts with
         (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
         """
-        delay, share = begun_periods("plant.delay", self.delay, dt)
-        tau = as_positive("plant.time_constant", self.time_constant, zero_allowed=True)
+        delay, share = begun_periods("plant.delay", float(self._each("delay", n)[joint]), dt)
+        tau = float(self._each("time_constant", n)[joint])
         if not tau:
-            return delay, 1.0 if share == 1 else 0.0, 0.0
+            return _Answer(delay, 1.0 if share == 1 else 0.0, 0.0)
         decay = math.exp(-dt / tau)
         oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
-        return delay, oldest, decay
+        return _Answer(delay, oldest, decay)
+
+
+class _Answer(NamedTuple):
+    """Delay in periods begun, weight of the oldest target, and exp(−T/τ) of a joint."""
+
+    delay: int
+    oldest: float
+    decay: float

@@ -11,11 +11,13 @@ from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.gravity import gravity_torque
 
-# parameters: head, then rate limit (n), least and largest target (n each), compliance α/K (n), bodies (4n),
-# chain (8 (n + 1))
-DT, DECAY, MEASURED_MODE, DELAY, RESOLUTION, NOISE, SAG, GRAVITY = 0, 1, 2, 3, 4, 5, 6, 7
-OLDEST = 10  # weight of the oldest target in the queue: below 1 where the delay ends within a period
-HEAD = 11
+# parameters: head, then a row of columns for each joint, bodies (4n), chain (8 (n + 1))
+MEASURED_MODE, OLDEST_TARGET, SAG, GRAVITY = 0, 1, 2, 3
+HEAD = 6
+STEP, RATE, LOWER, UPPER, COMPLIANCE, DECAY, DELAY, OLDEST, RESOLUTION, NOISE = range(10)
+"""Columns: gain times period; rate limit; least and largest target; α/K; exp(−T/τ); delay in periods begun; weight of
+the oldest target, below 1 where the delay ends within a period; step and noise of the encoder."""
+COLUMNS = 10
 
 
 def servo_step(
@@ -25,36 +27,36 @@ def servo_step(
     n = q.shape[0]
     if command.shape[0] != n:
         return WRONG_SIZE
-    rate = parameters[HEAD : HEAD + n]
-    least, most = parameters[HEAD + n : HEAD + 2 * n], parameters[HEAD + 2 * n : HEAD + 3 * n]
-    compliance = parameters[HEAD + 3 * n : HEAD + 4 * n]
-    bodies = as_matrix(parameters[HEAD + 4 * n : HEAD + 8 * n], n, 4)
-    chain = as_matrix(parameters[HEAD + 8 * n : HEAD + 8 * n + 8 * (n + 1)], n + 1, 8)
-    delay = int(parameters[DELAY])
+    joint = as_matrix(parameters[HEAD : HEAD + COLUMNS * n], n, COLUMNS)
+    at = HEAD + COLUMNS * n
+    bodies = as_matrix(parameters[at : at + 4 * n], n, 4)
+    chain = as_matrix(parameters[at + 4 * n : at + 4 * n + 8 * (n + 1)], n + 1, 8)
+    oldest = int(parameters[OLDEST_TARGET])
     target = state[0:n]
     sag = state[n : 2 * n]
-    queue = state[2 * n : 2 * n + n * (delay + 1)]  # newest target first
+    queue = state[2 * n : 2 * n + n * (oldest + 1)]  # newest target first
 
-    for k in range(delay, 0, -1):
+    for k in range(oldest, 0, -1):
         for i in range(n):
             queue[n * k + i] = queue[n * (k - 1) + i]
     for i in range(n):
-        move = parameters[DT] * min(max(command[i], -rate[i]), rate[i])
+        move = joint[i, STEP] * min(max(command[i], -joint[i, RATE]), joint[i, RATE])
         wanted = move + (measured[i] if parameters[MEASURED_MODE] != 0.0 else target[i])
-        target[i] = min(max(wanted, least[i]), most[i])
+        target[i] = min(max(wanted, joint[i, LOWER]), joint[i, UPPER])
         queue[i] = target[i]
     if parameters[SAG] != 0.0:
-        work = state[2 * n + n * (delay + 1) :]
+        work = state[2 * n + n * (oldest + 1) :]
         gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
     for i in range(n):
+        delay = int(joint[i, DELAY])
         goal = queue[n * delay + i]
-        if parameters[OLDEST] < 1.0:
-            goal = parameters[OLDEST] * goal + (1.0 - parameters[OLDEST]) * queue[n * (delay - 1) + i]
-        rest = goal - compliance[i] * sag[i]
-        q[i] = rest + (q[i] - rest) * parameters[DECAY]
-        value = q[i] + parameters[NOISE] * noise[i]
-        if parameters[RESOLUTION] > 0.0:
-            value = parameters[RESOLUTION] * math.floor(value / parameters[RESOLUTION] + 0.5)
+        if joint[i, OLDEST] < 1.0:
+            goal = joint[i, OLDEST] * goal + (1.0 - joint[i, OLDEST]) * queue[n * (delay - 1) + i]
+        rest = goal - joint[i, COMPLIANCE] * sag[i]
+        q[i] = rest + (q[i] - rest) * joint[i, DECAY]
+        value = q[i] + joint[i, NOISE] * noise[i]
+        if joint[i, RESOLUTION] > 0.0:
+            value = joint[i, RESOLUTION] * math.floor(value / joint[i, RESOLUTION] + 0.5)
         measured[i] = value
     return OK
 

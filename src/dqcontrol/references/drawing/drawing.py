@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.files.text_file import read_text
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import PenPath, Stroke, distance_home
+from dqcontrol.references.yaml_form import FileName, SpecStart
 
 ORIENTATIONS = ("fixed", "path")
 TURN_SPEED = 1.0  # rad/s
@@ -62,6 +64,8 @@ class Drawing(PlanarReference):
     (0.2571, [[0.0, 0.0], [0.1, 0.05]])
     """
 
+    kind = "drawing"
+
     start: ArrayLike
     strokes: Sequence[Stroke]
     _: KW_ONLY
@@ -87,6 +91,19 @@ class Drawing(PlanarReference):
             raise ValueRangeError(f"repeat: the drawing must end at its origin, it ends {gap:.6g} m from it")
         trace = PenPath.of(strokes * self.repeat, turn_speed if follow else None)
         self._place(trace, start, plane_axes("plane", self.plane), follow=follow)
+
+    @classmethod
+    def from_spec(cls, start: SpecStart, *, file: FileName) -> Drawing:
+        """Follow a drawing file; see `dqcontrol.references.load_drawing`."""
+        from dqcontrol.references.drawing.drawing_file import parse_drawing
+
+        path = start.folder / file
+        said = parse_drawing(read_text(path), str(path))
+        if said.position is not None:
+            start.refuse_position(path)
+        if said.rotation is not None:
+            start.refuse_orientation(path)
+        return said.drawing(start.pose)
 
     @property
     def length(self) -> float:

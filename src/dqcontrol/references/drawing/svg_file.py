@@ -6,13 +6,14 @@ import cmath
 import importlib
 import io
 import os
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.references.strokes import Arc, Line, Stroke
 
@@ -20,6 +21,8 @@ _LARGEST = 2_000_000  # bytes
 _MOST_STROKES = 20_000
 _PIECES = 12  # pairs of arcs for each curve of a path
 _STEP = 1e-5  # of a curve's parameter, for its tangents
+_WHITE = "#ffffff"
+_EDGE = 0.01  # of the page: a background may end so far from its edge
 _FLAT = 1e-6  # of a chord's length: an arc as flat as that is a line
 
 
@@ -42,18 +45,21 @@ class PenStroke:
 def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
     """Return the outlines of all shapes of an SVG file, in its own units, y up, at speed 1.
 
-    Lines, curves, rectangles, circles, ellipses and polygons count, with their transformations; fill, width, colour
-    and text do not. Curves become pairs of arcs that join without a corner.
+    Lines, curves, rectangles, circles, ellipses and polygons count, with their transformations; width and colour do
+    not. Curves become pairs of arcs that join without a corner. Left out are shapes that nobody sees (hidden ones,
+    those with neither fill nor line, white ones without a line), fills of the whole page, texts and images; a
+    `NoteWarning` names the last three.
 
     Parameters
     ----------
     path
-        The file, at most 2 MB. A document type, which could define entities, is refused.
+        The file, at most 2 MB. A document type that defines entities is refused; a harmless one is passed over, and
+        what it names is never read.
 
     Raises
     ------
     FileFormatError
-        If the file is no SVG, is too large, has a document type or uses within uses, or holds no path.
+        If the file is no SVG, is too large, defines entities or uses within uses, or holds no path.
     MissingExtraError
         If svgelements is not installed.
     """
@@ -61,9 +67,14 @@ def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
     svg = _svgelements()
     try:
         document = svg.SVG.parse(io.BytesIO(content), reify=True)
-        shapes = [svg.Path(e) for e in document.elements() if isinstance(e, svg.Shape)]
+        elements = list(document.elements())
+        size = document.width, document.height
+        seen = [e for e in elements if isinstance(e, svg.Shape) and _is_seen(e)]
+        pages = [e for e in seen if len(seen) > 1 and _covers(e, *map(float, size))]
+        shapes = [svg.Path(e) for e in seen if e not in pages]
     except (ValueError, TypeError, ZeroDivisionError, AttributeError, IndexError, KeyError) as error:
         raise FileFormatError(f"{path}: svgelements cannot read it: {error}") from None
+    left_out = list(_left_out(svg, elements, len(pages)))
     pens: list[PenStroke] = []
     count = 0
     for shape in shapes:
@@ -76,21 +87,63 @@ def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
                 first = _number(part[0].end)
                 pens.append(PenStroke((first.real, first.imag), strokes))
     if not pens:
-        raise FileFormatError(f"{path}: holds no path to draw; texts must be turned into paths first")
+        why = f" (left out: {', '.join(left_out)})" if left_out else ""
+        raise FileFormatError(f"{path}: holds no path to draw; texts must be turned into paths first{why}")
+    if left_out:
+        warnings.warn(f"{path}: left out: {', '.join(left_out)}", NoteWarning, stacklevel=2)
     return tuple(pens)
 
 
+def _is_seen(shape: Any) -> bool:
+    """Return whether a shape has a line, or a fill that is not white; without a word on either it is filled black."""
+    said = shape.values.get("stroke"), shape.values.get("fill")
+    stroke = shape.stroke is not None and shape.stroke.value is not None
+    fill = shape.fill is None or (shape.fill.value is not None and shape.fill.hexrgb != _WHITE)
+    return stroke or fill or said == (None, None)
+
+
+def _covers(shape: Any, width: float, height: float) -> bool:
+    """Return whether a shape without a line fills the whole page, as a background does."""
+    if shape.stroke is not None and shape.stroke.value is not None:
+        return False
+    box = shape.bbox()
+    if box is None:
+        return False
+    left, top, right, bottom = box
+    near = _EDGE * max(width, height)
+    return left <= near and top <= near and right >= width - near and bottom >= height - near
+
+
+def _left_out(svg: Any, elements: list[Any], pages: int) -> Iterator[str]:
+    texts = [text for e in elements if isinstance(e, svg.Text) if (text := str(e.text or "").strip())]
+    if texts:
+        named = ", ".join(f"'{text:.20}'" for text in texts[:3]) + ", …" * (len(texts) > 3)
+        yield f"text {named} (turn it into paths, in Inkscape: Path, Object to Path)"
+    if images := sum(isinstance(e, svg.Image) for e in elements):
+        yield "an image" if images == 1 else f"{images} images"
+    if pages:
+        yield "a background as large as the page"
+
+
 def _read(path: str | os.PathLike[str]) -> bytes:
+    """Return a file's content without its document type and paths that are empty; or refuse it."""
     try:
         content = read_whole(path, _LARGEST)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
 
     def refuse(*_: object) -> None:
-        raise FileFormatError(f"{path}: has a document type (<!DOCTYPE …>), which is refused; delete it")
+        raise FileFormatError(
+            f"{path}: has a document type that defines entities, which is refused; delete it"
+        )
+
+    def look(name: str, system: str | None, public: str | None, inside: bool) -> None:
+        if inside:
+            refuse()
 
     parser = expat.ParserCreate()
-    parser.StartDoctypeDeclHandler = refuse
+    parser.StartDoctypeDeclHandler = look
+    parser.EntityDeclHandler = refuse
     try:
         parser.Parse(content, True)
         root = ElementTree.fromstring(content)
@@ -103,7 +156,15 @@ def _read(path: str | os.PathLike[str]) -> bytes:
     }  # uses of uses can grow without end
     if any(_target(e) in nested for e in root.iter() if _is_use(e)):
         raise FileFormatError(f"{path}: a <use> of what holds a <use>; flatten the drawing")
-    return content
+    for parent in root.iter():
+        for child in list(parent):
+            if (
+                isinstance(child.tag, str)
+                and child.tag.rpartition("}")[2] == "path"
+                and not child.get("d", "").strip()
+            ):
+                parent.remove(child)
+    return ElementTree.tostring(root)
 
 
 def _is_use(element: Any) -> bool:

@@ -1,0 +1,199 @@
+"""A robot alone, to be moved by hand: sliders for its joints, frames, limits, and what it reaches."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import io
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.browser.layout import FIELD, Extent, viewpoint
+from dqcontrol.browser.page import HOST, DrawnRun, import_viser
+from dqcontrol.browser.run_view_model import Track
+from dqcontrol.figures.style import LIMIT
+from dqcontrol.loop.record import Record
+from dqcontrol.robots import Robot, describe
+
+_TICK = 1 / 30  # s
+_CLOSER = 0.75  # than where all that the hand reaches is seen: the robot is what is looked at
+_POINTS = 6000  # of the hand in the cloud of what it reaches
+_NEAR = 0.05  # share of a joint's range: nearer to a limit than that is red
+_CLOUD = (86, 180, 233)
+_FREE = {"revolute": math.pi, "prismatic": 1.0}  # rad, m: ends of sliders where there are no limits
+
+
+class RobotPage:
+    """A browser page that shows a robot; `serve` keeps it going.
+
+    Parameters
+    ----------
+    robot
+        An arm or a whole body.
+    port
+        Of this machine; the next free one if it is taken.
+
+    Attributes
+    ----------
+    q
+        The configuration that is shown, shape (n,), rad or m.
+
+    Raises
+    ------
+    MissingExtraError
+        If viser is not installed.
+    """
+
+    q: Array
+
+    def __init__(self, robot: Robot, port: int = 8080) -> None:
+        viser = import_viser()
+        self.robot = robot
+        free = np.array([_FREE[kind] for kind in robot.joint_types])
+        self.lower: Array = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -free)
+        self.upper: Array = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, free)
+        self._home = np.clip(np.zeros(len(free)), self.lower, self.upper)
+        self.q = self._home.copy()
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+        self._track = Track(robot.name, robot, self._record())
+        reached = reached_points(robot, self.lower, self.upper)
+        cloud = np.vstack([reached, self._track.frames(0)[:, 4:]])
+        self._box = Extent(cloud.min(axis=0), cloud.max(axis=0))
+        self._set_stage(reached)
+        self._drawn = DrawnRun(self.server, 0, self._track, 0.5 * self._box.size, alone=True)
+        self._add_controls()
+        self._seen: object = None
+        self.tick()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.server.get_port()}"
+
+    def serve(self) -> None:
+        """Keep the page going until interrupted."""
+        try:
+            while True:
+                self.tick()
+                time.sleep(_TICK)
+        finally:
+            self.server.stop()
+
+    def tick(self) -> None:
+        """Draw what has changed."""
+        wanted = (*(slider.value for slider in self._sliders), self._joint_frames.value, self._reach.value)
+        if wanted == self._seen:
+            return
+        self._seen = wanted
+        self.q = np.array([slider.value for slider in self._sliders]) * self._scales
+        self._track.take(self._record())
+        with self.server.atomic():
+            self._drawn.show(0, np.zeros(3), visible=True, joint_frames=self._joint_frames.value)
+            self._cloud.visible = self._reach.value
+            self._numbers.content = self._told()
+
+    def set(self, q: Array) -> None:
+        """Move the sliders to a configuration, rad or m."""
+        for slider, value in zip(self._sliders, q / self._scales, strict=True):
+            slider.value = float(np.clip(value, slider.min, slider.max))
+
+    def _record(self) -> Record:
+        """Return a run of one sample, in which the hand is where it shall be."""
+        q, pose = self.q[None], self.robot.fkm(self.q)[None]
+        desired = np.hstack([pose, np.zeros((1, 13))])
+        command = np.zeros((1, len(self.robot.input_names)))
+        names = self.robot.joint_names, self.robot.input_names
+        return Record(np.zeros(1), q, q, command, pose, desired, *names)
+
+    def _set_stage(self, reached: Array) -> None:
+        server, box = self.server, self._box
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.scene.set_up_direction("+z")
+        position, looked_at = viewpoint([self._track], box)
+        server.initial_camera.position = looked_at + _CLOSER * (position - looked_at)
+        server.initial_camera.look_at = looked_at
+        server.initial_camera.fov = FIELD
+        side = float(np.ceil(2 * box.size))
+        server.scene.add_grid(
+            "/floor",
+            side,
+            side,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(228, 230, 234),
+            section_color=(196, 200, 206),
+            position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
+        )
+        self._cloud = server.scene.add_point_cloud(
+            "/reach",
+            points=reached.astype(np.float32),
+            colors=_CLOUD,
+            point_size=0.0018 * box.size,
+            point_shape="circle",
+            visible=False,
+        )
+
+    def _add_controls(self) -> None:
+        gui, about = self.server.gui, describe(self.robot)
+        ends = f"{about.ends}, " if about.ends else ""
+        gui.add_markdown(f"**{about.name}** — {ends}reach {about.reach:.3g} m")
+        self._scales = np.array(
+            [math.pi / 180 if kind == "revolute" else 1.0 for kind in self.robot.joint_types]
+        )
+        self._sliders = []
+        for i, name in enumerate(self.robot.joint_names):
+            unit, step = ("°", 0.1) if self.robot.joint_types[i] == "revolute" else ("m", 0.001)
+            low, high, first = np.array([self.lower[i], self.upper[i], self._home[i]]) / self._scales[i]
+            slider = gui.add_slider(
+                f"{name} [{unit}]", float(low), float(high), step, float(np.clip(first, low, high))
+            )
+            self._sliders.append(slider)
+        gui.add_button("Zero").on_click(lambda _: self.set(self._home))
+        gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))
+        self._joint_frames = gui.add_checkbox("Frames of all joints", True)
+        self._reach = gui.add_checkbox("What the hand reaches", False)
+        self._numbers = gui.add_html("")
+
+    def _told(self) -> str:
+        """Return where the hand is, which joints are near their limits, and the start for a spec, as HTML."""
+        pose = self.robot.fkm(self.q)
+        x, y, z = algebra.translation(pose)
+        rpy = np.degrees(algebra.rpy_from_rotation(algebra.rotation(pose)))
+        rows = [
+            ("Hand [m]", f"{x:.3f}, {y:.3f}, {z:.3f}", False),
+            ("Roll, pitch, yaw [°]", ", ".join(f"{angle:.1f}" for angle in rpy), False),
+            ("Manipulability", f"{float(self.robot.manipulability(self.q)):.3g}", False),
+        ]
+        span = self.upper - self.lower
+        margins = np.minimum(self.q - self.robot.limits.lower, self.robot.limits.upper - self.q)
+        for i in np.flatnonzero(margins < _NEAR * span):
+            scale, unit = (180 / math.pi, "°") if self.robot.joint_types[i] == "revolute" else (1e3, " mm")
+            rows.append(
+                (f"{self.robot.joint_names[i]} to its limit", f"{scale * margins[i]:.1f}{unit}", True)
+            )
+        cells = "".join(
+            f"<tr style='color:{LIMIT if bad else 'inherit'}'><td>{html.escape(name)}</td>"
+            f"<td style='text-align:right'>{html.escape(value)}</td></tr>"
+            for name, value, bad in rows
+        )
+        start = ", ".join(f"{value:.4g}" for value in self.q + 0.0)
+        return (
+            f"<div style='margin:8px 12px;font-size:0.85em'><table style='width:100%'>{cells}</table>"
+            f"<p>For a spec (rad or m):<br><code>start: [{start}]</code></p></div>"
+        )
+
+
+def reached_points(robot: Robot, lower: Array, upper: Array) -> Array:
+    """Return positions of the hand at random configurations between limits, shape (N, 3), m; bases rest."""
+    q = np.random.default_rng(0).uniform(lower, upper, (_POINTS, len(lower)))
+    for first, _ in robot.bases:
+        q[:, first : first + 3] = 0.0
+    out: Array = algebra.translation(robot.fkm(q))
+    return out

@@ -1,0 +1,123 @@
+"""Flat memory by name: a layout is declared once, and takes arrays apart in Python and in kernels."""
+
+from __future__ import annotations
+
+import re
+from math import prod
+from typing import Any, Generic, TypeVar, get_type_hints
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.intrinsics import as_matrix
+
+Fields = TypeVar("Fields", bound=tuple[Any, ...])
+
+_REST = "rest"  # in place of ``...``
+
+
+class Layout(Generic[Fields]):
+    """Where the numbers of a flat array stand, in the order of a named tuple's fields.
+
+    Called with an array and the sizes that the layout depends on, it returns the tuple of its parts. Kernels call it
+    too, and have the machine code of slices that are written out.
+
+    Parameters
+    ----------
+    fields
+        A `typing.NamedTuple` whose fields are declared as ``float``, a number that is read at once, as
+        ``Annotated[Array, size]``, numbers in a row, or as ``Annotated[Array, rows, columns]``. What is written to is
+        an array, also if it is one number. Sizes are whole numbers, or expressions in the names below; the last field
+        may have ``...`` as size or number of rows, and is then what is left.
+    sizes
+        Names of the sizes that are not known before.
+
+    Examples
+    --------
+    >>> from typing import Annotated, NamedTuple
+    >>> class Spring(NamedTuple):
+    ...     stiffness: float
+    ...     rest: Annotated[Array, "n"]
+    ...     rows: Annotated[Array, 2, "n + 1"]
+    >>> spring = Layout(Spring, "n")
+    >>> memory = spring.pack(stiffness=5.0, rest=[1.0, 2.0], rows=np.zeros((2, 3)))
+    >>> memory.size == spring.size(2)
+    True
+    >>> spring(memory, 2).rest
+    array([1., 2.])
+    """
+
+    def __init__(self, fields: type[Fields], *sizes: str) -> None:
+        self.fields, self.sizes = fields, sizes
+        self.__name__ = fields.__name__
+        hints = get_type_hints(fields, include_extras=True)
+        self._shapes = {
+            name: tuple(_REST if size is ... else size for size in getattr(hint, "__metadata__", ()))
+            for name, hint in hints.items()
+        }
+        listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
+        self._known_shapes = eval(f"lambda {', '.join([*sizes, _REST])}: ({listed},)")
+        inline(self._taken_apart(), called=self)
+
+    def __call__(self, memory: Array, *sizes: int) -> Fields:
+        """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
+        *_, last = self._known_shapes(*sizes, 1)
+        left = (memory.shape[-1] - self.size(*sizes)) // max(prod(last), 1)
+        parts, place = [], 0
+        for shape in self._known_shapes(*sizes, left):
+            part = memory[..., place : place + prod(shape)]
+            parts.append(part.reshape(*memory.shape[:-1], *shape) if shape else memory.T[place].T)
+            place += prod(shape)
+        return self.fields(*parts)
+
+    def size(self, *sizes: int) -> int:
+        """Return how many numbers it has, without a field that is what is left."""
+        return sum(prod(shape) for shape in self._known_shapes(*sizes, 0))
+
+    def sized(self, *sizes: str) -> str:
+        """Return its size as an expression in these sizes, for a layout that has it as a part."""
+        given = dict(zip(self.sizes, sizes, strict=True))
+        whole = " + ".join(_product(shape) for shape in self._shapes.values())
+        return re.sub(r"[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
+
+    def place(self, name: str, *sizes: int) -> int:
+        """Return where the numbers of a field begin."""
+        before = list(self._shapes).index(name)
+        return sum(prod(shape) for shape in self._known_shapes(*sizes, 0)[:before])
+
+    def pack(self, **values: ArrayLike) -> Array:
+        """Return an array, or rows of arrays, shape (…, size), that have these values by name."""
+        if values.keys() != self._shapes.keys():
+            raise TypeError(f"{self.__name__}: expected {', '.join(self._shapes)}, got {', '.join(values)}")
+        parts = []
+        for name, shape in self._shapes.items():
+            value = np.asarray(values[name], dtype=np.float64)
+            rows = value.shape[: value.ndim - len(shape)]
+            parts.append(value.reshape(*rows, prod(value.shape[len(rows) :])))
+        rows = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
+        return np.concatenate([np.broadcast_to(part, (*rows, part.shape[-1])) for part in parts], axis=-1)
+
+    def _taken_apart(self) -> Any:
+        """Write the function that takes an array apart in kernels, which cannot loop over fields."""
+        lines, parts, place = [f"def taken_apart({', '.join(['memory', *self.sizes])}):"], [], "0"
+        for k, shape in enumerate(self._shapes.values()):
+            if _REST in shape:
+                _, *columns = shape
+                lines.append(f"    {_REST} = (memory.shape[0] - {place}) // {_product(tuple(columns))}")
+            if not shape:
+                parts.append(f"memory[{place}]")
+            else:
+                row = f"memory[{place} : {place} + {_product(shape)}]"
+                parts.append(row if len(shape) == 1 else f"as_matrix({row}, {', '.join(map(str, shape))})")
+            lines.append(f"    place{k} = {place} + {_product(shape)}")
+            place = f"place{k}"
+        lines.append(f"    return fields({', '.join(parts)})")
+        names = {"fields": self.fields, "as_matrix": as_matrix}
+        exec("\n".join(lines), names)
+        return names["taken_apart"]
+
+
+def _product(shape: tuple[int | str, ...]) -> str:
+    return " * ".join(f"({size})" for size in shape) or "1"

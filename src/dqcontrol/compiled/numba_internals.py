@@ -1,0 +1,194 @@
+"""All that this package uses of Numba beyond what Numba documents: it is what makes kernels fast.
+
+A release of Numba may change any of it, so pyproject.toml bounds Numba from above; `make test-newest` tries the next
+one. Where it breaks, ``DQCONTROL_NUMBA=plain`` takes `numba_public` in place of this file: the same functions of what
+is documented alone. Both files define the same names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import Parameter, Signature
+from typing import Any
+
+import llvmlite.binding
+import numba
+from numba import types
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
+
+from dqcontrol.compiled import kernel_cache
+
+
+def jit(function: Callable[..., Any], fastmath: set[str] | bool, *, ours: bool) -> Any:
+    """Return a function's dispatcher; ``ours`` allocate nothing and are kept in the cache.
+
+    What allocates nothing does without Numba's reference counts (`_nrt=False`), which would cost a third of the time.
+    """
+    dispatcher = numba.njit(  # type: ignore[call-overload] — the stubs lack `_nrt`
+        fastmath=fastmath,
+        nogil=True,
+        error_model="numpy",
+        _nrt=not ours,
+        no_cfunc_wrapper=True,
+    )(function)
+    if ours and kernel_cache.root() is not None:
+        dispatcher._cache = KernelCache(function)
+    return dispatcher
+
+
+def address_of(function: Callable[..., Any], dispatcher: Any, signature: Any) -> int:
+    """Return where the machine code of a dispatcher lies."""
+    result = dispatcher.get_compile_result(signature)
+    return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+
+
+class _KernelPart(JITCodeLibrary):
+    """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        """Hand the engine no code, only the variable that Numba sets for each function."""
+        code = self._final_module
+        names = (variable.name for variable in code.global_variables)
+        variables = [f'@"{name}" = common global i8* null' for name in names if "NumbaEnv" in name]
+        self._final_module = llvmlite.binding.parse_assembly("\n".join(variables))
+        super()._finalize_final_module()
+        self._final_module = code
+
+
+class _PartCompiler(Compiler):
+    """Compile a function into a `_KernelPart`; otherwise every caller would optimise all below it again."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.library = _KernelPart(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+def part_options(*, everywhere: bool) -> dict[str, Any]:
+    """Return the options of a function that becomes part of kernels, of each call of it if ``everywhere``."""
+    return {
+        "_nrt": False,
+        "pipeline_class": _PartCompiler,
+        "no_cfunc_wrapper": True,
+        "forceinline": everywhere,  # between functions every array is seven numbers on the stack
+    }
+
+
+def _known_as(function: Callable[..., Any], definition: Callable[..., Any]) -> None:
+    """Do what `intrinsic` does, for a function that Python can call too."""
+    infer_global(function, types.Function(infer(make_intrinsic_template(function, definition, "call"))))
+
+
+def _caller(signature: Any, emit: Callable[..., Any]) -> Callable[..., Any]:
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
+
+    def at(typing_context, address, *arguments):
+        def generate(context, builder, call, arguments):
+            return emit(context, builder, signature.return_type, signature.args, arguments[0], arguments[1:])
+
+        return signature.return_type(types.intp, *signature.args), generate
+
+    names = ["typing_context", "address", *(f"argument{i}" for i in range(len(signature.args)))]
+    parameters = [Parameter(name, Parameter.POSITIONAL_ONLY) for name in names]
+    at.__signature__ = Signature(parameters)
+    _known_as(call, at)
+    return call
+
+
+def caller(signature: Any) -> Callable[..., Any]:
+    """Return what calls, in a kernel, the kernel of this signature at an address, and in Python the kernel itself.
+
+    The call goes to the machine code, not to a wrapper that stores all arguments anew.
+    """
+
+    def emit(context, builder, result, taken, address, arguments):
+        function = context.call_conv.get_function_type(result, taken).as_pointer()
+        pointer = builder.inttoptr(address, function)
+        # The status is not looked at: no kernel raises.
+        _, value = context.call_conv.call_function(builder, pointer, result, taken, arguments)
+        return value
+
+    return _caller(signature, emit)
+
+
+def c_caller(signature: Any) -> Callable[..., Any]:
+    """Return what calls, in a kernel, the C function at an address that takes these numbers and returns nothing."""
+
+    def emit(context, builder, result, taken, address, arguments):
+        from llvmlite.ir import FunctionType, VoidType
+
+        function = FunctionType(VoidType(), [context.get_value_type(each) for each in taken]).as_pointer()
+        builder.call(builder.inttoptr(address, function), arguments)
+        return context.get_dummy_value()
+
+    return _caller(signature, emit)
+
+
+def _unchecked(typing_context, array, rows, columns):
+    from numba.core.imputils import impl_ret_borrowed  # neither before the first compilation
+    from numba.np.arrayobj import make_array, populate_array
+
+    result = array.copy(ndim=2)
+
+    def generate(context, builder, call, arguments):
+        source = make_array(call.args[0])(context, builder, arguments[0])
+        found = make_array(call.return_type)(context, builder)
+        rows, columns = arguments[1:]
+        populate_array(
+            found,
+            data=source.data,
+            shape=[rows, columns],
+            strides=[builder.mul(columns, source.itemsize), source.itemsize],
+            itemsize=source.itemsize,
+            meminfo=source.meminfo,
+            parent=source.parent,
+        )
+        return impl_ret_borrowed(context, builder, call.return_type, found._getvalue())
+
+    return result(array, types.intp, types.intp), generate
+
+
+def define_as_matrix(as_matrix: Callable[..., Any]) -> None:
+    """Let kernels call this function; ``reshape``, which checks, takes 10 ns more."""
+    _known_as(as_matrix, _unchecked)
+
+
+class _Locator(_CacheLocator):  # Numba's methods, being abstract, are taken to return None
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._module, self._line = function.__module__, function.__code__.co_firstlineno
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        return cls(py_func)
+
+    def get_cache_path(self) -> str:  # type: ignore[override]
+        return str(kernel_cache.module_folder(self._module))
+
+    def get_source_stamp(self) -> str:  # type: ignore[override]
+        return kernel_cache.source_hash(self._module)
+
+    def get_disambiguator(self) -> str:  # type: ignore[override]
+        return str(self._line)
+
+
+class _Implementation(CompileResultCacheImpl):
+    _locator_classes = [_Locator]
+
+
+class KernelCache(FunctionCache):
+    """Numba's cache of one function, in the folder of the function's module."""
+
+    _impl_class = _Implementation
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            kernel_cache.warn_unwritable()

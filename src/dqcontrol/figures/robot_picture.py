@@ -1,0 +1,91 @@
+"""A drawing of a robot with the path of its hand, to tell at a glance what a report is about."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.figures.base_paths import silhouette
+from dqcontrol.figures.style import COLOURS, DESIRED, NEUTRAL, new_figure, styled
+from dqcontrol.figures.tilted_base import recorded_frames
+from dqcontrol.loop.record import Record
+from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BESIDE, _UP = (
+    0.75,
+    0.42,
+)  # rad, and a share of 1: where the viewer stands, seen from the robot towards the path
+_SHELL, _EDGE = "#d9dce1", "#50555c"
+_BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # m
+
+
+@styled
+def robot_picture(robot: Robot, record: Record) -> Figure:
+    """Draw a robot as it starts, with the desired path (dashed) and the hand's, seen from the front, without axes.
+
+    Links are drawn as rods from joint to joint; a bar gives the scale.
+
+    Parameters
+    ----------
+    robot
+        An arm or a whole body.
+    record
+        A run of it.
+
+    Examples
+    --------
+    >>> robot_picture(run.robot, run.record).savefig("robot.png")  # doctest: +SKIP
+    """
+    figure = new_figure(3.0, 2.6)
+    axes: Any = figure.subplots()
+    finite = np.flatnonzero(np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1))
+    frames = recorded_frames(robot, record, finite[:1])[0]
+    links, discs = silhouette(robot, frames)
+    desired, hand = record.desired_position, record.position[finite]
+    onto = _view(np.nanmean(desired, axis=0) - links[0])
+    foot = np.array([*links[0, :2], min(0.0, float(links[:, 2].min()))])
+    flat = links @ onto.T
+    reach = float(np.ptp(flat, axis=0).max()) or 1.0
+    _floor(axes, foot, 0.35 * reach, onto)
+    for disc in discs:
+        axes.fill(*(disc[1:] @ onto.T).T, color=_SHELL, ec=_EDGE, lw=0.8)
+    for width, colour in ((8.5, _EDGE), (6.5, _SHELL)):
+        axes.plot(*flat.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
+    axes.plot(*flat[1:-1].T, "o", ms=4, color=COLOURS[1], mew=0)
+    axes.plot(*(desired @ onto.T).T, color=DESIRED, ls="--", lw=1.1)
+    axes.plot(*(hand @ onto.T).T, color=COLOURS[0], lw=1.4)
+    axes.plot(*flat[-1], "o", ms=5, mec=COLOURS[0], mfc="white", mew=1.3)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.06)
+    axes.axis("off")
+    _scale_bar(axes, reach)
+    return figure
+
+
+def _view(ahead: Array) -> Array:
+    """Return the viewer's directions to the right and up, shape (2, 3): the path is in front of the robot."""
+    azimuth = (np.arctan2(ahead[1], ahead[0]) if np.linalg.norm(ahead[:2]) > 1e-6 else 0.0) + _BESIDE
+    towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])
+    towards /= np.linalg.norm(towards)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.stack([right, np.cross(towards, right)])
+
+
+def _floor(axes: Any, foot: Array, half: float, onto: Array) -> None:
+    for at in np.linspace(-half, half, 5):
+        for line in ([[at, -half, 0], [at, half, 0]], [[-half, at, 0], [half, at, 0]]):
+            axes.plot(*((foot + np.array(line)) @ onto.T).T, color="#e4e4e4", lw=0.7, zorder=0)
+
+
+def _scale_bar(axes: Any, reach: float) -> None:
+    length = max((bar for bar in _BARS if bar <= 0.4 * reach), default=_BARS[0])
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    y = low - 0.04 * (high - low)
+    axes.plot([left, left + length], [y, y], color=NEUTRAL, lw=2.0, solid_capstyle="butt")
+    text = f"{1e3 * length:g} mm" if length < 0.1 else f"{length:g} m"
+    axes.text(left + 1.1 * length + 0.01 * (right - left), y, text, va="center", color=NEUTRAL)

@@ -1,0 +1,103 @@
+"""The meshes of URDF files on the bodies of a MuJoCo model, in place of rods and drums."""
+
+from __future__ import annotations
+
+import importlib.util
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
+from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
+from dqcontrol.robots import Robot, SerialArm, WholeBody
+from dqcontrol.robots.dh import compose
+from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
+
+_SHARP = 0.6  # rad; edges between faces that meet at a larger angle stay edges
+_FLAT = 1e-9  # m²; MuJoCo refuses meshes without area
+
+
+class LinkMesh(NamedTuple):
+    """A mesh that moves with row ``row`` of `Robot.frames`, −1 for one that stands still, and its colour 0 … 1."""
+
+    row: int
+    vertices: Array
+    faces: NDArray[np.int64]
+    colour: tuple[float, float, float, float]
+
+
+def link_meshes(robot: Robot) -> list[LinkMesh]:
+    """Return the meshes of a robot's URDF files, as the browser view shows them; none without files or trimesh."""
+    found: list[LinkMesh] = []
+    if importlib.util.find_spec("trimesh") is None:
+        return found
+    for first, part in _parts(robot):
+        if part.urdf is None:
+            continue
+        mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
+        for carrier, mesh, colour in urdf_shapes(*part.urdf, part):
+            if mesh.area < _FLAT or len(mesh.vertices) < 4:
+                continue
+            placed = mesh.apply_transform(mount) if carrier < 0 else mesh
+            found.append(_smooth(first + carrier, placed, colour))
+    return found
+
+
+def add_meshes(spec: Any, robot: Robot, meshes: list[LinkMesh]) -> None:
+    """Draw meshes on the bodies of an ``mjSpec`` of a robot, and hide the rods of the arms that they show."""
+    mujoco, bases = import_mujoco(), int(base_coordinates(robot).sum())
+    fixed = spec.body("base") if bases else spec.worldbody
+    for i, (row, vertices, faces, colour) in enumerate(meshes):
+        mesh = spec.add_mesh(name=f"mesh_{i + 1}", uservert=vertices.ravel(), userface=faces.ravel())
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # many are not closed
+        body = spec.body(f"link_{row - bases + 1}") if row >= bases else fixed
+        geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, rgba=colour, mass=0)
+        geom.contype = geom.conaffinity = 0
+    rows = {mesh.row for mesh in meshes}
+    for first, part in _parts(robot):
+        own = range(first, first + part.configuration_size)
+        if rows.isdisjoint(own):
+            continue
+        for body in (
+            *(spec.body(f"link_{row - bases + 1}") for row in own),
+            *([fixed] if first == bases else []),
+        ):
+            for geom in body.geoms:
+                if geom.group == RODS:
+                    geom.rgba = (*geom.rgba[:3], 0.0)  # which is not drawn
+
+
+def mesh_corners(robot: Robot, q: Array, meshes: list[LinkMesh]) -> Array:
+    """Return the corners of the meshes' boxes at configurations (N, n), rad or m, shape (M, 3), m."""
+    frames, points = robot.frames(q), [np.zeros((0, 3))]
+    for row in sorted({mesh.row for mesh in meshes}):
+        vertices = np.vstack([mesh.vertices for mesh in meshes if mesh.row == row])
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        if row < 0:
+            points.append(corners)
+            continue
+        places = algebra.matrix_from_pose(frames[..., row, :]).reshape(-1, 4, 4)
+        moved = places[:, None, :3, :3] @ corners[..., None]
+        points.append((moved[..., 0] + places[:, None, :3, 3]).reshape(-1, 3))
+    return np.vstack(points)
+
+
+def _parts(robot: Robot) -> list[tuple[int, SerialArm]]:
+    """Return the arms of a robot, each with the number of its first coordinate."""
+    parts = parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot])
+    return [(first, part) for first, part in parts if isinstance(part, SerialArm)]
+
+
+def _smooth(row: int, mesh: Any, colour: tuple[int, int, int]) -> LinkMesh:
+    """Return a mesh whose corners are drawn as corners and whose curves are drawn round."""
+    import trimesh
+
+    bare = trimesh.Trimesh(mesh.vertices, mesh.faces)
+    shaded = trimesh.graph.smooth_shade(bare, angle=_SHARP)
+    red, green, blue = (value / 255 for value in colour)
+    return LinkMesh(row, np.asarray(shaded.vertices), np.asarray(shaded.faces), (red, green, blue, 1.0))

@@ -1,0 +1,376 @@
+"""Points, lines, planes, spheres, cylinders, capsules and boxes: numbers of a body that keeps its form.
+
+All lengths are in m, in whatever frame their owner says; `moved` carries a shape from a frame into another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.geometry import distance_kernels as kernels
+
+
+class Shape:
+    """A shape in space; `distance` takes any two."""
+
+    def moved(self, pose: ArrayLike) -> Self:
+        """Return the shape where a pose takes it: from the frame of the link that carries it to the inertial frame.
+
+        Parameters
+        ----------
+        pose
+            Unit dual quaternion (8,).
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If it is not one.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> ball = dqc.geometry.Sphere([0, 0, 0.1], 0.05)
+        >>> ball.moved(dqc.DualQuaternion.from_translation([1, 0, 0])).center.tolist()
+        [1.0, 0.0, 0.1]
+        """
+        x = as_array("pose", pose, (8,))
+        if x.ndim != 1:
+            raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
+        matrix = algebra.matrix_from_pose(x)
+        return self._carried(matrix[:3, :3], matrix[:3, 3])
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        raise NotImplementedError
+
+    @cached_property
+    def row(self) -> Array:
+        """The numbers that compiled code takes, shape (16,): `geometry.distance_kernels` says which."""
+        row = np.zeros(kernels.SHAPE)
+        self._fill(row)
+        row.flags.writeable = False
+        return row
+
+    def _fill(self, row: Array) -> None:
+        raise NotImplementedError
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and np.array_equal(self.row, other.row)  # type: ignore[attr-defined]
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.row.tobytes()))
+
+    def __repr__(self) -> str:
+        parts = (f"{each.name}={_text(getattr(self, each.name))}" for each in fields(self))  # type: ignore[arg-type]
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Point(Shape):
+    """A point.
+
+    Parameters
+    ----------
+    position
+        Shape (3,), m.
+    """
+
+    position: Array
+
+    def __post_init__(self) -> None:
+        _keep(self, "position")
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        return type(self)(rotation @ self.position + position)
+
+    def _fill(self, row: Array) -> None:
+        row[kernels.CORE : kernels.CORE + 3] = self.position
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sphere(Shape):
+    """A ball.
+
+    Parameters
+    ----------
+    center
+        Shape (3,), m.
+    radius
+        m, ≥ 0.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+    """
+
+    center: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        _keep(self, "center")
+        _keep_radius(self)
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        return type(self)(rotation @ self.center + position, self.radius)
+
+    def _fill(self, row: Array) -> None:
+        row[kernels.CORE : kernels.CORE + 3] = self.center
+        row[kernels.RADIUS] = self.radius
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Capsule(Shape):
+    """All points within a radius of a segment; a sphere where its ends are one point.
+
+    Parameters
+    ----------
+    start, end
+        Ends of the segment, shape (3,), m: centres of the two half spheres.
+    radius
+        m, ≥ 0.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+    """
+
+    start: Array
+    end: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        _keep(self, "start")
+        _keep(self, "end")
+        _keep_radius(self)
+
+    @property
+    def volume(self) -> float:
+        """π r² (|end − start| + 4/3 r), m³."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return np.pi * self.radius**2 * (length + 4 / 3 * self.radius)
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        return type(self)(rotation @ self.start + position, rotation @ self.end + position, self.radius)
+
+    def _fill(self, row: Array) -> None:
+        row[kernels.CORE : kernels.CORE + 3] = self.start
+        row[kernels.ALONG : kernels.ALONG + 3] = self.end - self.start
+        row[kernels.RADIUS], row[kernels.LAST] = self.radius, 1.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Line(Shape):
+    """An infinite line.
+
+    Parameters
+    ----------
+    point
+        Any of its points, shape (3,), m.
+    direction
+        Shape (3,), not zero; made a unit vector.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> print(dqc.geometry.Line([0, 1, 0], [2, 0, 0]).dual_quaternion)
+    1i + ε(-1k)
+    """
+
+    point: Array
+    direction: Array
+
+    def __post_init__(self) -> None:
+        _keep(self, "point")
+        _keep_direction(self, "direction")
+
+    @property
+    def dual_quaternion(self) -> algebra.DualQuaternion:
+        """Plücker line l + εm, m = p × l; a motion x takes it to x (l + εm) x*."""
+        moment = np.cross(self.point, self.direction)
+        return algebra.DualQuaternion([0.0, *self.direction, 0.0, *moment])
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        return type(self)(rotation @ self.point + position, rotation @ self.direction)
+
+    def _fill(self, row: Array) -> None:
+        _fill_line(row, self.point, self.direction)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Cylinder(Shape):
+    """An infinite cylinder: all points within a radius of a line.
+
+    Of a finite one take the `Capsule` or the `Box` around it.
+
+    Parameters
+    ----------
+    point, direction
+        Of its axis, as of a `Line`.
+    radius
+        m, ≥ 0.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+    """
+
+    point: Array
+    direction: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        _keep(self, "point")
+        _keep_direction(self, "direction")
+        _keep_radius(self)
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        return type(self)(rotation @ self.point + position, rotation @ self.direction, self.radius)
+
+    def _fill(self, row: Array) -> None:
+        _fill_line(row, self.point, self.direction)
+        row[kernels.RADIUS] = self.radius
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Shape):
+    """A plane with a free side: n·p ≥ offset is free, the half-space behind it is solid.
+
+    Parameters
+    ----------
+    normal
+        n towards the free side, shape (3,), not zero.
+    offset
+        m if n is a unit vector. Otherwise both are divided by its length, which leaves the free side what it was.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> table = dqc.geometry.Plane([0, 0, 1], 0.4)
+    >>> round(dqc.geometry.distance(dqc.geometry.Sphere([0, 0, 1], 0.1), table).distance, 12)
+    0.5
+    """
+
+    normal: Array
+    offset: float
+
+    def __post_init__(self) -> None:
+        length = _keep_direction(self, "normal")
+        object.__setattr__(self, "offset", float(as_array("offset", self.offset, ())) / length)
+
+    @property
+    def dual_quaternion(self) -> algebra.DualQuaternion:
+        """Plane n + ε offset; a motion x = P + εD takes it to x♯ (n + ε offset) x*, x♯ = P − εD."""
+        return algebra.DualQuaternion([0.0, *self.normal, self.offset, 0.0, 0.0, 0.0])
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        normal = rotation @ self.normal
+        return type(self)(normal, self.offset + float(normal @ position))
+
+    def _fill(self, row: Array) -> None:
+        row[kernels.KIND], row[kernels.OFFSET] = kernels.PLANE, self.offset
+        row[kernels.NORMAL : kernels.NORMAL + 3] = self.normal
+
+
+HalfSpace = Plane  # the solid behind a plane and the plane with a free side are one thing
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Box(Shape):
+    """A solid box.
+
+    Parameters
+    ----------
+    pose
+        Unit dual quaternion (8,) of its middle.
+    size
+        Its edges along the axes of the pose, shape (3,), m, > 0.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+    """
+
+    pose: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        x = as_array("pose", self.pose, (8,))
+        if x.ndim != 1:
+            raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
+        _freeze(self, "pose", algebra.as_unit("pose", x))
+        _keep(self, "size")
+        if (self.size <= 0).any():
+            raise ValueRangeError(f"size: must be > 0, got {self.size.tolist()}")
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
+        return type(self)(algebra.multiply(moved, self.pose), self.size)
+
+    def _fill(self, row: Array) -> None:
+        matrix = algebra.matrix_from_pose(self.pose)
+        row[kernels.KIND] = kernels.BOX
+        row[kernels.HALF : kernels.HALF + 3] = 0.5 * self.size
+        row[kernels.CENTER : kernels.CENTER + 3] = matrix[:3, 3]
+        row[kernels.ROTATION :] = matrix[:3, :3].ravel()
+
+
+def _freeze(shape: Shape, field: str, value: Array) -> None:
+    value = value.copy()
+    value.flags.writeable = False
+    object.__setattr__(shape, field, value)
+
+
+def _keep(shape: Shape, field: str) -> None:
+    value = as_array(field, getattr(shape, field), (3,))
+    if value.ndim != 1:
+        raise ShapeError(f"{field}: expected shape (3,), got {value.shape}")
+    _freeze(shape, field, value)
+
+
+def _keep_radius(shape: Shape) -> None:
+    radius = as_positive("radius", shape.radius, zero_allowed=True)  # type: ignore[attr-defined]
+    object.__setattr__(shape, "radius", radius)
+
+
+def _keep_direction(shape: Shape, field: str) -> float:
+    """Make a direction a unit vector, and return the length that it had."""
+    _keep(shape, field)
+    value = getattr(shape, field)
+    length = float(np.linalg.norm(value))
+    if length < 1e-12:
+        raise ValueRangeError(f"{field}: must not be zero, got {value.tolist()}")
+    _freeze(shape, field, value / length)
+    return length
+
+
+def _fill_line(row: Array, point: Array, direction: Array) -> None:
+    row[kernels.CORE : kernels.CORE + 3] = point
+    row[kernels.ALONG : kernels.ALONG + 3] = direction
+    row[kernels.FIRST], row[kernels.LAST] = -np.inf, np.inf
+
+
+def _text(value: Array | float) -> str:
+    if isinstance(value, np.ndarray):
+        return "[" + ", ".join(f"{number:.6g}" for number in value) + "]"
+    return f"{value:.6g}"

@@ -1,0 +1,362 @@
+"""From a log to a plant: what each joint's servo is, how sure that is, and the files that say so."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import yaml
+
+import dqcontrol
+from dqcontrol.arrays import Array
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
+from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.logs.joint_log import JointLog, read_joint_log
+from dqcontrol.logs.joint_messages import read_targets
+from dqcontrol.logs.joint_table import Angles
+from dqcontrol.logs.servos.commanded import CommandedLog, Mode
+from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.plants.servo import Servo
+from dqcontrol.robots import Robot, load_robot
+
+_RIGID = 1e9  # N·m/rad: the stiffness of joints without sag
+_LEAST_COMPLIANCE = 1e-9
+IDENTIFICATION, PLANT = "identification.json", "plant.yaml"
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What one or more logs tell of the servos of a robot.
+
+    Attributes
+    ----------
+    robot
+        Its name.
+    logs
+        The files.
+    mode
+        What was commanded: ``"positions"``; velocities from the last target (``"integrated"``) or from the measured
+        position (``"measured"``), whichever explains the logs better.
+    period
+        Median time between commands, s.
+    joints
+        One a joint, in the robot's order.
+    notes
+        What was found out about the logs on reading them.
+
+    Examples
+    --------
+    >>> found = dqc.identify("log.csv", "iiwa7")  # doctest: +SKIP
+    >>> found.joints[0].lag, found.joints[0].lag_interval  # doctest: +SKIP
+    >>> found.plant()  # doctest: +SKIP
+    """
+
+    robot: str
+    logs: tuple[Path, ...]
+    mode: Mode
+    period: float
+    joints: tuple[JointIdentification, ...]
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Identification({self.robot!r}, {len(self.fitted)} of {len(self.joints)} joints)"
+
+    def __str__(self) -> str:
+        """Return the joints as a table, and why others were refused."""
+        return "\n".join([str(self.table), *self.remarks])
+
+    def _repr_markdown_(self) -> str:
+        return "\n\n".join([self.table.markdown(), *self.remarks])
+
+    @property
+    def fitted(self) -> list[JointIdentification]:
+        """Joints whose servo could be told."""
+        return [each for each in self.joints if each.status == "fitted"]
+
+    @cached_property
+    def table(self) -> Table:
+        """One row a joint."""
+        columns = [
+            Column("joint"),
+            Column("lag", "ms", ".4g"),
+            Column("± 95 %", "ms", ".2g"),
+            Column("delay", "ms", ".4g"),
+            Column("± 95 %", "ms", ".2g"),
+            Column("correlation", "", ".3f"),
+            Column("gain", "", ".4f"),
+            Column("sag", "mrad/(N·m)", ".3g"),
+            Column("step", "mrad", ".3g"),
+            Column("noise", "mrad", ".2g"),
+            Column("left, checked", "mrad", ".2g"),
+            Column("floor", "mrad", ".2g"),
+        ]
+        rows: list[list[Cell]] = []
+        for each in self.joints:
+            lags, delays = (
+                1e3 * (ends[1] - value)
+                for ends, value in ((each.lag_interval, each.lag), (each.delay_interval, each.delay))
+            )
+            numbers = [1e3 * each.lag, lags, 1e3 * each.delay, delays, each.correlation, each.gain]
+            numbers += [
+                1e3 * value for value in (each.sag, each.resolution, each.noise, each.residual, each.floor)
+            ]
+            shown = [value if math.isfinite(value) else None for value in numbers]
+            rows.append([each.name, *(shown if each.status == "fitted" else ["refused", *[None] * 10])])
+        return Table(columns, rows, f"{self.robot}: servos behind {_WORDS[self.mode]}")
+
+    @property
+    def remarks(self) -> list[str]:
+        """What the table does not show, a line each."""
+        refused = [f"{each.name}: {each.reason}" for each in self.joints if each.reason]
+        noted = [f"{each.name}: {note}" for each in self.joints for note in each.notes]
+        return [*self.notes, *refused, *noted]
+
+    def plant(self) -> Servo:
+        """Return the servos as a plant; refused joints get the medians of the others.
+
+        Raises
+        ------
+        ValueRangeError
+            If no joint was identified.
+        """
+        if not self.fitted:
+            raise ValueRangeError(
+                "identification: no joint could be identified, so there is no plant; see the reasons"
+            )
+
+        def each(field: str) -> list[float]:
+            usual = float(np.median([getattr(joint, field) for joint in self.fitted]))
+            return [
+                round(float(getattr(joint, field)) if joint.status == "fitted" else usual, 9)
+                for joint in self.joints
+            ]
+
+        sags = [joint.sag if joint.sag > _LEAST_COMPLIANCE else 0.0 for joint in self.joints]
+        sagging: dict[str, Any] = {}
+        if any(sags):
+            sagging = {"sag": 1.0, "stiffness": [float(f"{1 / sag:.6g}") if sag else _RIGID for sag in sags]}
+        return Servo(
+            command_mode="measured" if self.mode == "measured" else "integrated",
+            time_constant=each("lag"),
+            delay=each("delay"),
+            gain=each("gain"),
+            encoder_resolution=each("resolution"),
+            encoder_noise=each("noise"),
+            **sagging,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return nested dictionaries fit for JSON: ``None`` for what is unknown; s, rad and m."""
+        return {
+            "robot": self.robot,
+            "logs": [str(path.resolve()) for path in self.logs],
+            "mode": self.mode,
+            "period": self.period,
+            "notes": list(self.notes),
+            "joints": [_jsonable(asdict(each)) for each in self.joints],
+        }
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write ``identification.json`` and, unless all joints were refused, ``plant.yaml``.
+
+        Parameters
+        ----------
+        folder
+            A new folder.
+        force
+            Write into an existing one and replace these two files.
+
+        Raises
+        ------
+        ExistsError
+            If the folder exists (without ``force``).
+        """
+        folder = Path(folder)
+        if not force:
+            check_new(folder, force=False)
+        folder.mkdir(parents=True, exist_ok=True)
+        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        (folder / IDENTIFICATION).write_text(text, encoding="utf-8")
+        if self.fitted:
+            (folder / PLANT).write_text(self.plant_text(), encoding="utf-8")
+        else:
+            (folder / PLANT).unlink(missing_ok=True)
+        return folder
+
+    def plant_text(self) -> str:
+        """Return the plant as the text of a file that specs name: ``plant: {kind: servo, file: plant.yaml}``."""
+        plain = msgspec.to_builtins(self.plant())
+        changed = {key: value for key, value in plain.items() if value != _DEFAULTS.get(key)}
+        assumed = [joint.name for joint in self.joints if joint.status == "refused"]
+        identified = {
+            "robot": self.robot,
+            "joints": [joint.name for joint in self.joints],
+            "logs": [
+                {"file": str(path.resolve()), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+                for path in self.logs
+                if path.is_file()
+            ],
+            "by": f"dqcontrol {dqcontrol.__version__}",
+            "assumed": assumed,
+        }
+        head = "# Servos identified from logs; in specs: plant: {kind: servo, file: …}. s, rad, N·m/rad.\n"
+        if assumed:
+            head += "# Joints under 'assumed' could not be identified and have the medians of the others.\n"
+        data = {"plant": {"kind": "servo"} | changed, "identified": identified}
+        return head + yaml.safe_dump(
+            data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+        )
+
+
+_WORDS = {
+    "positions": "commanded positions",
+    "integrated": "commanded velocities, added up",
+    "measured": "commanded velocities, from the measured positions",
+}
+_DEFAULTS = msgspec.to_builtins(Servo())
+
+
+def identify(
+    log: str | Path | Sequence[str | Path],
+    robot: str | Path | Robot,
+    *,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    targets: str | Sequence[str] | None = None,
+    target_topic: str | None = None,
+    joints: Sequence[str] | None = None,
+    joint_topic: str | None = None,
+    command_topic: str | None = None,
+    angles: Angles | None = None,
+) -> Identification:
+    """Find what the servos of a robot are from logs of commands and measured positions.
+
+    Each joint's servo is y(t) = g F[r(t − D)] + b − s F[τ_g]: F a first-order lag τ, r the commanded position, held
+    from each command to the next, D a delay of any length, g a gain, b an offset and s a sag under the gravity torque,
+    if the robot has masses. Intervals are 95 %. Joints that hardly moved, were clamped, or whose lag and delay trade
+    off are refused with the reason.
+
+    Parameters
+    ----------
+    log
+        One or more logs, see `read_joint_log`, of the same robot. Commanded positions count before velocities. Samples
+        with empty cells are left out. A clock of the commands that is not that of the positions counts as delay.
+    robot
+        As for `load_robot`, or a robot.
+    base_link, tip_link
+        Ends of the chain in a URDF file.
+    targets
+        Columns of commanded positions of tables, see `read_joint_log`.
+    target_topic
+        Topic of JointState or std_msgs/Float64MultiArray with commanded positions.
+    joints, joint_topic, command_topic, angles
+        As for `read_joint_log`; ``command_topic`` holds commanded velocities.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed or does not fit, or what is called a command is none.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> found = dqc.identify("log.csv", "iiwa7")  # doctest: +SKIP
+    >>> found.save("results/servos")  # doctest: +SKIP
+    """
+    arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
+    paths = [Path(log)] if isinstance(log, str | Path) else [Path(each) for each in log]
+    if not paths:
+        raise ShapeError("log: expected at least one file, got none")
+    commanded, notes = [], []
+    for path in paths:
+        data = read_joint_log(
+            path,
+            arm,
+            joints=joints,
+            angles=angles,
+            joint_topic=joint_topic,
+            command_topic=command_topic,
+            targets=targets,
+            missing="skip",
+        )
+        notes += [f"{path.name}: {note}" for note in data.notes]
+        commanded.append(_commanded(data, joints or arm.joint_names, target_topic))
+    if len({each.are_positions for each in commanded}) > 1:
+        raise FileFormatError(
+            f"{paths[0]}: holds other commands than {paths[1]}; give logs with positions, or with velocities"
+        )
+    for each in commanded:
+        each.check()
+    period = float(np.median([each.period for each in commanded]))
+    torques = [arm.gravity_torque(each.q) if arm.inertia is not None else None for each in commanded]
+    tried = {mode: _identified(arm, commanded, mode, torques, period) for mode in commanded[0].modes}
+    mode = _best_mode(tried)
+    return Identification(arm.name, tuple(paths), mode, period, tuple(tried[mode]), tuple(notes))
+
+
+def _commanded(data: JointLog, names: Sequence[str], target_topic: str | None) -> CommandedLog:
+    """Return a log with its commands, or say that it has none."""
+    if target_topic is not None:
+        stamps, values = read_targets(data.path, names, target_topic)
+        return CommandedLog(data.path, data.time, data.q, (stamps - data.origin) / 1e9, values, True)
+    q = data.q if data.record is None else data.record.measured
+    if data.target is not None:
+        return CommandedLog(data.path, data.time, q, data.time, data.target, True)
+    if data.command is None or data.command.shape != q.shape or not np.isfinite(data.command).all():
+        raise FileFormatError(
+            f"{data.path}: holds no commands of the joints: columns target_JOINT, r1 … (positions) or command.JOINT, "
+            "u1 … (velocities), or --targets; in recordings --target-topic or --command-topic"
+        )
+    return CommandedLog(data.path, data.time, q, data.time, data.command, False)
+
+
+def _identified(
+    robot: Robot, logs: list[CommandedLog], mode: Mode, torques: list[Array | None], period: float
+) -> list[JointIdentification]:
+    found = []
+    for i, name in enumerate(robot.joint_names):
+        segments = [
+            part
+            for each, torque in zip(logs, torques, strict=True)
+            for part in each.segments(i, mode, torque)
+        ]
+        if not segments:
+            raise FileFormatError(
+                f"{logs[0].path}: too short or too full of gaps: no part without a gap lasts a second and a half"
+            )
+        if any(part.torque is None for part in segments):
+            segments = [part._replace(torque=None) for part in segments]
+        found.append(
+            identify_joint(name, "rad" if robot.joint_types[i] == "revolute" else "m", segments, period)
+        )
+    return found
+
+
+def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
+    """Return the mode that leaves least of most joints that every mode explains, or else that explains most joints.
+
+    What targets that follow the measured positions leave of servos that do not is more, by the noise in these.
+    """
+    left = {mode: np.array([each.residual for each in joints]) for mode, joints in tried.items()}
+    both = np.all([np.isfinite(each) & (each > 0) for each in left.values()], axis=0)
+    if both.any():
+        least = np.min([each[both] for each in left.values()], axis=0)
+        return max(left, key=lambda mode: int((left[mode][both] == least).sum()))
+    return max(left, key=lambda mode: int(np.isfinite(left[mode]).sum()))
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _jsonable(item) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [_jsonable(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,144 @@
+"""A plant at work: what the loop, jogging, ROS 2 and recordings ask of it, and what stands for what it lacks."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.plants.channels import Channel
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.plant import CompiledPlant
+
+_NOTHING: Array = np.zeros(0)
+_NOTHING.flags.writeable = False
+
+
+class MovedPlant(Protocol):
+    """The least that a plant at work has; `live_plant` adds the defaults of `LivePlant`.
+
+    Attributes
+    ----------
+    q, measured
+        True and measured configuration, shape (n,), rad or m; `step` changes them.
+    """
+
+    q: Array
+    measured: Array
+
+    def step(self, command: Array) -> None:
+        """Apply the inputs, shape (m,), for one period; update ``q`` and ``measured``."""
+        ...
+
+
+class LivePlant:
+    """A plant at work, at one configuration: `q`, `measured` and `step`, and as much of the rest as it has.
+
+    Attributes
+    ----------
+    q, measured
+        True and measured configuration, shape (n,), rad or m, updated in place.
+    fault
+        Why it switched its motors off; empty while all is well. The run then brakes, if it has a supervisor.
+    age
+        Of the present measurement, s. Report it for a robot on a network, whose measurements come when they come: the
+        supervisor stops at old ones. Left at 0, a robot that falls silent is noticed only where its numbers stay the
+        same.
+    effort
+        Measured effort of each input, shape (m,), N·m or N; empty if it measures none.
+    wrench
+        Measured force and torque at the hand, shape (6,), N and N·m; empty if it measures none.
+    channels, readings
+        What it senses beside these, recorded at every sample: the quantities, and their present values one after the
+        other, shape (sum of sizes,), updated in place.
+    foreseen
+        What it senses and is known before the run: quantities, and their values at each sample.
+    periods
+        For how many steps its noise was drawn.
+
+    Examples
+    --------
+    >>> class Robot(LivePlant):
+    ...     def __init__(self, driver):
+    ...         self.driver, self.q, self.measured = driver, driver.joints(), driver.joints()
+    ...
+    ...     def step(self, command):
+    ...         self.driver.send(command)
+    ...         self.measured[:] = self.q[:] = self.driver.joints()
+    ...         self.age = self.driver.seconds_since_last_message()
+    """
+
+    q: Array
+    measured: Array
+    fault: str = ""
+    age: float = 0.0
+    effort: Array = _NOTHING
+    wrench: Array = _NOTHING
+    channels: tuple[Channel, ...] = ()
+    readings: Array = _NOTHING
+    foreseen: tuple[tuple[Channel, Array], ...] = ()
+    periods: float = math.inf
+
+    def step(self, command: Array) -> None:
+        """Move for one control period; what it measures is updated in place.
+
+        Parameters
+        ----------
+        command
+            The inputs u, shape (m,): velocities of joints, and v and ω of drives, rad/s or m/s.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If the command has the wrong shape or is not finite, or the plant was started for fewer periods.
+        DivergedError
+            If the plant's state became NaN or infinite, or the command larger than its simulator takes.
+        FallenError
+            If the robot has fallen over.
+        """
+        raise NotImplementedError
+
+    def rewind(self) -> None:
+        """Use the drawn noise again from its start, for a plant that runs longer than it was started for."""
+
+    def compiled(self) -> CompiledPlant | None:
+        """Return it as the compiled loop takes it; None if its step is not one compiled function."""
+        return None
+
+
+def _of_plant(name: str) -> Any:
+    """Return a property: the plant's own attribute, or the default of `LivePlant`."""
+    default = getattr(LivePlant, name, None)
+    return property(lambda self: getattr(self._plant, name, default))
+
+
+class _CompletedPlant(LivePlant):
+    """A user's plant with the defaults for what it has not; what it has may also come later."""
+
+    q, measured = _of_plant("q"), _of_plant("measured")
+    fault, age, effort, wrench = (_of_plant(name) for name in ("fault", "age", "effort", "wrench"))
+    channels, readings, foreseen = (_of_plant(name) for name in ("channels", "readings", "foreseen"))
+
+    def __init__(self, plant: MovedPlant) -> None:
+        self._plant = plant
+
+    def step(self, command: Array) -> None:
+        """Step the plant."""
+        self._plant.step(command)
+
+
+def live_plant(plant: MovedPlant) -> LivePlant:
+    """Return a plant with defaults for what it has not; one derived from `LivePlant` as it is.
+
+    Examples
+    --------
+    >>> class Robot:
+    ...     q = measured = np.zeros(7)
+    ...     def step(self, command): ...
+    >>> live_plant(Robot()).fault, live_plant(Robot()).age
+    ('', 0.0)
+    """
+    return plant if isinstance(plant, LivePlant) else _CompletedPlant(plant)

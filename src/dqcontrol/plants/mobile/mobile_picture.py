@@ -1,0 +1,69 @@
+"""MuJoCo's coordinates of a mobile manipulator and the things around it, from what was recorded of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError
+from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
+from dqcontrol.plants.mobile.gripper import FINGERS, Gripper
+from dqcontrol.plants.mobile.mobile_live import coordinates_of
+from dqcontrol.plants.mobile.wheeled_base import WHEELS
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+
+def recorded_coordinates(
+    model: Any, robot: Robot, q: Array, readings: Mapping[str, Array], gripper: Gripper | None, cubes: int
+) -> Array:
+    """Return MuJoCo's coordinates at each sample, shape (N, nq).
+
+    Parameters
+    ----------
+    model
+        Of `MobilePlant.picture`, compiled.
+    robot
+        Whom it shows.
+    q
+        Configurations, shape (N, n), rad or m.
+    readings
+        By name what the plant sensed, each (N, size).
+    gripper, cubes
+        The plant's, and how many.
+
+    Raises
+    ------
+    ShapeError
+        If the recording is not of this robot and plant.
+    """
+    names = [f"cube_{i + 1}" for i in range(cubes)]
+    needed = ["wheel_angle", *(["gripper_opening"] if gripper else [])]
+    needed += [f"{cube}_{what}" for cube in names for what in ("position", "quaternion")]
+    missing = [name for name in needed if name not in readings]
+    if missing or q.shape[1] != robot.configuration_size:
+        raise ShapeError(
+            f"record: is not of this robot and plant; missing: {', '.join(missing) or 'coordinates'}"
+        )
+    out = np.zeros((len(q), model.nq))
+    base = coordinates_of(model, ["base"])[0]
+    if BASE_POSITION in readings:
+        out[:, base : base + 3] = readings[BASE_POSITION]
+        out[:, base + 3 : base + 7] = readings[BASE_QUATERNION]
+    else:  # a recording of an earlier version
+        out[:, base : base + 2] = q[:, :2]
+        out[:, base + 3], out[:, base + 6] = np.cos(q[:, 2] / 2), np.sin(q[:, 2] / 2)
+    out[:, coordinates_of(model, [f"wheel_{name}" for name in WHEELS])] = readings["wheel_angle"]
+    out[:, coordinates_of(model, robot.joint_names[3:])] = q[:, 3:]
+    if gripper:
+        closed = 0.5 * (gripper.opening - readings["gripper_opening"])
+        out[:, coordinates_of(model, FINGERS)] = closed
+    for name in names:
+        first = coordinates_of(model, [name])[0]
+        out[:, first : first + 3] = readings[f"{name}_position"]
+        out[:, first + 3 : first + 7] = readings[f"{name}_quaternion"]
+    return out

@@ -1,0 +1,150 @@
+"""What a report is about, for its head: robot, law with its gains, motion, plant, date, and how it came out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import yaml
+
+from dqcontrol.errors import Error
+from dqcontrol.experiments.parameter_units import parameter_unit
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.table_cells import Cell, VerdictCell
+from dqcontrol.robots import Robot, describe
+from dqcontrol.robots.mesh_files import mesh_names, missing_meshes
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.whole_body import WholeBody
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.run import Run
+    from dqcontrol.experiments.spec import Spec
+    from dqcontrol.experiments.study import Study
+
+Fact = tuple[str, Cell]
+
+_SEEN = 1e-3  # °; less than that is round-off, or of no interest
+_SEVERAL = 8  # laws and others are listed up to so many
+_UNSAID = {"camera", "gravity", "null_space"}  # long, and rarely what a run is about
+
+
+def about_run(run: Run, folder: Path) -> list[Fact]:
+    """Return what a run is about, as names and texts; ``folder`` holds its recording."""
+    facts: list[Fact] = [("Verdict", VerdictCell(run.task.words, run.task.succeeded))]
+    facts += [("Error", _error(run)), ("Robot", robot_words(run.robot))]
+    data = parse_yaml("spec", run.spec)
+    if "evaluation" in data:
+        facts.append(("Log", str(data["evaluation"]["log"])))
+    else:
+        facts += _of_spec(read_spec(data)[0])
+    return [*facts, *_meshes([run.robot]), ("Date", _date(folder / "record.mcap"))]
+
+
+def about_study(study: Study, verdict: VerdictCell) -> list[Fact]:
+    """Return what a study is about, as names and texts."""
+    facts: list[Fact] = [("Verdict", verdict)]
+    spec, _ = read_spec(parse_yaml("spec", study.spec))
+    robots = {run.robot.name: run.robot for run in study.runs.values()}
+    facts += [("Robot", robot_words(robot)) for robot in robots.values()]
+    return [*facts, *_of_spec(spec), *_meshes(robots.values()), ("Date", _date(Path()))]
+
+
+def robot_words(robot: Robot) -> str:
+    """Return a robot in a line, as ``iiwa7: 7 joints, reach 0.926 m``."""
+    about = describe(robot)
+    count = len(about.joints)
+    words = [f"{count} {'coordinates' if about.bases else 'joints' if count > 1 else 'joint'}"]
+    words += [about.ends] if about.ends else []
+    words += [f"{about.bases} base"] if about.bases else []
+    return f"{about.name}: {', '.join([*words, f'reach {about.reach:.3g} m'])}"
+
+
+def described(part: msgspec.Struct, where: str = "") -> str:
+    """Return a law, plant or motion in a line: its kind, and those parameters that are not the default.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> described(dqc.laws.Proportional(gain=8), "law")
+    'proportional: gain 8 1/s'
+    """
+    words = []
+    for each in msgspec.structs.fields(part):
+        value = getattr(part, each.name)
+        default = each.default if each.default_factory is msgspec.NODEFAULT else each.default_factory()
+        if (each.required or value != default) and each.encode_name not in _UNSAID:
+            words.append(
+                f"{each.encode_name.replace('_', ' ')} {_value(value, f'{where}.{each.encode_name}')}"
+            )
+    kind = str(type(part).__struct_config__.tag)
+    return f"{kind}: {', '.join(words)}" if words else kind
+
+
+def _of_spec(spec: Spec) -> Iterator[Fact]:
+    laws = {variant.label: variant.law for variant in spec.variants}
+    yield from _listed("Law", {label: described(law, "law") for label, law in laws.items()})
+    yield "Motion", described(spec.reference, "reference")
+    yield from _listed("Plant", {k: described(plant, "plant") for k, plant in spec.plant_by_label.items()})
+    yield "Control period", f"{1e3 * spec.period:g} ms"
+    if spec.repeats > 1:
+        yield "Repeats", str(spec.repeats)
+
+
+def _error(run: Run) -> str:
+    position, orientation = run.metrics.position, run.metrics.orientation
+    words = f"position {position.settled_rms:.3g} mm RMS, {position.settled_peak:.3g} mm at most"
+    if orientation.settled_peak >= _SEEN:
+        words += f"; orientation {orientation.settled_rms:.2g}° RMS, {orientation.settled_peak:.2g}° at most"
+    return words
+
+
+def _listed(name: str, texts: Mapping[str, str]) -> Iterator[Fact]:
+    for label, text in list(texts.items())[:_SEVERAL]:
+        yield name, text if text.partition(":")[0] == label else f"{label}: {text}"
+    if len(texts) > _SEVERAL:
+        yield name, f"… and {len(texts) - _SEVERAL} more"
+
+
+def _value(value: Any, key: str) -> str:
+    """Return a value with its unit, or a structure in a line of YAML."""
+    plain = msgspec.to_builtins(value, enc_hook=str)
+    if isinstance(plain, bool) or not isinstance(plain, int | float):
+        if isinstance(value, msgspec.Struct) and type(value).__struct_config__.tag:
+            return f"({described(value, key)})"
+        text = yaml.safe_dump(_short(plain), default_flow_style=True, width=1000, allow_unicode=True)
+        return text.removesuffix("\n").removesuffix("...").strip()
+    unit = parameter_unit(key)
+    return f"{plain:g} {unit}".strip()
+
+
+def _short(plain: Any) -> Any:
+    """Return plain data without what says nothing."""
+    if isinstance(plain, dict):
+        return {key: _short(value) for key, value in plain.items() if value is not None}
+    return [_short(value) for value in plain] if isinstance(plain, list) else plain
+
+
+def _meshes(robots: Any) -> Iterator[Fact]:
+    """Say which meshes the copied file of a robot needs elsewhere, and which are not even found here."""
+    for robot in robots:
+        for arm in robot.parts if isinstance(robot, WholeBody) else [robot]:
+            if not isinstance(arm, SerialArm) or arm.urdf is None:
+                continue
+            path = arm.urdf[0]
+            try:
+                names, missing = mesh_names(path), missing_meshes(path)
+            except Error:  # a file that is gone
+                continue
+            if names:
+                words = f"{len(names)} named by {path.name}, as {names[0]}, are not copied with it"
+                yield "Meshes", words + f"; {len(missing)} are not found here" * bool(missing)
+
+
+def _date(file: Path) -> str:
+    """Return when a file was written, or now."""
+    when = datetime.fromtimestamp(file.stat().st_mtime) if file.is_file() else datetime.now()
+    return when.strftime("%Y-%m-%d %H:%M")

@@ -1,0 +1,109 @@
+"""Random quadratic programs, and what shows that an answer is right."""
+
+import numpy as np
+
+from dqcontrol.laws.constrained import active_set
+
+
+def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, rank=None):
+    """Return so many programs, packed, whose unconstrained minimisers are well outside of their constraints."""
+    flat = np.zeros((count, active_set.program_size(n, m)))
+    factor = rng.normal(size=(count, n, n))
+    hessian = factor @ factor.transpose(0, 2, 1) + 0.1 * np.eye(n)
+    rows = rng.normal(size=(count, m, n))
+    if rank is not None:  # rows that depend on a few, scaled copies among them
+        rows = rng.normal(size=(count, m, rank)) @ rows[:, :rank]
+        rows[:, m // 2 :] = rows[:, : m - m // 2] * rng.choice([1e-2, 1.0, 1e2], size=(count, m - m // 2, 1))
+    inside = rng.uniform(-0.5, 0.5, (count, n))
+    bounds = np.einsum("cmn,cn->cm", rows, inside)
+    bounds[:, equalities:] += rng.exponential(0.5, (count, m - equalities)) if feasible else -0.3
+    for i in range(count):
+        program = active_set.unpack_program(flat[i], n, m)
+        program.hessian[:], program.gradient[:] = hessian[i], 5 * rng.normal(size=n)
+        program.columns[:], program.bounds[:] = rows[i].T, bounds[i]
+        program.equal[:equalities] = 1
+        program.lower[:], program.upper[:] = (-1, 1) if box else (-np.inf, np.inf)
+    return flat
+
+
+def solve(flat, n, m, sets=None, limit=500):
+    """Return answers, sets and statuses of packed programs."""
+    count = len(flat)
+    room = active_set.room_for(n, m, soft=False)
+    if sets is None:
+        sets = np.zeros((count, room + 2), np.intp)
+    answers = np.empty((count, 3 * n + m))
+    active_set.solve_programs(flat, n, m, limit, answers, sets, np.empty(active_set.scratch_size(n, m, room)))
+    return answers, sets, sets[:, -1]
+
+
+def optimality(flat, answers, n, m):
+    """Return the worst breach of what makes a point the minimiser: bounds kept, multipliers' signs, balance, rest."""
+    worst = np.zeros(4)
+    for each, answer in zip(flat, answers, strict=True):
+        program = active_set.unpack_program(each, n, m)
+        u, rows = answer[:n], program.columns.T
+        y, up, low = np.split(answer[n:], [m, m + n])
+        free = program.equal == 0
+        slack = program.bounds - rows @ u
+        balance = program.hessian @ u + program.gradient + rows.T @ y + up - low
+        scale = 1 + np.abs(y).max(initial=0) + np.abs(up).max() + np.abs(low).max()
+        kept = min(
+            slack[free].min(initial=0),
+            -np.abs(slack[~free]).max(initial=0),
+            (program.upper - u).min(),
+            (u - program.lower).min(),
+        )
+        finite = np.isfinite(program.upper)
+        rest = max(
+            np.abs(y[free] * slack[free]).max(initial=0),
+            np.abs(up * (program.upper - u))[finite].max(initial=0),
+            np.abs(low * (u - program.lower))[finite].max(initial=0),
+        )
+        signs = min(y[free].min(initial=0), up.min(), low.min())
+        worst = np.maximum(worst, [-kept, -signs / scale, np.abs(balance).max() / scale, rest / scale])
+    return worst
+
+
+def degenerate_levels(rng, n=14):
+    """Return levels, rows, bounds and equations: contradictory walls, a task of lost rank, one that depends on both."""
+    walls = rng.normal(size=(8, 3)) @ rng.normal(size=(3, n))
+    walls[6:] = -walls[:2] * rng.choice([1.0, 0.1, 10.0])  # from both sides, too near each other
+    task = rng.normal(size=(6, 4)) @ rng.normal(size=(4, n))
+    posture = np.vstack([rng.normal(size=(5, n)), task[:2] + walls[:2], np.zeros((1, n)), 2 * task[:1]])
+    rows = np.vstack([walls, task, posture])
+    levels = np.repeat([0, 1, 2], [8, 6, 9])
+    bounds = rng.normal(size=len(rows)) * rng.choice([0.1, 1.0])
+    bounds[6:8] = -bounds[:2] * np.linalg.norm(walls[6]) / np.linalg.norm(walls[0]) - 0.1
+    return levels, rows, bounds, list(range(8, len(rows)))
+
+
+def packed_levels(levels, rows, bounds, equations, upto, side=1.0):
+    """Return a packed program of the rows of the first levels, with u inside ±side."""
+    kept = levels < upto
+    m, n = int(kept.sum()), rows.shape[1]
+    flat = np.zeros(active_set.program_size(n, m))
+    program = active_set.unpack_program(flat, n, m)
+    program.hessian[:] = np.eye(n)
+    program.columns[:], program.bounds[:] = rows[kept].T, bounds[kept]
+    program.equal[equations[: m - (len(rows) - len(equations))]] = 1
+    program.lower[:], program.upper[:] = -side, side
+    return flat, levels[kept].astype(np.intp), n, m
+
+
+def solve_levels(flat, levels, n, m):
+    """Return u and the status."""
+    room = active_set.room_for(n, m, soft=True)
+    u, scratch = np.zeros(n), np.empty(active_set.scratch_size(n, m, room))
+    chosen = np.zeros(room + 2, np.intp)
+    count = int(levels.max(initial=-1)) + 1
+    status = active_set.solve_levels(flat, levels, count, n, m, 500, np.empty_like(flat), u, chosen, scratch)
+    return u, status
+
+
+def squares_by_level(levels, rows, bounds, equations, u):
+    """Return half the sum of the squares of the violations of each level."""
+    violation = rows @ u - bounds
+    inequality = np.setdiff1d(np.arange(len(rows)), equations)
+    violation[inequality] = np.maximum(violation[inequality], 0)
+    return np.array([np.sqrt((violation[levels == k] ** 2).sum()) for k in range(int(levels.max()) + 1)])

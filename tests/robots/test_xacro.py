@@ -1,0 +1,81 @@
+"""Xacro files: expanded with packages that are found without ROS, or a line that says what is missing."""
+
+import sys
+
+import pytest
+
+from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.robots import describe, load_robot
+from dqcontrol.robots.mesh_files import missing_meshes, missing_note
+
+NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+ARM = f"""<robot name="arm" {NAMESPACE}>
+  <xacro:include filename="$(find arm_description)/urdf/segment.xacro"/>
+  <link name="base"/>
+  <xacro:segment name="a" parent="base" length="0.3" axis="0 0 1"/>
+  <xacro:segment name="b" parent="a" length="${{0.1 * 2}}" axis="0 1 0"/>
+</robot>"""
+SEGMENT = f"""<robot {NAMESPACE}><xacro:macro name="segment" params="name parent length axis">
+  <link name="${{name}}"><visual><geometry>
+    <mesh filename="package://arm_meshes/${{name}}.stl"/></geometry></visual></link>
+  <joint name="j_${{name}}" type="revolute"><parent link="${{parent}}"/><child link="${{name}}"/>
+    <origin xyz="0 0 ${{length}}"/><axis xyz="${{axis}}"/>
+    <limit lower="-2" upper="2" velocity="1" effort="10"/></joint>
+</xacro:macro></robot>"""
+
+
+@pytest.fixture
+def arm(tmp_path, monkeypatch):
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    folder = tmp_path / "src/arm_description/urdf"
+    folder.mkdir(parents=True)
+    (folder / "segment.xacro").write_text(SEGMENT)
+    (folder / "arm.urdf.xacro").write_text(ARM)
+    return folder / "arm.urdf.xacro"
+
+
+def test_a_xacro_file_is_a_robot_like_any_other(arm):
+    pytest.importorskip("xacro")
+    about = describe(load_robot(arm))
+    assert (about.name, about.ends) == ("arm", "base → b")
+    assert [joint.name for joint in about.joints] == ["j_a", "j_b"]
+
+
+def test_what_is_missing_is_named(arm):
+    pytest.importorskip("xacro")
+    for old, new, message in (
+        ("arm_description", "other", "needs the package 'other', which is not found; put it beside"),
+        ("segment.xacro", "none.xacro", "none.xacro"),
+        ('length="0.3"', 'length="$(arg size)"', "argument size; arguments have no values here"),
+        ("xacro:segment", "xacro:segmnt", "unknown macro name"),
+        ("</robot>", "", "xacro cannot expand it"),
+    ):
+        arm.write_text(ARM.replace(old, new))
+        with pytest.raises(FileFormatError, match=message):
+            load_robot(arm)
+
+
+def test_without_xacro_it_says_what_to_install(arm, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    with pytest.raises(
+        MissingExtraError, match=r"pip install 'dqcontrol\[xacro\]', or expand it .*: xacro arm"
+    ):
+        load_robot(arm)
+
+
+def test_meshes_that_are_not_found_are_named_with_how_to_help(arm, tmp_path):
+    urdf = tmp_path / "arm.urdf"
+    mesh = '<link name="{0}"><visual><geometry><mesh filename="package://arm_meshes/{0}.stl"/></geometry></visual></link>'
+    urdf.write_text(f'<robot name="x">{mesh.format("a")}</robot>')
+    assert missing_note(urdf).startswith(
+        "arm.urdf: a mesh is not found (package://arm_meshes/a.stl), so plain shapes are drawn: "
+        "put the package 'arm_meshes' beside"
+    )
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes/package.xml").write_text("<package><name>arm_meshes</name></package>")
+    assert missing_meshes(urdf) == [
+        "package://arm_meshes/a.stl"
+    ]  # a folder of another name beside is not looked into
+    (tmp_path / "meshes").rename(tmp_path / "arm_meshes")
+    (tmp_path / "arm_meshes/a.stl").touch()
+    assert missing_note(urdf) == ""

@@ -1,0 +1,30 @@
+"""The order of the house: one name for one thing, and no room that holds all the others."""
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+import dqcontrol
+
+ROOT = Path(dqcontrol.__file__).parent
+FILES = sorted(ROOT.rglob("*.py"))
+MOST = 0.15  # of all lines, in one package
+
+
+def test_no_two_files_or_classes_have_one_name():
+    files = Counter(path.name for path in FILES if path.name != "__init__.py")
+    classes = Counter(
+        node.name
+        for path in FILES
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in (files + classes).items() if count > 1] == []
+
+
+def test_no_package_is_too_large():
+    lines = Counter()
+    for path in FILES:
+        lines[path.relative_to(ROOT).parts[0]] += len(path.read_text(encoding="utf-8").splitlines())
+    largest = {name: count / lines.total() for name, count in lines.most_common(3)}
+    assert max(largest.values()) <= MOST, largest
