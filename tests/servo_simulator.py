@@ -36,7 +36,8 @@ def answer(edges, values, lag, delay, times):
 def lagged(grid_values, lag):
     """Return what a lag does to values on the grid, joined by straight lines, from rest."""
     system = tuple(np.array([[value]]) for value in (-1 / lag, 1 / lag, 1.0, 0.0))
-    a, b, c, d, _ = cont2discrete(system, GRID, method="foh")
+    discrete: tuple = cont2discrete(system, GRID, method="foh")
+    a, b, c, d = discrete[:4]
     begin = grid_values[0]
     numerator = [float(d[0, 0]), float(c[0, 0] * b[0, 0] - a[0, 0] * d[0, 0])]
     return begin + lfilter(numerator, [1.0, -float(a[0, 0])], grid_values - begin)

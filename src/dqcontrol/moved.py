@@ -54,6 +54,7 @@ _NAMES: dict[
 }
 
 _RENAMED = {  # names that changed in the module where they stand
+    "dqcontrol.references": {"Line": "StraightStroke"},
     "dqcontrol.robots": {"Posture": "ReachingPosture"},
     "dqcontrol.compiled.compile": {
         "attached": "shared",

@@ -11,8 +11,8 @@ from dqcontrol import algebra
 from dqcontrol.browser import Track
 from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
+from dqcontrol.browser.robot_bodies import DARK, robot_shapes
 from dqcontrol.browser.run_view_model import wheel_angles
-from dqcontrol.browser.shapes import DARK, robot_shapes
 from dqcontrol.browser.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
 from dqcontrol.errors import FileFormatError
 from dqcontrol.loop import Record

@@ -9,8 +9,8 @@ from servo_simulator import GRID, answer, encoder, lagged, multisine, write_log
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ValueRangeError
+from dqcontrol.logs.servos.encoder_noise import resolution_of
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, held, joined, lag_response
-from dqcontrol.logs.servos.noise import resolution_of
 from dqcontrol.plants import Servo, load_servo
 from dqcontrol.robots import Inertia, SerialArm
 

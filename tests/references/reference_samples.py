@@ -11,12 +11,12 @@ START = algebra.pose(
 TILTED = [[1.0, 2.0, 0.5], [-2.0, 1.0, 0.0]]
 STROKES = [
     r.Rest(0.4),
-    r.Line(0.1, 0.0, speed=0.05),
+    r.StraightStroke(0.1, 0.0, speed=0.05),
     r.Arc(0.1, 0.1, 0.1, 0.05, clockwise=False, speed=0.05),  # goes on along the tangent
     r.Arc(0.1, 0.1, 0.06, 0.1, clockwise=True, speed=0.08),  # full circle
     r.Rest(0.3),
-    r.Line(0.02, 0.17, speed=0.1),
-    r.Line(0.0, 0.0, speed=0.07),
+    r.StraightStroke(0.02, 0.17, speed=0.1),
+    r.StraightStroke(0.0, 0.0, speed=0.07),
 ]
 QUARTER = algebra.pose([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0], [0.1, 0.0, -0.2])
 

@@ -9,7 +9,7 @@ from dqcontrol import references as r
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
 
 IDENTITY = np.eye(8)[0]
-HALF = [r.Line(0.1, 0.0, speed=0.1), r.Arc(0.1, 0.1, 0.1, 0.05, clockwise=False, speed=0.1)]
+HALF = [r.StraightStroke(0.1, 0.0, speed=0.1), r.Arc(0.1, 0.1, 0.1, 0.05, clockwise=False, speed=0.1)]
 
 
 def on_paper(drawing, times):
@@ -33,7 +33,7 @@ def test_length_duration_and_box():
 
 
 def test_box_sees_the_bulges_of_arcs():
-    circle = [r.Line(0.1, 0.0, speed=1), r.Arc(0.1, 0.0, 0.1, 0.2, clockwise=True, speed=1)]
+    circle = [r.StraightStroke(0.1, 0.0, speed=1), r.Arc(0.1, 0.0, 0.1, 0.2, clockwise=True, speed=1)]
     np.testing.assert_allclose(r.Drawing(START, circle).box, [[-0.1, 0], [0.3, 0.4]], atol=1e-15)
 
 
@@ -57,11 +57,11 @@ def test_an_arc_written_with_few_digits_ends_exactly_and_stays_round():
 def test_corners_are_where_the_tangent_or_the_speed_jumps():
     strokes = [
         *HALF,  # smooth
-        r.Line(0.05, 0.1, speed=0.1),  # smooth
-        r.Line(0.0, 0.1, speed=0.2),  # another speed
-        r.Line(0.0, 0.2, speed=0.2),  # another direction
+        r.StraightStroke(0.05, 0.1, speed=0.1),  # smooth
+        r.StraightStroke(0.0, 0.1, speed=0.2),  # another speed
+        r.StraightStroke(0.0, 0.2, speed=0.2),  # another direction
         r.Rest(1.0),
-        r.Line(0.0, 0.3, speed=0.2),
+        r.StraightStroke(0.0, 0.3, speed=0.2),
     ]
     times = np.cumsum([1.0, 0.5 * math.pi, 0.5, 0.25, 0.5, 1.0, 0.5])
     np.testing.assert_allclose(r.Drawing(START, strokes).corners, times[2:], atol=1e-14)
@@ -96,7 +96,7 @@ def test_hand_that_follows_the_path_keeps_its_angle_to_the_tangent():
 
 
 def test_hand_that_follows_the_path_turns_on_the_spot_at_corners():
-    corner = [r.Line(0.1, 0.0, speed=0.1), r.Line(0.1, -0.1, speed=0.1)]
+    corner = [r.StraightStroke(0.1, 0.0, speed=0.1), r.StraightStroke(0.1, -0.1, speed=0.1)]
     drawing = r.Drawing(IDENTITY, corner, plane="xy", orientation="path", turn_speed=0.5)
     turn = 0.5 * math.pi / 0.5
     np.testing.assert_allclose(drawing.corners, [1.0, 1.0 + turn, 2.0 + turn])
@@ -109,9 +109,9 @@ def test_hand_that_follows_the_path_turns_on_the_spot_at_corners():
 def test_rounded_coordinates_make_no_corner_and_no_jump_of_the_hand():
     across = 0.03 / math.sqrt(2)
     strokes = [
-        r.Line(0.1, 0.0, speed=0.05),
+        r.StraightStroke(0.1, 0.0, speed=0.05),
         r.Arc(round(0.1 + across, 4), round(0.03 - across, 4), 0.1, 0.03, clockwise=False, speed=0.05),
-        r.Line(round(0.1 + across, 4) + 0.05, round(0.03 - across, 4) + 0.05, speed=0.05),
+        r.StraightStroke(round(0.1 + across, 4) + 0.05, round(0.03 - across, 4) + 0.05, speed=0.05),
     ]
     assert len(r.Drawing(START, strokes).corners) == 1  # the end
     follower = r.Drawing(START, strokes, orientation="path")
@@ -124,7 +124,7 @@ def test_rounded_coordinates_make_no_corner_and_no_jump_of_the_hand():
 
 
 def test_a_pause_before_the_first_stroke_needs_no_turn():
-    strokes = [r.Rest(1.0), r.Line(0.0, 0.1, speed=0.1)]
+    strokes = [r.Rest(1.0), r.StraightStroke(0.0, 0.1, speed=0.1)]
     drawing = r.Drawing(START, strokes, orientation="path")
     assert drawing.duration == pytest.approx(2.0)
     np.testing.assert_allclose(drawing.samples([0.0, 1.5])[:, :4], [START[:4]] * 2, atol=1e-15)
@@ -138,7 +138,7 @@ def test_repeat_draws_it_again():
     np.testing.assert_allclose(again, once.samples(times)[:, :20], atol=1e-13)
 
 
-LINE = r.Line(0.1, 0.0, speed=0.1)
+LINE = r.StraightStroke(0.1, 0.0, speed=0.1)
 
 
 @pytest.mark.parametrize(
@@ -147,8 +147,8 @@ LINE = r.Line(0.1, 0.0, speed=0.1)
         ([], r"strokes: expected at least one line or arc, got none"),
         ([r.Rest(1.0)], r"strokes: expected at least one line or arc, got none"),
         ([LINE, LINE], r"strokes\[1\]: has no length: it ends where it starts, at \(0.1, 0\)"),
-        ([r.Line(math.nan, 0, speed=1)], r"strokes\[0\]: x: must be finite"),
-        ([r.Line(1, 0, speed=0)], r"strokes\[0\]: speed: must be > 0, got 0"),
+        ([r.StraightStroke(math.nan, 0, speed=1)], r"strokes\[0\]: x: must be finite"),
+        ([r.StraightStroke(1, 0, speed=0)], r"strokes\[0\]: speed: must be > 0, got 0"),
         ([r.Rest(-1.0), LINE], r"strokes\[0\]: seconds: must be > 0, got -1"),
         (
             [r.Arc(0.2, 0, 0.05, 0, clockwise=True, speed=1)],

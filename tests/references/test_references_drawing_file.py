@@ -33,7 +33,7 @@ repeat 2
 def test_every_command_means_what_it_says():
     file = r.parse_drawing(DRAWING)
     assert file.strokes == (
-        r.Line(0.1, 0.0, speed=0.05),
+        r.StraightStroke(0.1, 0.0, speed=0.05),
         r.Rest(0.5),
         r.Arc(0.1, 0.1, 0.1, 0.05, clockwise=False, speed=0.1),
         r.Arc(0.0, 0.0, 0.1, 0.0, clockwise=True, speed=0.1),
@@ -188,7 +188,7 @@ def strokes(draw):
             drawn.append(r.Rest(draw(st.integers(1, 100)) / 10))
         elif (x, y) != here:
             if kind == "line":
-                drawn.append(r.Line(x, y, speed))
+                drawn.append(r.StraightStroke(x, y, speed))
                 here = (x, y)
             elif kind == "circle":
                 drawn.append(r.Arc(*here, x, y, draw(st.booleans()), speed))
@@ -199,7 +199,7 @@ def strokes(draw):
                 drawn.append(r.Arc(x, y, cx, cy, draw(st.booleans()), speed))
                 here = (x, y)
     if not any(isinstance(stroke, r.Line | r.Arc) for stroke in drawn):
-        drawn.append(r.Line(0.7, 0.7, 0.1))
+        drawn.append(r.StraightStroke(0.7, 0.7, 0.1))
     return drawn
 
 

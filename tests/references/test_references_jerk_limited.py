@@ -137,7 +137,7 @@ def test_speed_of_the_reference_does_not_matter():
 
 
 def test_rests_at_each_corner_and_pauses_as_long_as_the_reference():
-    drawing = r.Drawing(START, [r.Line(0.1, 0, 0.1), r.Rest(0.7), r.Line(0.1, 0.1, 0.05)])
+    drawing = r.Drawing(START, [r.StraightStroke(0.1, 0, 0.1), r.Rest(0.7), r.StraightStroke(0.1, 0.1, 0.05)])
     smooth = r.JerkLimited(drawing, **LIMITS)
     ramp = 0.1 / 0.3 + 0.3 / 2.0
     side = 0.1 / 0.1 + ramp

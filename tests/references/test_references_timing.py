@@ -72,7 +72,7 @@ def test_corner_stops_too_near_for_full_speed_slow_down():
 
 
 def test_bounds_of_acceleration_and_jerk_are_as_documented():
-    line = r.Drawing(START, [r.Line(1.0, 0.0, speed=0.5)])
+    line = r.Drawing(START, [r.StraightStroke(1.0, 0.0, speed=0.5)])
     smooth = r.CornerStops(line, seconds=0.4)
     times = np.linspace(0.0, smooth.duration, 40_001)
     acceleration = smooth.samples(times)[:, 17:20] @ np.array([1.0, 0.0, 0.0])
@@ -111,7 +111,7 @@ def test_repeat_keeps_the_pose_from_jumping_between_x_and_minus_x():
         (lambda: r.Sequence([]), r"references: expected at least one, got none"),
         (lambda: r.Sequence([r.SetPoint(START), CIRCLE]), r"references\[0\]: never ends"),
         (
-            lambda: r.Sequence([r.Drawing(START, [r.Line(0.3, 0.4, speed=0.1)]), CIRCLE]),
+            lambda: r.Sequence([r.Drawing(START, [r.StraightStroke(0.3, 0.4, speed=0.1)]), CIRCLE]),
             r"references\[1\]: must start where references\[0\] ends, but starts 0.5 m and 0 degrees from",
         ),
         (lambda: r.Repeat(CIRCLE, 0), r"count: expected a whole number ≥ 1, got 0"),

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.references.drawing.svg_file import load_svg
-from dqcontrol.references.strokes import Arc, Line, PenPath
+from dqcontrol.references.strokes import Arc, PenPath, StraightStroke
 
 
 @pytest.fixture
@@ -26,8 +26,8 @@ def svg(tmp_path):
 def points(pen, count=400):
     """Return points along a pen stroke, (count, 2)."""
     moved = [
-        Line(s.x - pen.start[0], s.y - pen.start[1], 1.0)
-        if isinstance(s, Line)
+        StraightStroke(s.x - pen.start[0], s.y - pen.start[1], 1.0)
+        if isinstance(s, StraightStroke)
         else Arc(
             s.x - pen.start[0],
             s.y - pen.start[1],

@@ -87,6 +87,7 @@ class CountingController(ControllerNode):
     def configure(self):
         super().configure()
         following = self.following
+        assert following is not None
         step, hear = following._step, following._felt.hear_efforts
 
         def counted(passed, measured, now):
@@ -270,6 +271,7 @@ def test_a_controller_that_loses_its_robot_comes_to_rest(node, tmp_path, schedul
         return controller.phase is Phase.STOPPED
 
     def is_moving():
+        assert controller.following is not None
         if is_stopped():  # a machine that is too busy stops it
             controller.following.control.reset()
             controller.following.let_go()

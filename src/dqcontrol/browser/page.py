@@ -14,8 +14,8 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
+from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.browser.shapes import Colour, robot_shapes, tinted
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.figures.style import COLOURS, DESIRED
 

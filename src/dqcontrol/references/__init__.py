@@ -1,5 +1,6 @@
 """Desired motions: pose, twist and twist rate over time."""
 
+from dqcontrol.moved import names_moved_from
 from dqcontrol.references.circle import Circle, Spiral
 from dqcontrol.references.curve import Curve
 from dqcontrol.references.drawing import Drawing
@@ -15,7 +16,7 @@ from dqcontrol.references.sample import Sample
 from dqcontrol.references.sequence import Repeat, Sequence
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.square import Square
-from dqcontrol.references.strokes import Arc, Line, Rest
+from dqcontrol.references.strokes import Arc, Rest, StraightStroke
 from dqcontrol.references.timing import CornerStops, StartRamp
 from dqcontrol.references.transformed import Transformed
 from dqcontrol.references.via_points import ViaPoints
@@ -29,7 +30,6 @@ __all__ = [
     "DrawingFile",
     "DriveTo",
     "JerkLimited",
-    "Line",
     "Points",
     "Reference",
     "Repeat",
@@ -40,6 +40,7 @@ __all__ = [
     "Spiral",
     "Square",
     "StartRamp",
+    "StraightStroke",
     "Transformed",
     "ViaPoints",
     "load_drawing",
@@ -48,3 +49,5 @@ __all__ = [
     "parse_drawing",
     "random_goals",
 ]
+
+__getattr__ = names_moved_from(__name__)

@@ -12,7 +12,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.plane import Plane, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Line, PenPath
+from dqcontrol.references.strokes import PenPath, StraightStroke
 from dqcontrol.references.yaml_form import Metres, Positive, Seconds, Yaml
 
 
@@ -74,5 +74,5 @@ class Square(PlanarReference):
         across = side if self.clockwise else -side
         ends = ((across, 0.0), (across, -side), (0.0, -side), (0.0, 0.0))
         speeds = (side / seconds).tolist()
-        trace = PenPath.of([Line(*end, speed) for end, speed in zip(ends, speeds, strict=True)])
+        trace = PenPath.of([StraightStroke(*end, speed) for end, speed in zip(ends, speeds, strict=True)])
         self._place(trace, start, plane_axes("plane", self.plane))

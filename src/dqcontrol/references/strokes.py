@@ -56,7 +56,7 @@ def _run(pieces, which, elapsed, position, velocity, acceleration, yaw, yaw_rate
 
 
 @dataclass(frozen=True)
-class Line:
+class StraightStroke:
     """A straight stroke to a point.
 
     Parameters
@@ -110,7 +110,7 @@ class Rest:
     seconds: float
 
 
-Stroke = Line | Arc | Rest
+Stroke = StraightStroke | Arc | Rest
 
 
 @dataclass(frozen=True, eq=False)

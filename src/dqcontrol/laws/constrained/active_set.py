@@ -56,7 +56,7 @@ class Program(NamedTuple):
     upper: Array
 
 
-class Scratch(NamedTuple):
+class ProgramWork(NamedTuple):
     """Work memory of the solver, for at most `room` active constraints.
 
     Attributes
@@ -140,7 +140,7 @@ def unpack_scratch(flat, n, m, room):
     k = i + 5 * n
     a = k + room * n
     f = a + room * room
-    return Scratch(
+    return ProgramWork(
         as_matrix(flat[0:i], n, n),
         flat[i : i + n],
         as_matrix(flat[k:a], room, n),

@@ -21,7 +21,7 @@ from dqcontrol.logs.servos.lag_response import (
     BY_LAG,
     OUTPUT,
     TRANSIENT,
-    Signal,
+    PiecewiseLinear,
     lag_response,
 )
 
@@ -39,10 +39,10 @@ class Segment(NamedTuple):
     ``torque`` is the gravity torque at each of ``times``, N·m or N; None without sag.
     """
 
-    target: Signal
+    target: PiecewiseLinear
     times: Array
     positions: Array
-    torque: Signal | None
+    torque: PiecewiseLinear | None
 
     def chosen(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Segment:
         """Return it with some of its samples only."""

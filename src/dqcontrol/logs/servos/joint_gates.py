@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.logs.servos.encoder_noise import QUANTUM, noise_of, resolution_of
 from dqcontrol.logs.servos.joint_fit import (
     LEAST_LAG,
     MOST_DELAY,
@@ -21,7 +22,6 @@ from dqcontrol.logs.servos.joint_fit import (
     predicted,
     squares_at,
 )
-from dqcontrol.logs.servos.noise import QUANTUM, noise_of, resolution_of
 
 Interval = tuple[float, float]
 

@@ -14,7 +14,7 @@ OUTPUT, BY_LAG, BY_DELAY, TRANSIENT = range(4)
 """Columns of an answer: x, ∂x/∂τ, ∂x/∂D, exp(−(t − t₀)/τ)."""
 
 
-class Signal(NamedTuple):
+class PiecewiseLinear(NamedTuple):
     """A signal over time: straight lines with steps between them.
 
     From ``begins[k]`` (s) on it is ``values[k]`` and changes by ``slopes[k]`` a second; before the first it rests.
@@ -61,7 +61,7 @@ def _respond(begins, values, slopes, delay, lag, times, out):
         out[j, TRANSIENT] = math.exp(-(times[j] - times[0]) / lag)
 
 
-def lag_response(signal: Signal, delay: float, lag: float, times: Array) -> Array:
+def lag_response(signal: PiecewiseLinear, delay: float, lag: float, times: Array) -> Array:
     """Return the answer to a signal at the given times, shape (N, 4): see `OUTPUT` and the names beside it.
 
     Parameters
@@ -75,7 +75,7 @@ def lag_response(signal: Signal, delay: float, lag: float, times: Array) -> Arra
 
     Examples
     --------
-    >>> step = Signal(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2))
+    >>> step = PiecewiseLinear(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.zeros(2))
     >>> answer = lag_response(step, 0.25, 0.1, np.array([1.2, 1.25, 1.35]))
     >>> answer[:, OUTPUT].round(6).tolist()
     [0.0, 0.0, 0.632121]
@@ -85,12 +85,12 @@ def lag_response(signal: Signal, delay: float, lag: float, times: Array) -> Arra
     return out
 
 
-def held(times: Array, values: Array) -> Signal:
+def held(times: Array, values: Array) -> PiecewiseLinear:
     """Return a signal that keeps each value until the next."""
-    return Signal(np.ascontiguousarray(times), np.ascontiguousarray(values), np.zeros(len(times)))
+    return PiecewiseLinear(np.ascontiguousarray(times), np.ascontiguousarray(values), np.zeros(len(times)))
 
 
-def joined(times: Array, values: Array) -> Signal:
+def joined(times: Array, values: Array) -> PiecewiseLinear:
     """Return a signal that joins values by straight lines."""
     slopes = np.append(np.diff(values) / np.diff(times), 0.0)
-    return Signal(np.ascontiguousarray(times), np.ascontiguousarray(values), slopes)
+    return PiecewiseLinear(np.ascontiguousarray(times), np.ascontiguousarray(values), slopes)

@@ -29,7 +29,7 @@ class Drawing(PlanarReference):
     start
         Pose at time 0, the paper's origin: unit dual quaternion, `DualQuaternion` or (8,), inertial frame, m.
     strokes
-        `Line`, `Arc` and `Rest`, in paper coordinates; the first stroke starts at the origin.
+        `StraightStroke`, `Arc` and `Rest`, in paper coordinates; the first stroke starts at the origin.
     plane
         ``"xy"``, ``"xz"`` or ``"yz"``, or two perpendicular vectors (2, 3), inertial frame: the paper's
         axes to the right and up.
@@ -57,8 +57,8 @@ class Drawing(PlanarReference):
 
     Examples
     --------
-    >>> from dqcontrol.references import Arc, Line
-    >>> strokes = [Line(0.1, 0.0, speed=0.1), Arc(0.0, 0.0, 0.05, 0.0, clockwise=False, speed=0.1)]
+    >>> from dqcontrol.references import Arc, StraightStroke
+    >>> strokes = [StraightStroke(0.1, 0.0, speed=0.1), Arc(0.0, 0.0, 0.05, 0.0, clockwise=False, speed=0.1)]
     >>> drawing = Drawing([1, 0, 0, 0, 0, 0, 0, 0], strokes)
     >>> round(drawing.length, 4), drawing.box.round(4).tolist()
     (0.2571, [[0.0, 0.0], [0.1, 0.05]])

@@ -17,7 +17,7 @@ from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.drawing.drawing import ORIENTATIONS, TURN_SPEED, Drawing
 from dqcontrol.references.plane import PLANES, Plane, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Arc, Line, PenPath, Rest, Stroke, distance_home
+from dqcontrol.references.strokes import Arc, PenPath, Rest, StraightStroke, Stroke, distance_home
 
 _DIRECTIONS = {"cw": True, "ccw": False}
 
@@ -132,7 +132,7 @@ def parse_drawing(text: str, path: str = "drawing") -> DrawingFile:
     Examples
     --------
     >>> parse_drawing("speed 0.1\nline 0.2 0\n").strokes
-    (Line(x=0.2, y=0.0, speed=0.1),)
+    (StraightStroke(x=0.2, y=0.0, speed=0.1),)
     """
     parser = _Parser(path)
     for number, line in enumerate(text.splitlines(), start=1):
@@ -163,7 +163,7 @@ class _Parser:
         _COMMANDS[name](self, words)
 
     def finish(self) -> DrawingFile:
-        if not any(isinstance(stroke, Line | Arc) for stroke in self.strokes):
+        if not any(isinstance(stroke, StraightStroke | Arc) for stroke in self.strokes):
             raise FileFormatError(f"{self.path}: draws nothing: expected at least one line or arc")
         try:
             trace = PenPath.of(self.strokes, labels=self.labels)
@@ -264,7 +264,7 @@ class _Parser:
 
     def line(self, words: list[str]) -> None:
         x, y = self._numbers(words, "X Y")
-        self._draw(Line(x, y, self._drawing_speed()))
+        self._draw(StraightStroke(x, y, self._drawing_speed()))
 
     def arc(self, words: list[str]) -> None:
         if len(words) != 5 or words[4] not in _DIRECTIONS:

@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.files.input_file import read_whole
-from dqcontrol.references.strokes import Arc, Line, Stroke
+from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
 
 _LARGEST = 2_000_000  # bytes
 _MOST_STROKES = 20_000
@@ -197,7 +197,7 @@ def _strokes(part: Any) -> Iterator[Stroke]:
         start, end = _number(segment.start), _number(segment.end)
         if kind in ("Line", "Close"):
             if abs(end - start) > 1e-9:
-                yield Line(end.real, end.imag, 1.0)
+                yield StraightStroke(end.real, end.imag, 1.0)
             continue
         marks = [k / _PIECES for k in range(_PIECES + 1)]
         points = [_number(segment.point(t)) for t in marks]
@@ -236,7 +236,7 @@ def _arc(start: complex, end: complex, touched: complex, tangent: complex) -> It
     if abs(end - start) < 1e-9:
         return
     if abs(across) < _FLAT * abs(chord):
-        yield Line(end.real, end.imag, 1.0)
+        yield StraightStroke(end.real, end.imag, 1.0)
         return
     radius = abs(chord) ** 2 / (2.0 * across)
     centre = touched + radius * normal

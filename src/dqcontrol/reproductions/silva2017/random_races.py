@@ -23,7 +23,7 @@ _GUIDED = "remedy: guided K along a planned way"
 
 
 @dataclass(frozen=True)
-class Box:
+class GoalBox:
     """Where goals are drawn: half the side of the box for the base, m, and the range of its heading, rad."""
 
     name: str
@@ -31,11 +31,11 @@ class Box:
     heading: float
 
 
-BOXES = (Box("near", 0.5, math.pi / 4), Box("far", 1.5, math.pi))
+BOXES = (GoalBox("near", 0.5, math.pi / 4), GoalBox("far", 1.5, math.pi))
 
 
 def random_table(
-    box: Box, laws: Mapping[str, Law], count: int, progress: Callable[[float, int], None] | None = None
+    box: GoalBox, laws: Mapping[str, Law], count: int, progress: Callable[[float, int], None] | None = None
 ) -> Table:
     """Return one row a law: how many goals it reached, and medians over those that it shares with the classic law.
 

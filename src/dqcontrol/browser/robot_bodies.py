@@ -23,7 +23,7 @@ _PLATFORM = 0.08  # m; height of a base, at most
 _SPOKE = 0.3  # of a wheel's radius
 
 
-class Shape(NamedTuple):
+class CarriedBody(NamedTuple):
     """A mesh that moves with a frame.
 
     ``carrier`` is the row of `Track.frames` that it moves with, −1 for one that stands still; ``vertices`` (V, 3), m,
@@ -36,7 +36,7 @@ class Shape(NamedTuple):
     colour: Colour
 
 
-def robot_shapes(robot: Robot) -> list[Shape]:
+def robot_shapes(robot: Robot) -> list[CarriedBody]:
     """Return the bodies of a robot: the meshes of its URDF file if there are any, rods and drums otherwise; and bases.
 
     Parameters
@@ -71,7 +71,7 @@ def tinted(colour: Colour, tint: Colour) -> Colour:
     return r, g, b
 
 
-def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[Shape]:
+def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[CarriedBody]:
     """Yield one shape for each frame and colour: fewer and larger ones are quicker to draw."""
     import trimesh
 
@@ -81,7 +81,7 @@ def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[Shape]:
     for (carrier, colour), meshes in groups.items():
         bare = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes])
         mesh = trimesh.graph.smooth_shade(bare, angle=_SHARP)
-        yield Shape(carrier, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour)
+        yield CarriedBody(carrier, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour)
 
 
 def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
