@@ -216,7 +216,7 @@ def lexicographic_program(
         upper,
         0,
     )
-    given = np.asarray(levels)
+    given = np.asarray(levels) if np.size(levels) else np.zeros(0, np.intp)
     if given.shape != (m,) or given.dtype.kind not in "iu" or (given < 0).any():
         raise ShapeError(f"levels: expected {m} integers ≥ 0, one a row, got {levels!r:.80}")
     if names is not None and len(names) != m:
