@@ -1,5 +1,7 @@
 """Joints with lag, delay, gain, sag and encoders, written without any of the package's plants or kernels."""
 
+from typing import Any
+
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
@@ -36,7 +38,7 @@ def answer(edges, values, lag, delay, times):
 def lagged(grid_values, lag):
     """Return what a lag does to values on the grid, joined by straight lines, from rest."""
     system = tuple(np.array([[value]]) for value in (-1 / lag, 1 / lag, 1.0, 0.0))
-    discrete: tuple = cont2discrete(system, GRID, method="foh")
+    discrete: Any = cont2discrete(system, GRID, method="foh")
     a, b, c, d = discrete[:4]
     begin = grid_values[0]
     numerator = [float(d[0, 0]), float(c[0, 0] * b[0, 0] - a[0, 0] * d[0, 0])]
