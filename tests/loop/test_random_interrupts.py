@@ -10,6 +10,7 @@ import select
 import signal
 import struct
 import time
+import traceback
 from collections import Counter
 from contextlib import nullcontext, suppress
 
@@ -92,6 +93,8 @@ class Trial:
                 code = 0
             except KeyboardInterrupt:
                 code = 1
+            except BaseException:
+                (folder.parent / "failure").write_text(traceback.format_exc())
             finally:
                 os._exit(code)
         os.close(pipe)
@@ -149,7 +152,9 @@ def test_interrupted_killed_or_frozen_it_never_leaves_its_robot_moving_nor_lunge
         trial = Trial(kind, parts, tmp_path / "black-box")
         if not trial.watch(lambda trial=trial: trial.moves):  # a machine that is too busy stopped it
             by_itself += 1
-            trial.end()
+            code = trial.end()
+            assert code != 3, (tmp_path / "failure").read_text()
+            assert by_itself < 20 + TRIALS
             continue
         trial.watch(lambda: False, rng.uniform(0.0, 1.5))
         about, at = f"{counts.total()}: {number.name}, pause {pause:.3f} s", len(trial.rows)
