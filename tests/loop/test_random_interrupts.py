@@ -23,6 +23,7 @@ from dqcontrol.cli.keyboard import Keyboard
 from dqcontrol.limits import Supervisor
 from dqcontrol.loop import Clock, Supervision, close_loop
 from dqcontrol.loop.clock import allows_real_time, real_time
+from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
@@ -59,6 +60,7 @@ def prepared():
     guard = Supervisor(ramp=0.0, acceleration=4.0).prepare(ARM, T)
     plant = dqc.plants.Integrator().start(ARM, Q0, T, 5, 0)
     close_loop(law, plant, samples[:5], interpreted=True, supervision=Supervision(guard, Q0))
+    warm_up(jogging, guard, Q0, samples[0])
     return law, jogging, guard, samples
 
 
