@@ -10,6 +10,7 @@ import select
 import signal
 import struct
 import time
+import traceback
 from collections import Counter
 from contextlib import nullcontext, suppress
 
@@ -22,6 +23,7 @@ from dqcontrol.cli.keyboard import Keyboard
 from dqcontrol.limits import Supervisor
 from dqcontrol.loop import Clock, Supervision, close_loop
 from dqcontrol.loop.clock import allows_real_time, real_time
+from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
@@ -58,6 +60,7 @@ def prepared():
     guard = Supervisor(ramp=0.0, acceleration=4.0).prepare(ARM, T)
     plant = dqc.plants.Integrator().start(ARM, Q0, T, 5, 0)
     close_loop(law, plant, samples[:5], interpreted=True, supervision=Supervision(guard, Q0))
+    warm_up(jogging, guard, Q0, samples[0])
     return law, jogging, guard, samples
 
 
@@ -92,6 +95,8 @@ class Trial:
                 code = 0
             except KeyboardInterrupt:
                 code = 1
+            except BaseException:
+                (folder.parent / "failure").write_text(traceback.format_exc())
             finally:
                 os._exit(code)
         os.close(pipe)
@@ -149,7 +154,9 @@ def test_interrupted_killed_or_frozen_it_never_leaves_its_robot_moving_nor_lunge
         trial = Trial(kind, parts, tmp_path / "black-box")
         if not trial.watch(lambda trial=trial: trial.moves):  # a machine that is too busy stopped it
             by_itself += 1
-            trial.end()
+            code = trial.end()
+            assert code != 3, (tmp_path / "failure").read_text()
+            assert by_itself < 20 + TRIALS
             continue
         trial.watch(lambda: False, rng.uniform(0.0, 1.5))
         about, at = f"{counts.total()}: {number.name}, pause {pause:.3f} s", len(trial.rows)
