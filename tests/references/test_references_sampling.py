@@ -34,7 +34,7 @@ REFERENCES = {
     "circle": circle,
     "drawing": lambda: references.Drawing(
         START,
-        [references.Line(0.1, 0, 0.1), references.Arc(0, 0, 0.05, 0, False, 0.1)],
+        [references.StraightStroke(0.1, 0, 0.1), references.Arc(0, 0, 0.05, 0, False, 0.1)],
         orientation="path",
         repeat=3,
     ),
