@@ -1,5 +1,7 @@
 """Arms that the tests of several rooms drive."""
 
+import signal
+
 import hypothesis
 import numpy as np
 import pytest
@@ -9,6 +11,9 @@ from dqcontrol.robots import Inertia, SerialArm
 # The same examples in each run, and no bound on how long one takes: a busy machine is no fault.
 hypothesis.settings.register_profile("steady", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("steady")
+
+# A shell starts what it runs in the background with SIGINT ignored: the tests are the same there.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _arm(n, prismatic=(), seed=0, limits=None, mass=None):
