@@ -63,7 +63,7 @@ lint: $(VENV)/test
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
-	@$(BIN)/pyright --project pyproject.toml
+	@$(BIN)/pyright --threads 2 --project pyproject.toml
 	@$(BIN)/mypy
 
 test: lint chromium
