@@ -17,6 +17,8 @@ def test_sliders_move_the_robot_within_its_limits():
         q = np.array([0.1, -0.4, 0.2, 1.0, 0.0, arm.limits.upper[5], 9.0])
         page.set(q)
         page.tick()
+        ends = np.array([[slider.min, slider.max] for slider in page._sliders])
+        np.testing.assert_array_equal(ends, ends.round(1))  # 120, not 119.99998
         expected = np.minimum(q, arm.limits.upper)
         np.testing.assert_allclose(page.q, expected, atol=1e-3)  # sliders have steps
         told = page._numbers.content

@@ -102,6 +102,8 @@ GOOD = "time,q1,q2\n0,1,2\n"
         ("time,q1,q2,u1 [rad],u2\n0,1,1,1,1\n", r"log\.csv:1: u1: unknown unit 'rad' \(allowed: rad/s"),
         (GOOD + "1,1\n", r"log\.csv:3: expected 3 values, got 2"),
         (GOOD + "# c\n1,one,2\n", r"log\.csv:4: q1: expected a number, got 'one'"),
+        ("time;q1;q2\n0,5;1;2\n", r"log\.csv:2: time: expected a number, got '0,5'; decimals take a point"),
+        ("0.0,1,2e-3\n1,1,2\n", r"log\.csv:1: expected a line of column names"),
         (GOOD + "1,1,inf\n", r"log\.csv:3: q2: must be finite, got inf"),
         (GOOD + "1,,1e999\n", r"log\.csv:3: q2: must be finite, got 1e999"),
         (GOOD + "inf,1,1\n", r"log\.csv:3: time: must be finite, got inf"),

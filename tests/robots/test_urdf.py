@@ -3,13 +3,14 @@
 # (Pinocchio's compiled names are invisible to pyright)
 
 import logging
+import warnings
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from pinocchio_oracle import pose_matrix
 
-from dqcontrol.errors import FileFormatError, UnknownNameError
+from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError
 from dqcontrol.robots import load_urdf
 
 
@@ -156,6 +157,19 @@ def test_bad_robots(load, text, caplog):
     with caplog.at_level(logging.DEBUG), pytest.raises(FileFormatError, match=text):
         load(robot(*BAD_ROBOTS[text]))
     assert not caplog.records
+
+
+def test_a_gripper_that_nobody_asked_for_is_told(load):
+    with_jaw = robot(*CHAIN, joint("jaw_joint", "d", "e"), links="abcde")
+    with pytest.warns(NoteWarning, match="ends with jaw_joint.*--tip-link d;"):
+        assert load(with_jaw).joint_names == ("ab", "bc", "jaw_joint")
+    fingers = robot(*CHAIN, joint("left_finger", "d", "e"), joint("right_finger", "d", "f"), links="abcdef")
+    with pytest.raises(UnknownNameError, match=r"e, f \(--tip-link d;"):
+        load(fingers)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(with_jaw, tip_link="e")  # asked for
+        load(robot(joint("finger", "a", "b"), links="ab"))  # nothing but a finger
 
 
 def test_a_loop_beside_the_tree(load):

@@ -129,7 +129,7 @@ class RobotPage:
             section_size=0.5,
             cell_color=(228, 230, 234),
             section_color=(196, 200, 206),
-            position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
+            position=(0.0, 0.0, min(0.0, float(self._track.frames(0)[:, 6].min()))),  # where the robot stands
         )
         self._cloud = server.scene.add_point_cloud(
             "/reach",
@@ -151,9 +151,9 @@ class RobotPage:
         for i, name in enumerate(self.robot.joint_names):
             unit, step = ("°", 0.1) if self.robot.joint_types[i] == "revolute" else ("m", 0.001)
             low, high, first = np.array([self.lower[i], self.upper[i], self._home[i]]) / self._scales[i]
-            slider = gui.add_slider(
-                f"{name} [{unit}]", float(low), float(high), step, float(np.clip(first, low, high))
-            )
+            ends = step * math.ceil(low / step - 1e-6), step * math.floor(high / step + 1e-6)
+            low, high = (round(end, 3) for end in ends)  # whole steps, within the limits
+            slider = gui.add_slider(f"{name} [{unit}]", low, high, step, float(np.clip(first, low, high)))
             self._sliders.append(slider)
         gui.add_button("Zero").on_click(lambda _: self.set(self._home))
         gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))

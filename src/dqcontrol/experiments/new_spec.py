@@ -73,7 +73,7 @@ def new_spec(
         "plant": {"kind": plant} | ({"time_constant": 0.05} if plant == "servo" else {}),
     }
     size, gain = _fitting(spec, arm, motion, kinds[-1])
-    laws = [f"  {_LABELS[kind]}: {{kind: {kind}, gain: {gain:g}}}   # {_GAINS_NOTE}" for kind in kinds]
+    laws = [f"  {_LABELS[kind]}: {{kind: {kind}, gain: {gain:g}}}" for kind in kinds]
     lines = [
         f"# A {motion} by {arm.name}. Change what you like: dqcontrol laws, references and plants list what there is.",
         f"name: {name}",
@@ -82,7 +82,7 @@ def new_spec(
         f"period: {seconds * 1e3:g} ms",
         f"reference: {_flow(_reference(motion, size))}",
         *(
-            ["laws:", *laws]
+            [f"laws:   # gains in {_GAINS_NOTE}", *laws]
             if len(kinds) > 1
             else [f"law: {{kind: {kinds[0]}, gain: {gain:g}}}   # {_GAINS_NOTE}"]
         ),

@@ -12,6 +12,7 @@ from dqcontrol.errors import ExistsError, unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import LayoutEngine
 
 FORMATS = ("pdf", "png", "svg")
 PAPER_DPI = 300  # of PNG files for papers
@@ -92,6 +93,16 @@ def save_figures(
 @contextmanager
 def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
     """Lay figures out once for all the formats that they are written in meanwhile."""
+    engines = lay_out(figures)
+    try:
+        yield
+    finally:
+        for figure, engine in engines.items():
+            figure.set_layout_engine(engine)
+
+
+def lay_out(figures: Iterable[Figure]) -> dict[Figure, LayoutEngine]:
+    """Lay figures out for good, and return what would do it at each drawing: it takes as long as a drawing."""
     import matplotlib
 
     engines = {figure: engine for figure in figures if (engine := figure.get_layout_engine()) is not None}
@@ -99,11 +110,7 @@ def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
         engine.execute(figure)  # a whole drawing, even without pixels, takes as long again
         with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
             figure.set_layout_engine(None)
-    try:
-        yield
-    finally:
-        for figure, engine in engines.items():
-            figure.set_layout_engine(engine)
+    return engines
 
 
 def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:

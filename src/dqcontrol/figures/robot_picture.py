@@ -50,12 +50,13 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
     onto = _view(np.nanmean(desired, axis=0) - links[0])
     foot = np.array([*links[0, :2], min(0.0, float(links[:, 2].min()))])
     flat = links @ onto.T
+    rods = flat if robot.bases else np.vstack([foot @ onto.T, flat])  # a post carries the first joint
     reach = float(np.ptp(flat, axis=0).max()) or 1.0
     _floor(axes, foot, 0.35 * reach, onto)
     for disc in discs:
         axes.fill(*(disc[1:] @ onto.T).T, color=_SHELL, ec=_EDGE, lw=0.8)
     for width, colour in ((8.5, _EDGE), (6.5, _SHELL)):
-        axes.plot(*flat.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
+        axes.plot(*rods.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
     axes.plot(*flat[1:-1].T, "o", ms=4, color=COLOURS[1], mew=0)
     axes.plot(*(desired @ onto.T).T, color=DESIRED, ls="--", lw=1.1)
     axes.plot(*(hand @ onto.T).T, color=COLOURS[0], lw=1.4)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
 
 from dqcontrol.errors import FileFormatError, suggest
@@ -45,7 +46,8 @@ def as_number(where: str, word: str) -> float:
     try:
         number = float(word)
     except ValueError:
-        raise FileFormatError(f"{where}: expected a number, got '{word:.40}'") from None
+        comma = "; decimals take a point" if re.fullmatch(r"[+-]?\d+,\d+", word.strip()) else ""
+        raise FileFormatError(f"{where}: expected a number, got '{word:.40}'{comma}") from None
     if not math.isfinite(number):
         raise FileFormatError(f"{where}: must be finite, got {word}")
     return number

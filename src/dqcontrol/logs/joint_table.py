@@ -26,6 +26,7 @@ Angles = Literal["rad", "deg"]
 
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 _LENGTH = {"m": 1.0, "mm": 1e-3}
+_NUMBER = re.compile(r"[+-]?\d*\.?\d+(e[+-]?\d+)?", re.IGNORECASE)
 _SUFFIX = re.compile(r"(.+)_(s|sec|ms|us|ns|rad|deg|m|mm)")
 _DELIMITERS = ",;\t"
 _BLOCK = 1 << 22  # bytes of lines that are read at a time
@@ -316,6 +317,10 @@ def _rows(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
         elif not line.lstrip().startswith("#") or any(
             _name_and_unit(cell, TIME_NAMES)[0].lower() in TIME_NAMES for cell in cells
         ):
+            if all(_NUMBER.fullmatch(cell) for cell in cells):
+                raise FileFormatError(
+                    f"{path}:{number}: expected a line of column names: time, q1, q2, …; got numbers"
+                )
             header = number, cells
             yield header
     if header is None:

@@ -26,8 +26,10 @@ def write_comparison_figures(records: Mapping[str, Record], folder: Path, unit: 
     ``unit`` is that of what the inputs move, see `unit_of_way`.
     """
     from dqcontrol.figures import comparison_figures, save_figures
+    from dqcontrol.figures.figure_files import lay_out
 
     few = dict(list(records.items())[:MOST_CURVES])
     figures = {name: draw() for name, draw in comparison_figures(few, unit).items()} if few else {}
+    lay_out(figures.values())  # once for files and page
     save_figures(figures, folder)
     return figures

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import io
 import math
+import re
+import warnings
 from collections.abc import Iterator
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, UnknownNameError, suggest
+from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError, suggest
 from dqcontrol.robots.axes import chain_from_axes
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.link_inertias import lump
@@ -19,6 +22,7 @@ from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
+_GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
 
 
 def load_urdf(
@@ -27,7 +31,8 @@ def load_urdf(
     """Load the serial chain between two links of a URDF file.
 
     Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at
-    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened.
+    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened. A `NoteWarning` tells
+    if a chain without a named tip ends with a gripper.
 
     Parameters
     ----------
@@ -66,6 +71,8 @@ def load_urdf(
     tree = UrdfTree(CheckedXml(path))
     base = tree.link("base_link", base_link) if base_link is not None else tree.root
     tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
+    if tip_link is None and (gripper := tree.gripper_joints(base, tip)):
+        _note_gripper(tree.name, gripper)
     joints = tree.path(base, tip)
 
     poses, axes, moving, before = [], [], [], np.eye(4)
@@ -91,6 +98,17 @@ def load_urdf(
     )
     arm.urdf, arm.links = (Path(path), base), (base, *(joint.child for joint in joints))
     return arm
+
+
+def _note_gripper(robot: str, joints: list[Any]) -> None:
+    """Say that a chain nobody chose would move the hand with its gripper."""
+    names, link = ", ".join(joint.name for joint in joints), joints[0].parent
+    warnings.warn(
+        f"{robot}: the chain ends with {names}, a gripper by its name, which then moves the hand like any joint; "
+        f"to end before it: --tip-link {link}; in a spec robot: {{source: …, tip_link: {link}}}",
+        NoteWarning,
+        stacklevel=3,
+    )
 
 
 class UrdfTree:
@@ -170,11 +188,19 @@ class UrdfTree:
         most = max(counts.values())
         best = [leaf for leaf in leaves if counts[leaf] == most]
         if len(best) > 1:
+            gripper = self.gripper_joints(base, best[0])
+            likely = gripper[0].parent if gripper else best[0]
             raise UnknownNameError(
                 f"tip_link: must be given for {self.xml.path}; {len(best)} links end a chain of {most} "
-                f"joints: {', '.join(best)} (--tip-link {best[0]}; in a spec robot: {{source: …, tip_link: {best[0]}}})"
+                f"joints: {', '.join(best)} (--tip-link {likely}; in a spec robot: {{source: …, tip_link: {likely}}})"
             )
         return best[0]
+
+    def gripper_joints(self, base: str, tip: str) -> list[Any]:
+        """Return the last moving joints above a tip whose names say that they open a gripper; none if all do."""
+        moving = [joint for joint in self.path(base, tip) if _is_movable(joint)]
+        last = list(takewhile(lambda joint: _GRIPPER.search(joint.name), reversed(moving)))
+        return last[::-1] if len(last) < len(moving) else []
 
     def check_movable(self, joint: Any) -> None:
         """Raise if a serial arm cannot have this joint."""

@@ -31,6 +31,7 @@ _STUCK = 0.05  # of the command's range, least range of what moves
 _FAR = 6.0  # standard deviations
 _UNEXPLAINED = 2.5  # times the noise, a residual that may hide a clamp
 _CLAMPED = 0.5  # of the sum of squares that a clamp leaves
+_TIED = 0.99  # correlation of lag and delay that lets the smallest flaw of the model shift one into the other
 _TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay; share of the lag that its standard error is
 _SAME = 10.0  # times the variance, a sum of squares that is no worse
 _POOR = 0.15  # of what moved, a residual at which no servo of this kind explains the log
@@ -206,6 +207,11 @@ def _judged(
             f"{found.rms / floor:.2g} times as much is left as by noise and encoder: a servo of second order, "
             "friction, play or other joints"
         )
+        if abs(found.correlation) > _TIED:  # intervals hold for the model, and something else is left
+            both = 1e3 * (found.lag + found.delay)
+            notes.append(
+                f"lag and delay are sure together, {both:.3g} ms, less so apart; log a livelier motion"
+            )
     return replace(
         bare,
         status="fitted",
