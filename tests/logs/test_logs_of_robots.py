@@ -185,6 +185,8 @@ def test_a_topic_of_commanded_positions_is_a_reference(tmp_path, arm, motion):
     np.testing.assert_allclose(found.desired, arm.fkm(q[::5]), atol=1e-9)
     with pytest.raises(ShapeError, match=r"reference_joints: .* is a recording and has no columns"):
         evaluate_log(path, "iiwa7", reference_joints="target_")
+    with pytest.raises(ShapeError, match=r"targets or .* has no columns; .* \(--target-topic"):
+        dqc.identify(path, "iiwa7", targets="target_")
 
 
 def test_align_finds_when_the_motion_begins(tmp_path, arm):

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli.options import DEFAULT_LOG_OPTIONS, Force, LogOptions, Out
 from dqcontrol.cli.screen import print_table
 
 
@@ -17,15 +17,10 @@ def evaluate(
     /,
     *,
     robot: str | None = None,
-    base_link: str | None = None,
-    tip_link: str | None = None,
+    options: LogOptions = DEFAULT_LOG_OPTIONS,
     reference: Path | None = None,
     reference_topic: str | None = None,
     reference_joints: str | None = None,
-    joints: str | None = None,
-    joint_topic: str | None = None,
-    command_topic: str | None = None,
-    angles: Literal["rad", "deg"] | None = None,
     missing: Literal["interpolate", "skip"] = "interpolate",
     start: float = 0.0,
     align: Annotated[bool, Parameter(negative=())] = False,
@@ -44,10 +39,6 @@ def evaluate(
         Table (CSV), MCAP file, ROS 1 or ROS 2 bag, or folder of a run; see docs/own-data.md.
     robot
         Name, .yaml or .urdf file, or example-robot-data:PATH; recordings of dqcontrol name theirs.
-    base_link
-        Start of the chain in a URDF file.
-    tip_link
-        End of the chain in a URDF file.
     reference
         YAML file with a reference, points file, or a second log; recordings of dqcontrol hold their own.
     reference_topic
@@ -55,14 +46,6 @@ def evaluate(
         else in the log.
     reference_joints
         Columns of the log with the commanded positions: what their names begin with (target_), or a,b,c.
-    joints
-        Names of the robot's joints in the log, if it has others: a,b,c in the robot's order.
-    joint_topic
-        Topic of JointState with the positions.
-    command_topic
-        Topic of JointState or Float64MultiArray with the commanded velocities.
-    angles
-        Unit of columns of a table that do not name theirs.
     missing
         What to do with samples of a table that lack a position: join their neighbours linearly, or skip them.
     start
@@ -102,14 +85,9 @@ def evaluate(
         log,
         robot,
         reference,
-        base_link=base_link,
-        tip_link=tip_link,
         reference_topic=reference_topic,
         reference_joints=reference_joints,
-        joints=[name.strip() for name in joints.split(",")] if joints is not None else None,
-        joint_topic=joint_topic,
-        command_topic=command_topic,
-        angles=angles,
+        **options.arguments(),
         missing=missing,
         start=start,
         align=align,

@@ -5,9 +5,9 @@ All lengths are in m, in whatever frame their owner says; `moved` carries a shap
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +18,21 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.geometry import distance_kernels as kernels
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Shape:
     """A shape in space; `distance` takes any two."""
+
+    _positions: ClassVar[tuple[str, ...]] = ()  # fields that a motion turns and shifts,
+    _directions: ClassVar[tuple[str, ...]] = ()  # that it only turns, unit vectors,
+    _lengths: ClassVar[tuple[str, ...]] = ()  # and that it leaves alone, ≥ 0
+
+    def __post_init__(self) -> None:
+        for field in self._positions:
+            _keep(self, field)
+        for field in self._directions:
+            _keep_direction(self, field)
+        for field in self._lengths:
+            object.__setattr__(self, field, as_positive(field, getattr(self, field), zero_allowed=True))
 
     def moved(self, pose: ArrayLike) -> Self:
         """Return the shape where a pose takes it: from the frame of the link that carries it to the inertial frame.
@@ -48,7 +61,9 @@ class Shape:
         return self._carried(matrix[:3, :3], matrix[:3, 3])
 
     def _carried(self, rotation: Array, position: Array) -> Self:
-        raise NotImplementedError
+        positions = {field: rotation @ getattr(self, field) + position for field in self._positions}
+        directions = {field: rotation @ getattr(self, field) for field in self._directions}
+        return replace(self, **positions, **directions)
 
     @cached_property
     def row(self) -> Array:
@@ -62,13 +77,13 @@ class Shape:
         raise NotImplementedError
 
     def __eq__(self, other: object) -> bool:
-        return type(self) is type(other) and np.array_equal(self.row, other.row)  # type: ignore[attr-defined]
+        return isinstance(other, Shape) and type(self) is type(other) and np.array_equal(self.row, other.row)
 
     def __hash__(self) -> int:
         return hash((type(self), self.row.tobytes()))
 
     def __repr__(self) -> str:
-        parts = (f"{each.name}={_text(getattr(self, each.name))}" for each in fields(self))  # type: ignore[arg-type]
+        parts = (f"{each.name}={_text(getattr(self, each.name))}" for each in fields(self))
         return f"{type(self).__name__}({', '.join(parts)})"
 
 
@@ -83,12 +98,7 @@ class Point(Shape):
     """
 
     position: Array
-
-    def __post_init__(self) -> None:
-        _keep(self, "position")
-
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(rotation @ self.position + position)
+    _positions = ("position",)
 
     def _fill(self, row: Array) -> None:
         row[kernels.CORE : kernels.CORE + 3] = self.position
@@ -113,13 +123,7 @@ class Sphere(Shape):
 
     center: Array
     radius: float
-
-    def __post_init__(self) -> None:
-        _keep(self, "center")
-        _keep_radius(self)
-
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(rotation @ self.center + position, self.radius)
+    _positions, _lengths = ("center",), ("radius",)
 
     def _fill(self, row: Array) -> None:
         row[kernels.CORE : kernels.CORE + 3] = self.center
@@ -146,20 +150,13 @@ class Capsule(Shape):
     start: Array
     end: Array
     radius: float
-
-    def __post_init__(self) -> None:
-        _keep(self, "start")
-        _keep(self, "end")
-        _keep_radius(self)
+    _positions, _lengths = ("start", "end"), ("radius",)
 
     @property
     def volume(self) -> float:
         """π r² (|end − start| + 4/3 r), m³."""
         length = float(np.linalg.norm(self.end - self.start))
         return np.pi * self.radius**2 * (length + 4 / 3 * self.radius)
-
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(rotation @ self.start + position, rotation @ self.end + position, self.radius)
 
     def _fill(self, row: Array) -> None:
         row[kernels.CORE : kernels.CORE + 3] = self.start
@@ -192,19 +189,13 @@ class Line(Shape):
 
     point: Array
     direction: Array
-
-    def __post_init__(self) -> None:
-        _keep(self, "point")
-        _keep_direction(self, "direction")
+    _positions, _directions = ("point",), ("direction",)
 
     @property
     def dual_quaternion(self) -> algebra.DualQuaternion:
         """Plücker line l + εm, m = p × l; a motion x takes it to x (l + εm) x*."""
         moment = np.cross(self.point, self.direction)
         return algebra.DualQuaternion([0.0, *self.direction, 0.0, *moment])
-
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(rotation @ self.point + position, rotation @ self.direction)
 
     def _fill(self, row: Array) -> None:
         _fill_line(row, self.point, self.direction)
@@ -232,14 +223,7 @@ class Cylinder(Shape):
     point: Array
     direction: Array
     radius: float
-
-    def __post_init__(self) -> None:
-        _keep(self, "point")
-        _keep_direction(self, "direction")
-        _keep_radius(self)
-
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(rotation @ self.point + position, rotation @ self.direction, self.radius)
+    _positions, _directions, _lengths = ("point",), ("direction",), ("radius",)
 
     def _fill(self, row: Array) -> None:
         _fill_line(row, self.point, self.direction)
@@ -346,11 +330,6 @@ def _keep(shape: Shape, field: str) -> None:
     if value.ndim != 1:
         raise ShapeError(f"{field}: expected shape (3,), got {value.shape}")
     _freeze(shape, field, value)
-
-
-def _keep_radius(shape: Shape) -> None:
-    radius = as_positive("radius", shape.radius, zero_allowed=True)  # type: ignore[attr-defined]
-    object.__setattr__(shape, "radius", radius)
 
 
 def _keep_direction(shape: Shape, field: str) -> float:

@@ -80,7 +80,12 @@ def distance(a: Shape, b: Shape) -> Distance:
     row = out[0]
     if not found or row[kernels.DISTANCE] == -math.inf:
         raise ValueRangeError(f"a, b: {a} and {b} meet somewhere far away; a Capsule or Box has an end")
-    return Distance(float(row[0]), row[1:4], row[4:7], row[7:10])
+    return Distance(
+        float(row[kernels.DISTANCE]),
+        row[kernels.DIRECTION : kernels.ON_A],
+        row[kernels.ON_A : kernels.ON_B],
+        row[kernels.ON_B :],
+    )
 
 
 def distance_jacobian(

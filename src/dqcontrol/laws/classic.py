@@ -11,13 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
-from dqcontrol.laws.integral import (
-    IntegralPoseLaw,
-    add_integral,
-    integral_parameters,
-    integral_state,
-    integral_work,
-)
+from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
@@ -30,16 +24,23 @@ if TYPE_CHECKING:
 
 
 class ClassicWork(NamedTuple):
-    """Scratch of both laws."""
+    """Scratch of `ClassicProportional`."""
+
+    preferred: Annotated[Array, "m"]
+    rate: Annotated[Array, 8]
+    solver: Annotated[Array, integral_work.sized("m")]
+
+
+class OpenLoopWork(NamedTuple):
+    """Scratch of `OpenLoop`."""
 
     preferred: Annotated[Array, "m"]
     rate: Annotated[Array, 8]
     half_twist: Annotated[Array, 8]
-    integral: Annotated[Array, integral_work.size()]
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-classic_work = MemoryLayout(ClassicWork, "m")
+classic_work, open_loop_work = MemoryLayout(ClassicWork, "m"), MemoryLayout(OpenLoopWork, "m")
 
 
 @inline
@@ -53,20 +54,21 @@ def _hand_twist(rate, pose):
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
-    given, kept = integral_parameters(parameters), integral_state(state)
-    own = classic_work(work, out.shape[0])
+    given, own = pose_parameters(parameters), classic_work(work, out.shape[0])
     dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(dot, given.hysteresis, kept.sign)
+    sign = short_sign(dot, given.hysteresis, state)
     for i in range(8):
         own.rate[i] = given.gain[i] * (sign * sample[i] - pose[i])
-    twist = add_integral(_hand_twist(own.rate, pose), pose, sample, given, kept, own.integral)
-    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
+    twist = _hand_twist(own.rate, pose)
+    return solve_with_integral(
+        pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
+    )
 
 
 @kernel(LAW)
 def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ vec8(ẋ_d), ẋ_d = ½ξ_d x_d; the parameters are the inverse's, the state is the sign of x_d."""
-    own = classic_work(work, out.shape[0])
+    own = open_loop_work(work, out.shape[0])
     half_twist = own.half_twist
     dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
     sign = short_sign(dot, 0.0, state)
@@ -144,7 +146,7 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     """
 
     kernel = open_loop
-    work = classic_work
+    work = open_loop_work
     inverse: Inverse = FilteredInverse()
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:

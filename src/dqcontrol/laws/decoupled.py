@@ -15,14 +15,8 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
-from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work, weigh
-from dqcontrol.laws.integral import (
-    IntegralPoseLaw,
-    add_integral,
-    integral_parameters,
-    integral_state,
-    integral_work,
-)
+from dqcontrol.laws.hand_twist import weigh
+from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
@@ -34,18 +28,26 @@ if TYPE_CHECKING:
     from dqcontrol.robots import Robot
 
 
+class RotationWork(NamedTuple):
+    """Scratch of the error of orientation: r_e, 1 − r_e, and the angular velocity that reduces it."""
+
+    relative: Annotated[Array, 4]
+    error: Annotated[Array, 4]
+    product: Annotated[Array, 4]
+    omega: Annotated[Array, 3]
+
+
+rotation_work = MemoryLayout(RotationWork)
+
+
 class DecoupledWork(NamedTuple):
     """Scratch of `DecoupledProportional`."""
 
     preferred: Annotated[Array, "m"]
-    error: Annotated[Array, 4]
-    relative: Annotated[Array, 4]
+    rotation: Annotated[Array, rotation_work.size()]
     here: Annotated[Array, 3]
     there: Annotated[Array, 3]
-    omega: Annotated[Array, 3]
-    product: Annotated[Array, 4]
-    integral: Annotated[Array, integral_work.size()]
-    solver: Annotated[Array, twist_work.sized("m")]
+    solver: Annotated[Array, integral_work.sized("m")]
 
 
 class PartialParameters(NamedTuple):
@@ -70,10 +72,8 @@ class PartialWork(NamedTuple):
     here: Annotated[Array, 3]
     there: Annotated[Array, 3]
     spare: Annotated[Array, 3]
-    relative: Annotated[Array, 4]
-    product: Annotated[Array, 4]
-    target: Annotated[Array, 4]
-    omega: Annotated[Array, 3]
+    rotation: Annotated[Array, rotation_work.size()]
+    target: Annotated[Array, 3]
     matrix: Annotated[Array, 3, "m"]
     solver: Annotated[Array, solver_work.size()]
 
@@ -94,41 +94,43 @@ def _velocity_rows(position, twist_jacobian, out):
 
 
 @inline
-def _rotation_error(pose, desired, hysteresis, sign, relative, error):
-    """Write r_e = short(r*r_d) and 1 − r_e, and return the sign given to r_d."""
+def _rotation_error(pose, desired, hysteresis, sign, rotation):
+    """Write r_e = short(r*r_d) and 1 − r_e."""
+    relative, error = rotation.relative, rotation.error
     quaternion_product((pose[0], -pose[1], -pose[2], -pose[3]), desired[0:4], relative)
     given = short_sign(relative[0], hysteresis, sign)
     for i in range(4):
         relative[i] *= given
         error[i] = -relative[i]
     error[0] += 1.0
-    return given
 
 
 @inline
-def _angular_velocity(pose, relative, target, product, out):
-    """Write the ω that solves −½ω_b r_e = −target nearest: ω_b = Im(−2 target r_e*), turned to inertial axes."""
-    quaternion_product(target, (relative[0], -relative[1], -relative[2], -relative[3]), product)
-    rotate(pose, (-2.0 * product[1], -2.0 * product[2], -2.0 * product[3]), out)
+def _angular_velocity(pose, rotation):
+    """Write the ω that solves −½ω_b r_e = −e nearest: ω_b = Im(−2 e r_e*), turned to inertial axes."""
+    relative, product = rotation.relative, rotation.product
+    quaternion_product(rotation.error, (relative[0], -relative[1], -relative[2], -relative[3]), product)
+    rotate(pose, (-2.0 * product[1], -2.0 * product[2], -2.0 * product[3]), rotation.omega)
 
 
 @kernel(LAW)
 def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N_d⁺ K e + J⁺ k_I ∫ε dt with e = [p_d − p ; vec4(1 − r*r_d)]."""
-    given, kept = integral_parameters(parameters), integral_state(state)
-    own = decoupled_work(work, out.shape[0])
-    error, here, there, omega = own.error, own.here, own.there, own.omega
-    _rotation_error(pose, sample, given.hysteresis, kept.sign, own.relative, error)
+    given, own = pose_parameters(parameters), decoupled_work(work, out.shape[0])
+    here, there, rotation = own.here, own.there, rotation_work(own.rotation)
+    _rotation_error(pose, sample, given.hysteresis, state, rotation)
     for i in range(4):
-        error[i] *= given.gain[4 + i]
-    _angular_velocity(pose, own.relative, error, own.product, omega)
+        rotation.error[i] *= given.gain[4 + i]
+    _angular_velocity(pose, rotation)
+    omega = rotation.omega
     translation(pose, here)
     translation(sample, there)
     for i in range(3):
         there[i] = given.gain[1 + i] * (there[i] - here[i])
     twist = omega[0], omega[1], omega[2], there[0], there[1], there[2]
-    twist = add_integral(twist, pose, sample, given, kept, own.integral)
-    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
+    return solve_with_integral(
+        pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
+    )
 
 
 class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
@@ -192,12 +194,13 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     """Write q̇ = J_ω⁺ ω with the ω nearest to k (1 − r*r_d); the state is the sign of r_d."""
     n = out.shape[0]
     given, own = partial_parameters(parameters), partial_work(work, n)
-    target, omega, matrix = own.target, own.omega, own.matrix
+    rotation, matrix = rotation_work(own.rotation), own.matrix
+    omega = rotation.omega
     inverse = inverse_parameters(given.inverse)
-    _rotation_error(pose, sample, 0.2, state, own.relative, target)
+    _rotation_error(pose, sample, 0.2, state, rotation)
     for i in range(4):
-        target[i] *= given.gain
-    _angular_velocity(pose, own.relative, target, own.product, omega)
+        rotation.error[i] *= given.gain
+    _angular_velocity(pose, rotation)
     for i in range(3):
         for c in range(n):
             matrix[i, c] = twist_jacobian[i, c]

@@ -8,16 +8,10 @@ from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multip
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
-from dqcontrol.laws.integral import (
-    IntegralPoseLaw,
-    add_integral,
-    integral_parameters,
-    integral_state,
-    integral_work,
-)
+from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
+from dqcontrol.laws.pose_law import pose_parameters
 
 
 class FeedforwardWork(NamedTuple):
@@ -28,8 +22,7 @@ class FeedforwardWork(NamedTuple):
     target: Annotated[Array, 8]
     velocity: Annotated[Array, 8]
     half_twist: Annotated[Array, 8]
-    integral: Annotated[Array, integral_work.size()]
-    solver: Annotated[Array, twist_work.sized("m")]
+    solver: Annotated[Array, integral_work.sized("m")]
 
 
 feedforward_work = MemoryLayout(FeedforwardWork, "m")
@@ -38,10 +31,9 @@ feedforward_work = MemoryLayout(FeedforwardWork, "m")
 @kernel(LAW)
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) + J⁺ k_I ∫ε dt with ẋ_d = ½ξ_d x_d."""
-    given, kept = integral_parameters(parameters), integral_state(state)
-    own = feedforward_work(work, out.shape[0])
+    given, own = pose_parameters(parameters), feedforward_work(work, out.shape[0])
     error, target, half_twist = own.error, own.target, own.half_twist
-    sign = left_error(pose, sample, given.hysteresis, kept.sign, error)
+    sign = left_error(pose, sample, given.hysteresis, state, error)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
         half_twist[1 + i] = 0.5 * sign * sample[8 + i]
@@ -51,8 +43,9 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
     for i in range(8):
         target[i] = given.gain[i] * error[i] - target[i]
     twist = left_error_twist(target, error, pose)
-    twist = add_integral(twist, pose, sample, given, kept, own.integral)
-    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
+    return solve_with_integral(
+        pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
+    )
 
 
 class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):

@@ -15,6 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
@@ -63,18 +64,28 @@ class IntegralState(NamedTuple):
 
 
 class IntegralWork(NamedTuple):
-    """Scratch of `add_integral`."""
+    """Scratch of `solve_with_integral` for n inputs."""
 
     relative: Annotated[Array, 8]
     error: Annotated[Array, 6]
+    solver: Annotated[Array, twist_work.sized("n")]
 
 
 integral_parameters, integral_state = MemoryLayout(IntegralParameters), MemoryLayout(IntegralState)
-integral_work = MemoryLayout(IntegralWork)
+integral_work = MemoryLayout(IntegralWork, "n")
 
 
 @inline
-def add_integral(twist, pose, sample, given, kept, work):
+def solve_with_integral(pose, twist_jacobian, twist, sample, parameters, state, preferred, work, out):
+    """Write out = z + J⁺ (t + k_I ∫ε dt − J z), t the hand's twist [ω ; ṗ] that K e asks for."""
+    given, kept = integral_parameters(parameters), integral_state(state)
+    own = integral_work(work, twist_jacobian.shape[1])
+    twist = _add_integral(twist, pose, sample, given, kept, own)
+    return solve_hand_twist(pose, twist_jacobian, twist, preferred, given.inverse, own.solver, out)
+
+
+@inline
+def _add_integral(twist, pose, sample, given, kept, own):
     """Return the hand's twist [ω ; ṗ] with k_I ∫ε dt added, ε = [2 Im r ; p] of short(x*x_d), in the hand's axes.
 
     Where less left than was asked for in the last sample, the integral gives up its part of the difference at the rate
@@ -82,7 +93,7 @@ def add_integral(twist, pose, sample, given, kept, work):
     """
     if given.step == 0.0:
         return twist
-    own, total, asked, left = integral_work(work), kept.total, kept.asked, kept.delivered
+    total, asked, left = kept.total, kept.asked, kept.delivered
     conjugate_multiply(pose, sample, own.relative)
     for i in range(8):
         own.relative[i] *= kept.sign[0]

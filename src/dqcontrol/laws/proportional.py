@@ -7,16 +7,10 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
-from dqcontrol.laws.integral import (
-    IntegralPoseLaw,
-    add_integral,
-    integral_parameters,
-    integral_state,
-    integral_work,
-)
+from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
+from dqcontrol.laws.pose_law import pose_parameters
 
 
 class ProportionalWork(NamedTuple):
@@ -25,8 +19,7 @@ class ProportionalWork(NamedTuple):
     preferred: Annotated[Array, "m"]
     error: Annotated[Array, 8]
     target: Annotated[Array, 8]
-    integral: Annotated[Array, integral_work.size()]
-    solver: Annotated[Array, twist_work.sized("m")]
+    solver: Annotated[Array, integral_work.sized("m")]
 
 
 proportional_work = MemoryLayout(ProportionalWork, "m")
@@ -35,14 +28,14 @@ proportional_work = MemoryLayout(ProportionalWork, "m")
 @kernel(LAW)
 def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = N⁺ K vec8(e) + J⁺ k_I ∫ε dt."""
-    given, kept = integral_parameters(parameters), integral_state(state)
-    own = proportional_work(work, out.shape[0])
-    left_error(pose, sample, given.hysteresis, kept.sign, own.error)
+    given, own = pose_parameters(parameters), proportional_work(work, out.shape[0])
+    left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
     twist = left_error_twist(own.target, own.error, pose)
-    twist = add_integral(twist, pose, sample, given, kept, own.integral)
-    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, given.inverse, own.solver, out)
+    return solve_with_integral(
+        pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
+    )
 
 
 class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional"):

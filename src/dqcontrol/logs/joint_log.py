@@ -139,8 +139,8 @@ def read_joint_log(
         return JointLog(path, table.time, table.q, table.command, target=table.target, notes=notes)
     if targets is not None:
         raise ShapeError(
-            f"reference_joints: {path} is a recording and has no columns; name the topic of JointState that holds "
-            "the commanded positions (--reference-topic)"
+            f"targets or reference_joints: {path} is a recording and has no columns; name the topic that holds the "
+            "commanded positions (--target-topic or --reference-topic)"
         )
     if angles is not None:
         raise ShapeError(f"angles: {path} is a recording, and its messages are in rad; leave it out")

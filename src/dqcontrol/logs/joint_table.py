@@ -157,8 +157,8 @@ def _chosen(
     found = next((each for each in wanted if set(each) <= set(names)), None)
     if found is None and targets is not None:
         raise ShapeError(
-            f"reference_joints: {where}: columns missing: {', '.join(wanted[0])}{suggest(wanted[0][0], names)} "
-            f"(columns: {', '.join(names)})"
+            f"targets or reference_joints: {where}: columns missing: {', '.join(wanted[0])}"
+            f"{suggest(wanted[0][0], names)} (columns: {', '.join(names)})"
         )
     held = _find(where, "commanded positions", names, found, "") if found else []
     return _Columns(where, names, units, place, joints, commands, held)
@@ -178,8 +178,8 @@ def _target_names(joint_names: Sequence[str], targets: str | Sequence[str] | Non
         return [[f"{stem}{name}" for name in joint_names], *numbered, *([listed] if len(count) == 1 else [])]
     if len(listed) != len(joint_names) or len(set(listed)) != len(listed):
         raise ShapeError(
-            f"reference_joints: expected {len(joint_names)} different names, or what they begin with, as target_, "
-            f"got {', '.join(listed)}"
+            f"targets or reference_joints: expected {len(joint_names)} different names, or what they begin with, "
+            f"as target_, got {', '.join(listed)}"
         )
     return [listed]
 

@@ -36,7 +36,17 @@ class Stages(NamedTuple):
 
 
 class LawArrays(NamedTuple):
-    """Of a prepared law; and its state."""
+    """Of a prepared law.
+
+    Attributes
+    ----------
+    plan
+        See `Plan`.
+    memory
+        See `PreparedMemory`.
+    state
+        What it keeps from sample to sample.
+    """
 
     plan: Annotated[Array, PLAN]
     memory: Annotated[Array, WRITE]
@@ -44,7 +54,15 @@ class LawArrays(NamedTuple):
 
 
 class SupervisorArrays(NamedTuple):
-    """Of a prepared supervisor, empty without one; and its state, and the record of its interventions."""
+    """Of a prepared supervisor, empty without one.
+
+    Attributes
+    ----------
+    parameters, state, work
+        Of its kernel.
+    codes
+        Its interventions, one number a sample.
+    """
 
     parameters: Annotated[Array, READ]
     state: Annotated[Array, WRITE]
@@ -53,7 +71,17 @@ class SupervisorArrays(NamedTuple):
 
 
 class DisturbanceArrays(NamedTuple):
-    """Of a disturbance, no rows without one; and what it realised, at least one row."""
+    """Of a disturbance.
+
+    Attributes
+    ----------
+    rows
+        What it is to do, one row a sample; none without a disturbance.
+    parameters, work
+        Of its kernel.
+    realised
+        Inertial twist that it gave the hand, one row a sample; at least one row.
+    """
 
     rows: Annotated[Array, READ2]
     parameters: Annotated[Array, READ]
@@ -62,7 +90,17 @@ class DisturbanceArrays(NamedTuple):
 
 
 class PlantArrays(NamedTuple):
-    """Of a plant, and its configurations."""
+    """Of a plant.
+
+    Attributes
+    ----------
+    parameters, state
+        Of its kernel.
+    noise
+        Random numbers that it uses, one row a sample.
+    q, measured
+        Configuration, and what the encoders say of it, shape (n,), rad or m.
+    """
 
     parameters: Annotated[Array, READ]
     state: Annotated[Array, WRITE]
@@ -72,7 +110,7 @@ class PlantArrays(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What is recorded of each sample."""
+    """What is recorded, one row a sample: see `PlantArrays` and, for what was sent to the plant, ``command``."""
 
     q: Annotated[Array, WRITE2]
     measured: Annotated[Array, WRITE2]

@@ -22,7 +22,7 @@ from dqcontrol.compiled.compile import (
     kernel,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _screw, halves
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, compose_fixed, halves, move_joint, z_axis
 from dqcontrol.robots.limits import Inertia
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)
@@ -54,8 +54,8 @@ def gravity_torque(chain, bodies, q, gravity, out, work):
         mass += bodies[i, 0]
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = _axis(w, x, y, z)
+        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = z_axis(w, x, y, z)
         if chain[i, 7] != REVOLUTE:
             lx, ly, lz = 0.0, 0.0, 0.0
             out[i] = -mass * (gx * zx + gy * zy + gz * zz)
@@ -64,7 +64,9 @@ def gravity_torque(chain, bodies, q, gravity, out, work):
             out[i] = -(lx * (sx + mass * px) + ly * (sy + mass * py) + lz * (sz + mass * pz))
         levers[i, 0], levers[i, 1], levers[i, 2] = lx, ly, lz
         sine, cosine = work[i], work[cosines + i]
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine)
+        w, x, y, z, px, py, pz = move_joint(
+            w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
+        )
         m, cx, cy, cz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
         tx, ty, tz = 2.0 * (y * cz - z * cy), 2.0 * (z * cx - x * cz), 2.0 * (x * cy - y * cx)
         mass -= m

@@ -12,7 +12,7 @@ import math
 from dqcontrol.algebra.dual_quaternion_kernels import half_angle, quaternion_product, translation
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.robots.kinematics_kernels import REVOLUTE, _axis, _fixed, _half, _screw
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, compose_fixed, half_sine_cosine, move_joint, z_axis
 
 # options: tolerances of position (m) and orientation (rad), largest number of iterations a start
 # report of a pose: position error (m), orientation error (rad), iterations, starts
@@ -36,13 +36,15 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     n = chain.shape[0] - 1
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = _axis(w, x, y, z)
+        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = z_axis(w, x, y, z)
         jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = zx, zy, zz
         jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = px, py, pz
-        sine, cosine = _half(q[i])
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine)
-    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+        sine, cosine = half_sine_cosine(q[i])
+        w, x, y, z, px, py, pz = move_joint(
+            w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
+        )
+    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
     for i in range(n):
         zx, zy, zz = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
         if chain[i, 7] != REVOLUTE:

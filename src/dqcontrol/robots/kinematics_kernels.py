@@ -41,7 +41,7 @@ call_chain: Callable[..., Any] = caller(CHAIN)
 
 
 @inline
-def _fixed(w, x, y, z, px, py, pz, row):
+def compose_fixed(w, x, y, z, px, py, pz, row):
     """Compose a frame with the fixed pose of a table row."""
     fw, fx, fy, fz, tx, ty, tz = row[0], row[1], row[2], row[3], row[4], row[5], row[6]
     cx = 2.0 * (y * tz - z * ty)
@@ -62,20 +62,20 @@ def _fixed(w, x, y, z, px, py, pz, row):
 
 
 @inline
-def _axis(w, x, y, z):
+def z_axis(w, x, y, z):
     """Return the z axis of a frame."""
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 @inline
-def _half(angle):
+def half_sine_cosine(angle):
     """Return sin and cos of half an angle."""
     half = 0.5 * angle
     return sine_cosine(half) if abs(half) <= FARTHEST else (math.sin(half), math.cos(half))
 
 
 @inline
-def _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
+def move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
     """Move a frame along or about its z axis, given sine and cosine of half the angle."""
     if kind != REVOLUTE:
         return w, x, y, z, px + zx * angle, py + zy * angle, pz + zz * angle
@@ -145,13 +145,15 @@ def joint_frames(chain, q, out):
     for i in range(n):
         angle = q[i]
         check += 0.0 * angle
-        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = _axis(w, x, y, z)
-        sine, cosine = _half(angle)
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle, sine, cosine)
+        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = z_axis(w, x, y, z)
+        sine, cosine = half_sine_cosine(angle)
+        w, x, y, z, px, py, pz = move_joint(
+            w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle, sine, cosine
+        )
         if every:
             _store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
-    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
     return OK if check == 0.0 else NOT_FINITE
 
@@ -173,8 +175,8 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
     cosines, check = halves(q, workspace)
     j = 0
     for i in range(n):
-        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = _axis(w, x, y, z)
+        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = z_axis(w, x, y, z)
         kind = chain[i, 7]
         if kind == REVOLUTE:
             twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j] = zx, zy, zz
@@ -191,8 +193,8 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
                 j -= 1  # the column of φ takes its place
         j += 1
         sine, cosine = workspace[i], workspace[cosines + i]
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
-    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+        w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
+    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
     _store_pose(w, x, y, z, px, py, pz, pose)
     return OK if check == 0.0 else NOT_FINITE
 

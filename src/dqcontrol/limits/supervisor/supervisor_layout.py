@@ -127,11 +127,6 @@ class Scratch(NamedTuple):
     rates: Array
 
 
-def parameter_size(m: int, drives: int, points: int) -> int:
-    """Return the size of the parameters."""
-    return HEAD + ROWS * m + 4 * (drives + points)
-
-
 def state_size(n: int, m: int, window: int) -> int:
     """Return the size of the state."""
     return MEMORY + n + (8 + window) * m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -85,32 +85,14 @@ class Identification:
     @cached_property
     def table(self) -> Table:
         """One row a joint."""
-        columns = [
-            Column("joint"),
-            Column("lag", "ms", ".4g"),
-            Column("± 95 %", "ms", ".2g"),
-            Column("delay", "ms", ".4g"),
-            Column("± 95 %", "ms", ".2g"),
-            Column("correlation", "", ".3f"),
-            Column("gain", "", ".4f"),
-            Column("sag", "mrad/(N·m)", ".3g"),
-            Column("step", "mrad", ".3g"),
-            Column("noise", "mrad", ".2g"),
-            Column("left, checked", "mrad", ".2g"),
-            Column("floor", "mrad", ".2g"),
-        ]
+        columns = [Column("joint"), *(Column(*heading) for heading, _ in _SHOWN)]
         rows: list[list[Cell]] = []
         for each in self.joints:
-            lags, delays = (
-                1e3 * (ends[1] - value)
-                for ends, value in ((each.lag_interval, each.lag), (each.delay_interval, each.delay))
-            )
-            numbers = [1e3 * each.lag, lags, 1e3 * each.delay, delays, each.correlation, each.gain]
-            numbers += [
-                1e3 * value for value in (each.sag, each.resolution, each.noise, each.residual, each.floor)
-            ]
-            shown = [value if math.isfinite(value) else None for value in numbers]
-            rows.append([each.name, *(shown if each.status == "fitted" else ["refused", *[None] * 10])])
+            numbers: list[Cell] = ["refused", *[None] * (len(_SHOWN) - 1)]
+            if each.status == "fitted":
+                values = [value(each) for _, value in _SHOWN]
+                numbers = [value if math.isfinite(value) else None for value in values]
+            rows.append([each.name, *numbers])
         return Table(columns, rows, f"{self.robot}: servos behind {_WORDS[self.mode]}")
 
     @property
@@ -217,6 +199,19 @@ class Identification:
         )
 
 
+_SHOWN: list[tuple[tuple[str, str, str], Callable[[JointIdentification], float]]] = [
+    (("lag", "ms", ".4g"), lambda joint: 1e3 * joint.lag),
+    (("± 95 %", "ms", ".2g"), lambda joint: 1e3 * (joint.lag_interval[1] - joint.lag)),
+    (("delay", "ms", ".4g"), lambda joint: 1e3 * joint.delay),
+    (("± 95 %", "ms", ".2g"), lambda joint: 1e3 * (joint.delay_interval[1] - joint.delay)),
+    (("correlation", "", ".3f"), lambda joint: joint.correlation),
+    (("gain", "", ".4f"), lambda joint: joint.gain),
+    (("sag", "mrad/(N·m)", ".3g"), lambda joint: 1e3 * joint.sag),
+    (("step", "mrad", ".3g"), lambda joint: 1e3 * joint.resolution),
+    (("noise", "mrad", ".2g"), lambda joint: 1e3 * joint.noise),
+    (("left, checked", "mrad", ".2g"), lambda joint: 1e3 * joint.residual),
+    (("floor", "mrad", ".2g"), lambda joint: 1e3 * joint.floor),
+]  # columns of the table, and what stands in them
 _WORDS = {
     "positions": "commanded positions",
     "integrated": "commanded velocities, added up",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -94,7 +94,7 @@ class JointIdentification:
     correlation: float = math.nan
     residual: float = math.nan
     floor: float = math.nan
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
 
 class _Clamp(NamedTuple):

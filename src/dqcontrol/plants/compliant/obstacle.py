@@ -15,7 +15,7 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.kinematics_kernels import _axis, _fixed, _half, _screw
+from dqcontrol.robots.kinematics_kernels import compose_fixed, half_sine_cosine, move_joint, z_axis
 
 Metres = Annotated[float, Meta(ge=-1e3, le=1e3, description="m, base frame")]
 Speed = Annotated[float, Meta(ge=-100, le=100, description="m/s, base frame")]
@@ -123,15 +123,17 @@ def hand_motion(chain, q, velocity):
     ox, oy, oz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # twist of what has passed, about the base's origin
     n = chain.shape[0] - 1
     for i in range(n):
-        w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = _axis(w, x, y, z)
+        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = z_axis(w, x, y, z)
         ox, oy, oz = ox + velocity[i] * zx, oy + velocity[i] * zy, oz + velocity[i] * zz
         vx += velocity[i] * (py * zz - pz * zy)
         vy += velocity[i] * (pz * zx - px * zz)
         vz += velocity[i] * (px * zy - py * zx)
-        sine, cosine = _half(q[i])
-        w, x, y, z, px, py, pz = _screw(w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine)
-    w, x, y, z, px, py, pz = _fixed(w, x, y, z, px, py, pz, chain[n])
+        sine, cosine = half_sine_cosine(q[i])
+        w, x, y, z, px, py, pz = move_joint(
+            w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
+        )
+    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
     return px, py, pz, vx + oy * pz - oz * py, vy + oz * px - ox * pz, vz + ox * py - oy * px
 
 
