@@ -180,6 +180,10 @@ def _judged(
             found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
         )
         unsure = longer < (1 + _SAME / len(found.residual)) * float(np.sum(found.residual**2))
+    if abs(found.correlation) > _TIED and found.rms > _REGULAR * floor:
+        unsure = (
+            True  # what the model lacks shifts one into the other, and intervals hold for the model alone
+        )
     if unsure:
         both = found.lag + found.delay
         return replace(
@@ -207,11 +211,6 @@ def _judged(
             f"{found.rms / floor:.2g} times as much is left as by noise and encoder: a servo of second order, "
             "friction, play or other joints"
         )
-        if abs(found.correlation) > _TIED:  # intervals hold for the model, and something else is left
-            both = 1e3 * (found.lag + found.delay)
-            notes.append(
-                f"lag and delay are sure together, {both:.3g} ms, less so apart; log a livelier motion"
-            )
     return replace(
         bare,
         status="fitted",
