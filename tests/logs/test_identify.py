@@ -1,6 +1,7 @@
 """What logs tell of servos, against a simulator that shares no code with the package."""
 
 import json
+import re
 import sys
 
 import numpy as np
@@ -254,3 +255,22 @@ def test_two_hundred_logs():
         assert 0.90 <= found[f"coverage of {name}"] <= 0.99
     assert found["good refused"] == 0
     assert found["bad fitted"] == 0
+
+
+def test_a_slow_circle_tells_only_the_sum_of_lag_and_delay(tmp_path):
+    """Targets that follow the measurement explain it almost as well, with lags of zero: they are not believed."""
+    spec = {
+        "name": "slow",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.01,
+        "reference": {"kind": "circle", "radius": 0.07, "duration": 20},
+        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "plant": {"kind": "servo", "time_constant": 0.06, "delay": 0.016},
+    }
+    dqc.run(spec).save(tmp_path / "run", figures=False)
+    found = dqc.identify(tmp_path / "run" / "record.mcap", "iiwa7")
+    reasons = [joint.reason for joint in found.joints if not joint.reason.startswith("idle")]
+    sums = [float(re.search(r"ambiguous: .* sure, (\S+) ms", reason)[1]) for reason in reasons]
+    assert len(sums) == 3
+    assert sums == pytest.approx(3 * [76], abs=1)

@@ -342,7 +342,10 @@ def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
     What targets that follow the measured positions leave of servos that do not is more, by the noise in these.
     """
     modes = list(tried)
-    left = {mode: np.array([each.residual for each in tried[mode]]) for mode in modes}
+    left = {
+        mode: np.array([each.residual if each.status == "fitted" else np.nan for each in tried[mode]])
+        for mode in modes
+    }
     both = np.all([np.isfinite(each) & (each > 0) for each in left.values()], axis=0)
     if both.any():
         least = np.min([each[both] for each in left.values()], axis=0)

@@ -161,7 +161,6 @@ def _judged(
 ) -> JointIdentification:
     """Return the fit of a joint, or why it is none."""
     spread = float(np.std(np.concatenate([each.positions for each in segments])))
-    lag_error, delay_error = found.error(0), found.error(1)
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
         return replace(bare, reason=f"beyond what is searched: a {what} or more fits best")
@@ -171,6 +170,13 @@ def _judged(
             reason=f"not explained by a lag and a delay: they leave {found.rms:.3g} {unit} RMS of the "
             f"{spread:.3g} that it moved",
         )
+    sag, sag_interval = math.nan, (math.nan, math.nan)
+    if segments[0].torque is not None:
+        sag, sag_interval = found.sag, _interval(found.sag, found.error(3))
+        if abs(found.sag) < _SURE * found.error(3):
+            sag, segments = 0.0, [each._replace(torque=None) for each in segments]
+            found = fit(segments, period, near=found)
+    lag_error, delay_error = found.error(0), found.error(1)
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and lag_error > _UNSURE * found.lag
     if found.lag < period / 2:  # answers are steps then, whose slopes tell nothing: is a longer lag as good?
@@ -180,10 +186,9 @@ def _judged(
             found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
         )
         unsure = longer < (1 + _SAME / len(found.residual)) * float(np.sum(found.residual**2))
-    if abs(found.correlation) > _TIED and found.rms > _REGULAR * floor:
-        unsure = (
-            True  # what the model lacks shifts one into the other, and intervals hold for the model alone
-        )
+    # What the model lacks shifts one into the other, and intervals hold for the model alone.
+    tied = abs(found.correlation) > _TIED and found.rms > _REGULAR * floor
+    unsure = unsure or tied or not delay_error < period
     if unsure:
         both = found.lag + found.delay
         return replace(
@@ -197,13 +202,6 @@ def _judged(
     notes = []
     if dropped:
         notes.append(f"{dropped} samples far off were left out")
-    sag, sag_interval = math.nan, (math.nan, math.nan)
-    if segments[0].torque is not None:
-        sag, sag_interval = found.sag, _interval(found.sag, found.error(3))
-        if abs(found.sag) < _SURE * found.error(3):
-            sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period, near=found)
-            lag_error, delay_error = found.error(0), found.error(1)
     residual = _checked(segments, found, period)
     noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
     if found.rms > _REGULAR * floor:
