@@ -149,9 +149,7 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), change, servos.parameters])
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
     state = np.concatenate([scratch, q0[place], queue, np.tile(q0[place], late + 1), servos.state])
-    return CompiledPlant(
-        servo_on_base, parameters, state, q0, np.hstack([servos.encoder_noise, noise]), foreseen
-    )
+    return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)
 
 
 def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp]) -> SerialArm:
