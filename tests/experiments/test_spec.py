@@ -73,7 +73,7 @@ UNFIT = [
      r"law: unknown key 'gian'; did you mean 'gain'\? \(allowed: kind, [^()]*gain, [^()]*\)$"),
     (changed(plant={"kind": "servo", "time_konstant": 1}),
      r"plant: unknown key 'time_konstant'; did you mean 'time_constant'\? \(allowed: kind, command_mode, "
-     r"time_constant, sag, stiffness, delay, encoder_resolution, encoder_noise, rate_limit, position_limit, "
+     r"time_constant, gain, sag, stiffness, delay, encoder_resolution, encoder_noise, rate_limit, position_limit, "
      r"gravity, base_time_constant, camera\)$"),
     (changed(plant={"kind": "integrator", "sag": 1}), r"plant: unknown key 'sag' \(allowed: kind, bias\)$"),
     (changed(reference=circle(length=1)),

@@ -100,7 +100,9 @@ def test_best_heading_is_that_of_the_largest_determinant(name):
 
 def test_best_heading_leaves_other_robots_alone():
     for robot in (dqc.load_robot("iiwa7"), dqc.load_robot("little-john").in_form("unconstrained")):
-        assert BestHeading().parameters(robot).size == 0
+        preference, z = BestHeading(), np.ones(robot.input_size)
+        preference.kernel(np.zeros(8), np.ones((6, len(z))), preference.parameters(robot), np.zeros(42), z)
+        assert not z.any()
     with pytest.raises(Error, match=r"null_space.gain: must be > 0, got 0"):
         BestHeading(gain=0).parameters(dqc.load_robot("little-john"))
 

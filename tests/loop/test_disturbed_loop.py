@@ -267,7 +267,7 @@ UNFIT = [
      r"disturbance.pose: unknown key 'bandwith'; did you mean 'bandwidth'\?"),
     ({"worst_case": {"level": 1, "direction": [0, 0, 0], "gammas": [1, 1]}}, r"direction: must not be zero"),
     ({"twits": {"kind": "constant", "value": SIX}}, r"disturbance: unknown key 'twits'; did you mean 'twist'\?"),
-    ({}, r"disturbance: give 'twist', 'pose' or 'worst_case'"),
+    ({}, r"disturbance: give twist, pose or worst_case"),
 ]  # fmt: skip
 
 

@@ -66,7 +66,11 @@ def paint(
     with new_folder(folder, force=force) as new:
         light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
         painting_clip(done.record, new / "painting.gif", done.lit)
-        save_record(done.record, new / "record.mcap", yaml.safe_dump({"robot": {"source": source, **chain}}))
+        save_record(
+            done.record,
+            new / "record.mcap",
+            yaml.safe_dump({"robot": {"source": source, **chain} if chain else source}),
+        )
     across, up = (1e3 * side for side in done.size)
     print(f"{done.robot.name}: {across:.0f} × {up:.0f} mm in {done.record.duration:.0f} s")
     print(f"RMS error of the hand: {evaluate(done.record).position.rms:.2f} mm")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from math import prod
-from typing import Any, Generic, TypeVar, get_type_hints
+from typing import Annotated, Any, Generic, TypeVar, get_type_hints  # noqa: F401 — Annotated for the example
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,7 +68,9 @@ class MemoryLayout(Generic[Fields]):
         parts, place = [], 0
         for shape in self._known_shapes(*sizes, left):
             part = memory[..., place : place + prod(shape)]
-            parts.append(part.reshape(*memory.shape[:-1], *shape) if shape else memory.T[place].T)
+            if len(shape) > 1:
+                part = part.reshape(*memory.shape[:-1], *shape)
+            parts.append(part if shape else memory.T[place].T)
             place += prod(shape)
         return self.fields(*parts)
 

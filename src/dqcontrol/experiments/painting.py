@@ -17,7 +17,7 @@ from dqcontrol.laws import LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
 from dqcontrol.plants import Servo
-from dqcontrol.references import Drawing, JerkLimited, Line, Rest
+from dqcontrol.references import Drawing, JerkLimited, Rest, StraightStroke
 from dqcontrol.references import Sequence as InSequence
 from dqcontrol.references.drawing.drawing_file import parse_drawing
 from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
@@ -150,7 +150,7 @@ def _relative(pen: PenStroke, origin: Array, scale: float, pace: float) -> tuple
         if isinstance(stroke, Rest):
             return stroke
         x, y = scale * (np.array([stroke.x, stroke.y]) - origin)
-        if isinstance(stroke, Line):
+        if isinstance(stroke, StraightStroke):
             return replace(stroke, x=float(x), y=float(y), speed=pace)
         cx, cy = scale * (np.array([stroke.centre_x, stroke.centre_y]) - origin)
         return Arc(float(x), float(y), float(cx), float(cy), stroke.clockwise, pace)
@@ -213,7 +213,7 @@ def _motion(hand: Array, axes: Array, pens: Sequence[PenStroke], pace: float) ->
     for pen in pens:
         begin = np.array(pen.start)
         if pen_at is not None and (gap := begin - pen_at) @ gap > 1e-12:
-            way = [Line(float(gap[0]), float(gap[1]), _TRAVEL * pace)]
+            way = [StraightStroke(float(gap[0]), float(gap[1]), _TRAVEL * pace)]
             parts.append(_part(hand, axes, pen_at, way, _TRAVEL * pace))
             now += parts[-1].duration
         parts.append(_part(hand, axes, begin, pen.strokes, pace))

@@ -154,8 +154,8 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     units = _units("units", units, record.input_names)
     kinds = [unit for unit in ("rad", "m") if unit in units]
     command = record.command.copy()
-    if len(command) > 1:
-        command[-1] = command[-2]  # the last one moved nothing, and is no end of the motion
+    if len(command) > 1 and not command[-1].any():
+        command[-1] = command[-2]  # nothing was commanded any more, which is no end of the motion
     figure = new_figure(DOUBLE, 1.9 * (len(kinds) + 1) + 0.4)
     panels = figure.subplots(len(kinds) + 1, 1, sharex=True)
     for axes, kind in zip(panels, kinds, strict=False):

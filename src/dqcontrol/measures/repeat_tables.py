@@ -68,7 +68,7 @@ def confidence_table(
     --------
     >>> rows = [{"law": "K", "seed": i, "error.integral": 1.0 + 0.1 * i} for i in range(3)]
     >>> print(confidence_table(rows, ["error.integral"]).markdown().splitlines()[-1])
-    | K   |    3 |      0 |        1.10 ± 0.25 |
+    | K   |    3 |      0 |             1.10 ± 0.25 |
     """
     caption = title or f"means ± half of their {100 * level:g} % intervals"
     return _means(Repeats(rows), keys, caption, lambda mean: mean.half_width(level))

@@ -103,7 +103,7 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     is_constructor = makes is shapes.Reference.from_spec.__func__
     fields = _fields_of_constructor(shape) if is_constructor else _fields_of_function(makes)
     names = [name for name, *_ in fields]
-    said = (shape if is_constructor else makes).__doc__ or ""
+    said = ((shape if is_constructor else makes).__doc__ or "").partition("    Examples\n")[0]
 
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})

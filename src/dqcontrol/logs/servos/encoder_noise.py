@@ -22,7 +22,7 @@ def resolution_of(values: Array) -> float:
 
     Examples
     --------
-    >>> round(resolution_of(0.002 * np.round(np.sin(np.arange(500)) / 0.002)), 9)
+    >>> round(resolution_of(0.002 * np.round(0.1 * np.sin(np.arange(500)) / 0.002)), 9)
     0.002
     """
     levels = np.unique(values)

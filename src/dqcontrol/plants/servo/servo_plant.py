@@ -31,7 +31,7 @@ from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
-Each: TypeAlias = float | list[float]
+Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
