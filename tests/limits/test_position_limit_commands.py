@@ -151,6 +151,19 @@ def test_weighted_least_norm_comes_to_rest_with_a_null_space_motion(arm, null_sp
         assert (arm.limits.lower - record.q).max() < 0.02
 
 
+@pytest.mark.parametrize("off_centre", [-1e-15, -3e-16, 3e-16, 1e-15])
+def test_weighted_least_norm_ends_where_a_joint_is_off_its_centre_by_rounding(arm, off_centre):
+    """There 1 + |∂H| is 1, or so near it that its root is: such a joint was weighed for ever."""
+    q = Q0.copy()
+    q[2] = 0.0
+    law, sample, _, _ = situation(arm, "K", q)
+    prepared = law.prepare(arm, None, T, CommandLimits(position=WeightedLeastNorm()))
+    centred = prepared.command(q, sample, prepared.initial_state(q))
+    q[2] = off_centre
+    u = prepared.command(q, sample, prepared.initial_state(q))
+    np.testing.assert_allclose(u, centred, atol=1e-9)
+
+
 def test_weighted_least_norm_keeps_the_task_and_spares_what_is_near_a_limit(arm):
     q = Q0.copy()
     for limit in (arm.limits.upper[2] - 0.05, arm.limits.lower[2] + 0.05):

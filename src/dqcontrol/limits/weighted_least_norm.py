@@ -22,6 +22,8 @@ from dqcontrol.limits.position_limit import (
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
+_LEAST_WEIGHT = 1.0 + 1e-12  # of a joint that is weighed; its scale is below 1
+
 
 class WeightingWork(NamedTuple):
     """Scratch: the weights as scales of inputs, and the law's state before it was asked."""
@@ -56,8 +58,10 @@ def weighted_least_norm(
         for i in range(n):
             out[i] *= scale[i]
             slope = repulsion(q[int(coordinate[i])], lower[i], upper[i])
-            if scale[i] == 1.0 and slope * out[i] > 0.0:
-                scale[i] = 1.0 / math.sqrt(1.0 + abs(slope))
+            weight = 1.0 + abs(slope)
+            # A joint in the middle of its range, up to rounding, weighs 1: weighed once more it would be so for ever.
+            if scale[i] == 1.0 and weight > _LEAST_WEIGHT and slope * out[i] > 0.0:
+                scale[i] = 1.0 / math.sqrt(weight)
                 for k in range(6):
                     twist_jacobian[k, i] *= scale[i]
                 law_work[i] *= scale[i]
