@@ -8,7 +8,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.browser import GrowingRecording, LiveRun, Page, Track, growing_recording
-from dqcontrol.browser.page import HOST, import_viser
+from dqcontrol.browser.served_page import HOST, import_viser
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError
 from dqcontrol.recording import RecordStream, load_record
@@ -134,7 +134,7 @@ def test_without_viser_one_line_says_what_to_install(tmp_path, monkeypatch, caps
 def test_the_page_is_for_this_machine_only(monkeypatch):
     asked = {}
     fake = SimpleNamespace(ViserServer=lambda **options: asked.update(options) or 1 / 0)
-    monkeypatch.setattr("dqcontrol.browser.page.import_viser", lambda: fake)
+    monkeypatch.setattr("dqcontrol.browser.served_page.import_viser", lambda: fake)
     with pytest.raises(ZeroDivisionError):
         Page([], 8080)
     assert asked["host"] == HOST == "127.0.0.1"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import importlib
-import io
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,38 +9,20 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
+from dqcontrol.browser.layout import extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.errors import MissingExtraError
+from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import COLOURS, DESIRED
 
-HOST = "127.0.0.1"  # nobody else's machine: there is no password
 SPEEDS = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")
 
-_TICK = 1 / 30  # s
 _NEWS = 0.2  # s between looks for new samples of a run in progress
 _GHOST = 0.35  # opacity of all but the first of runs in one place
 
 
-def import_viser() -> Any:
-    """Return the viser package.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    try:
-        return importlib.import_module("viser")
-    except ImportError as error:
-        raise MissingExtraError(
-            f"view: needs viser, which cannot be imported ({error}); pip install 'dqcontrol[view]'"
-        ) from None
-
-
-class Page:
+class Page(ServedPage):
     """A browser page that shows runs; `serve` keeps it going.
 
     Parameters
@@ -66,10 +45,8 @@ class Page:
     def __init__(
         self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
     ) -> None:
-        viser = import_viser()
+        super().__init__(port)
         self.tracks, self._news = list(tracks), news
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
         self._box = extent(tracks)
         self._set_stage()
         self._runs = [
@@ -82,23 +59,9 @@ class Page:
         self.tick()
 
     @property
-    def url(self) -> str:
-        """Address of the page."""
-        return f"http://{HOST}:{self.server.get_port()}"
-
-    @property
     def time(self) -> float:
         """What the slider shows, s."""
         return float(self._time.value)
-
-    def serve(self) -> None:
-        """Keep the page going until interrupted."""
-        try:
-            while True:
-                self.tick()
-                time.sleep(_TICK)
-        finally:
-            self.server.stop()
 
     def tick(self) -> None:
         """Let the time pass, and draw what has changed."""
@@ -122,27 +85,12 @@ class Page:
             self._seen = wanted
 
     def _set_stage(self) -> None:
-        server, box = self.server, self._box
-        server.gui.configure_theme(control_width="large", show_share_button=False)
-        server.gui.main_panel.dock_right()
-        server.scene.set_up_direction("+z")
+        box = self._box
         position, looked_at = viewpoint(self.tracks, box)
         self._apart = places(len(self.tracks), box, position - looked_at)
-        server.initial_camera.position, server.initial_camera.look_at = position, looked_at
-        server.initial_camera.fov = FIELD
         self._farther = step_back(self._apart, box, position - looked_at)
         side = float(np.ceil(4 * box.size))
-        server.scene.add_grid(
-            "/floor",
-            side,
-            side,
-            cell_size=0.1,
-            section_size=0.5,
-            cell_color=(228, 230, 234),
-            section_color=(196, 200, 206),
-            shadow_opacity=0.25,
-            position=(0.0, 0.0, min(0.0, float(box.lower[2]))),
-        )
+        self._set_scene(position, looked_at, side, float(box.lower[2]), shadows=0.25)
 
     def _add_controls(self) -> None:
         gui = self.server.gui

@@ -53,16 +53,35 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
     """
     drawn: list[tuple[int, Any, Colour]] = []
     own: set[int] = set()  # joints whose links have meshes
-    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot]):
-        if isinstance(part, SerialArm) and part.urdf is not None:
-            found = urdf_shapes(*part.urdf, part)
-            mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
-            for carrier, mesh, colour in found:
-                drawn.append((first + carrier, mesh.apply_transform(mount) if carrier < 0 else mesh, colour))
-            own |= set(range(first, first + part.configuration_size)) if found else set()
+    for rows, found in arm_meshes(robot):
+        drawn += found
+        own |= set(rows) if found else set()
     drawn += _chassis(robot)
     drawn += _rods(robot, own)
     return list(_merged(drawn))
+
+
+def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[tuple[int, Any, Colour]]]]:
+    """Yield for each arm with a URDF file its rows of `Robot.frames`, and its meshes with the row that moves each."""
+    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot]):
+        if isinstance(part, SerialArm) and part.urdf is not None:
+            mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
+            yield (
+                range(first, first + part.configuration_size),
+                [
+                    (first + carrier, mesh.apply_transform(mount) if carrier < 0 else mesh, colour)
+                    for carrier, mesh, colour in urdf_shapes(*part.urdf, part)
+                ],
+            )
+
+
+def smoothed(meshes: Iterable[Any]) -> tuple[Array, NDArray[np.int64]]:
+    """Return vertices and faces of meshes as one, whose edges are drawn as edges and whose curves are drawn round."""
+    import trimesh
+
+    bare = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes])
+    shaded = trimesh.graph.smooth_shade(bare, angle=_SHARP)
+    return np.asarray(shaded.vertices), np.asarray(shaded.faces)
 
 
 def tinted(colour: Colour, tint: Colour) -> Colour:
@@ -73,15 +92,11 @@ def tinted(colour: Colour, tint: Colour) -> Colour:
 
 def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[CarriedBody]:
     """Yield one shape for each frame and colour: fewer and larger ones are quicker to draw."""
-    import trimesh
-
     groups: dict[tuple[int, Colour], list[Any]] = {}
     for carrier, mesh, colour in drawn:
         groups.setdefault((carrier, colour), []).append(mesh)
     for (carrier, colour), meshes in groups.items():
-        bare = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes])
-        mesh = trimesh.graph.smooth_shade(bare, angle=_SHARP)
-        yield CarriedBody(carrier, np.asarray(mesh.vertices), np.asarray(mesh.faces), colour)
+        yield CarriedBody(carrier, *smoothed(meshes), colour)
 
 
 def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:

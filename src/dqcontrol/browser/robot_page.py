@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import contextlib
 import html
-import io
 import math
-import time
-from typing import Any
 
 import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.layout import FIELD, Extent, viewpoint
-from dqcontrol.browser.page import HOST, DrawnRun, import_viser
+from dqcontrol.browser.layout import Extent, viewpoint
+from dqcontrol.browser.page import DrawnRun
 from dqcontrol.browser.run_view_model import Track
+from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot, describe
 
-_TICK = 1 / 30  # s
 _CLOSER = 0.75  # than where all that the hand reaches is seen: the robot is what is looked at
 _POINTS = 6000  # of the hand in the cloud of what it reaches
 _NEAR = 0.05  # share of a joint's range: nearer to a limit than that is red
@@ -28,7 +24,7 @@ _CLOUD = (86, 180, 233)
 _FREE = {"revolute": math.pi, "prismatic": 1.0}  # rad, m: ends of sliders where there are no limits
 
 
-class RobotPage:
+class RobotPage(ServedPage):
     """A browser page that shows a robot; `serve` keeps it going.
 
     Parameters
@@ -52,15 +48,13 @@ class RobotPage:
     q: Array
 
     def __init__(self, robot: Robot, port: int = 8080) -> None:
-        viser = import_viser()
+        super().__init__(port)
         self.robot = robot
         free = np.array([_FREE[kind] for kind in robot.joint_types])
         self.lower: Array = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -free)
         self.upper: Array = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, free)
         self._home = np.clip(np.zeros(len(free)), self.lower, self.upper)
         self.q = self._home.copy()
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
         self._track = Track(robot.name, robot, self._record())
         reached = reached_points(robot, self.lower, self.upper)
         cloud = np.vstack([reached, self._track.frames(0)[:, 4:]])
@@ -70,20 +64,6 @@ class RobotPage:
         self._add_controls()
         self._seen: object = None
         self.tick()
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return f"http://{HOST}:{self.server.get_port()}"
-
-    def serve(self) -> None:
-        """Keep the page going until interrupted."""
-        try:
-            while True:
-                self.tick()
-                time.sleep(_TICK)
-        finally:
-            self.server.stop()
 
     def tick(self) -> None:
         """Draw what has changed."""
@@ -112,26 +92,12 @@ class RobotPage:
         return Record(np.zeros(1), q, q, command, pose, desired, *names)
 
     def _set_stage(self, reached: Array) -> None:
-        server, box = self.server, self._box
-        server.gui.configure_theme(control_width="large", show_share_button=False)
-        server.gui.main_panel.dock_right()
-        server.scene.set_up_direction("+z")
+        box = self._box
         position, looked_at = viewpoint([self._track], box)
-        server.initial_camera.position = looked_at + _CLOSER * (position - looked_at)
-        server.initial_camera.look_at = looked_at
-        server.initial_camera.fov = FIELD
-        side = float(np.ceil(2 * box.size))
-        server.scene.add_grid(
-            "/floor",
-            side,
-            side,
-            cell_size=0.1,
-            section_size=0.5,
-            cell_color=(228, 230, 234),
-            section_color=(196, 200, 206),
-            position=(0.0, 0.0, min(0.0, float(self._track.frames(0)[:, 6].min()))),  # where the robot stands
-        )
-        self._cloud = server.scene.add_point_cloud(
+        nearer = looked_at + _CLOSER * (position - looked_at)
+        stands = float(self._track.frames(0)[:, 6].min())
+        self._set_scene(nearer, looked_at, float(np.ceil(2 * box.size)), stands, shadows=0.125)
+        self._cloud = self.server.scene.add_point_cloud(
             "/reach",
             points=reached.astype(np.float32),
             colors=_CLOUD,

@@ -94,7 +94,7 @@ def view(
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
     from dqcontrol.browser import RobotPage
-    from dqcontrol.browser.page import import_viser
+    from dqcontrol.browser.served_page import import_viser
     from dqcontrol.robots import describe, load_robot
 
     import_viser()  # before the work: it may be missing

@@ -25,7 +25,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
     from dqcontrol.browser import LiveRun, Page, Track, growing_recording
-    from dqcontrol.browser.page import import_viser
+    from dqcontrol.browser.served_page import import_viser
     from dqcontrol.experiments import load_runs
 
     if not runs and live is None:

@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
+from dqcontrol.browser.robot_bodies import arm_meshes, smoothed
 from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
 from dqcontrol.robots import Robot, SerialArm, WholeBody
-from dqcontrol.robots.dh import compose
-from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
-_SHARP = 0.6  # rad; edges between faces that meet at a larger angle stay edges
 _FLAT = 1e-9  # m²; MuJoCo refuses meshes without area
 
 
@@ -35,15 +32,11 @@ def link_meshes(robot: Robot) -> list[LinkMesh]:
     found: list[LinkMesh] = []
     if importlib.util.find_spec("trimesh") is None:
         return found
-    for first, part in _parts(robot):
-        if part.urdf is None:
-            continue
-        mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
-        for carrier, mesh, colour in urdf_shapes(*part.urdf, part):
-            if mesh.area < _FLAT or len(mesh.vertices) < 4:
-                continue
-            placed = mesh.apply_transform(mount) if carrier < 0 else mesh
-            found.append(_smooth(first + carrier, placed, colour))
+    for _, meshes in arm_meshes(robot):
+        for row, mesh, colour in meshes:
+            if mesh.area >= _FLAT and len(mesh.vertices) >= 4:
+                red, green, blue = (value / 255 for value in colour)
+                found.append(LinkMesh(row, *smoothed([mesh]), (red, green, blue, 1.0)))
     return found
 
 
@@ -91,13 +84,3 @@ def _parts(robot: Robot) -> list[tuple[int, SerialArm]]:
     """Return the arms of a robot, each with the number of its first coordinate."""
     parts = parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot])
     return [(first, part) for first, part in parts if isinstance(part, SerialArm)]
-
-
-def _smooth(row: int, mesh: Any, colour: tuple[int, int, int]) -> LinkMesh:
-    """Return a mesh whose corners are drawn as corners and whose curves are drawn round."""
-    import trimesh
-
-    bare = trimesh.Trimesh(mesh.vertices, mesh.faces)
-    shaded = trimesh.graph.smooth_shade(bare, angle=_SHARP)
-    red, green, blue = (value / 255 for value in colour)
-    return LinkMesh(row, np.asarray(shaded.vertices), np.asarray(shaded.faces), (red, green, blue, 1.0))

@@ -51,8 +51,9 @@ def servo_parameters(path: Path) -> dict[str, Any]:
     FileFormatError
         As `load_servo`.
     """
-    load_servo(path)
-    return {key: value for key, value in _content(path)["plant"].items() if key != "kind"}
+    content = _content(path)
+    convert(path, content, _PlantFile)
+    return {key: value for key, value in content["plant"].items() if key != "kind"}
 
 
 def _content(path: Path) -> dict[str, Any]:

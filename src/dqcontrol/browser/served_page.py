@@ -1,0 +1,93 @@
+"""What all pages have: a server for this machine, a stage with a floor, and a loop that keeps them going."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import time
+from abc import ABC, abstractmethod
+from typing import Any
+
+from dqcontrol.arrays import Array
+from dqcontrol.browser.layout import FIELD
+from dqcontrol.errors import MissingExtraError
+
+HOST = "127.0.0.1"  # nobody else's machine: there is no password
+_TICK = 1 / 30  # s
+
+
+def import_viser() -> Any:
+    """Return the viser package.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("viser")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"view: needs viser, which cannot be imported ({error}); pip install 'dqcontrol[view]'"
+        ) from None
+
+
+class ServedPage(ABC):
+    """A browser page; `serve` keeps it going.
+
+    Parameters
+    ----------
+    port
+        Of this machine; the next free one if it is taken.
+
+    Raises
+    ------
+    MissingExtraError
+        If viser is not installed.
+    """
+
+    def __init__(self, port: int) -> None:
+        viser = import_viser()
+        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{HOST}:{self.server.get_port()}"
+
+    def serve(self) -> None:
+        """Keep the page going until interrupted."""
+        try:
+            while True:
+                self.tick()
+                time.sleep(_TICK)
+        finally:
+            self.server.stop()
+
+    @abstractmethod
+    def tick(self) -> None:
+        """Draw what has changed."""
+
+    def _set_scene(
+        self, position: Array, looked_at: Array, side: float, height: float, shadows: float
+    ) -> None:
+        """Look from a position at a point, m, at a floor of a height and with sides of a length, m."""
+        server = self.server
+        server.gui.configure_theme(control_width="large", show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.scene.set_up_direction("+z")
+        server.initial_camera.position, server.initial_camera.look_at = position, looked_at
+        server.initial_camera.fov = FIELD
+        server.scene.add_grid(
+            "/floor",
+            side,
+            side,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(228, 230, 234),
+            section_color=(196, 200, 206),
+            shadow_opacity=shadows,
+            position=(0.0, 0.0, min(0.0, height)),
+        )
