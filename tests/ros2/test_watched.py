@@ -157,6 +157,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
 
     monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
     bounds = {"effort": 50.0, "contact_force": 20.0, **{k.partition(".")[2]: v for k, v in UNHURRIED.items()}}
+    bounds["payload"] = {"mass": 3.0, "center": [0.0, 0.0, 0.1]}
     path, out = spec(supervisor=bounds), tmp_path / "out"
     controller = ControllerNode(path, source="twist", out=out)
     controller.configure()
@@ -187,14 +188,19 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
     assert node.serve(lambda: following.age < 0.5)
     with pytest.raises(Error, match=r"activate: no wrench on /force_torque_sensor_broadcaster/wrench"):
         following.activate()
+    hand = dqc.algebra.rotation(IIWA.fkm(following.loaded.case.scene.start))
+    weight = dqc.algebra.matrix_from_rotation(hand).T @ [0.0, 0.0, -3.0 * 9.81]
+    wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z = weight.tolist()
+    wrench.header.frame_id = "wrist"
+    assert node.serve(lambda: "wrench: in frame 'wrist', but the payload is" in last_refused(diagnostics))
     wrench.header.frame_id = "tool0"
     assert node.serve(is_active)
-    wrench.wrench.force.z = 30.0
+    wrench.wrench.force.z += 30.0
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
     assert controller.outcome == "stop category 1: contact"
     assert node.serve(lambda: diagnostics["/dqcontrol"][1]["stop category"].startswith("1: "))
-    wrench.wrench.force.z = 0.0
-    assert node.serve(lambda: following._felt.wrench[2] == 0.0)
+    wrench.wrench.force.z -= 30.0
+    assert node.serve(lambda: following._felt.wrench[2] == pytest.approx(weight[2]))
     following.control.reset()
     assert node.serve(is_active)
     told.effort = [10.0] * 6 + [60.0]

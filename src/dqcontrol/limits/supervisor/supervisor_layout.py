@@ -32,10 +32,12 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     CONTACT_FORCE,
     CONTACT_TORQUE,
     CONTACT_EFFORT,
+    PAYLOAD_WEIGHT,
     BOXED,
     BOX,
-) = range(20)
-DRIVES, POINTS, HEAD = BOX + 6, BOX + 7, BOX + 8
+) = range(21)
+PAYLOAD_CENTER = BOX + 6  # (3)
+DRIVES, POINTS, HEAD = PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 4, PAYLOAD_CENTER + 5
 ROWS = 8  # of m numbers after the head
 
 # memory: single numbers of the state; the last is the commanded hand one period ago
