@@ -25,6 +25,7 @@ from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.clock import allows_real_time
 from dqcontrol.loop.control import Phase
+from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, WRENCH
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS
@@ -226,6 +227,24 @@ def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node
     (done,) = controller.set_parameters([Parameter("law.gain", value=6.0)])
     assert done.successful
     assert controller.phase is Phase.ACTIVE
+
+
+def test_whatever_breaks_its_loop_off_the_last_command_is_rest(pair, node, monkeypatch):
+    controller, _ = pair[0]()
+    topic, message_type = COMMANDS["velocity"]
+    rates = []
+    node.create_subscription(message_type, topic, lambda m: rates.append(np.abs(m.data).max()), 1000)
+    activated(node, controller)
+    assert node.serve(lambda: rates and rates[-1] > 0.05)
+
+    def breaks(*_, **__):
+        raise RuntimeError("what nobody thought of")
+
+    monkeypatch.setattr(controller.following.control, "step", breaks)
+    with pytest.raises(RuntimeError, match="what nobody thought of"):
+        controller.serve(Interrupts())
+    assert node.serve(lambda: rates[-1] == 0.0)
+    assert controller.outcome == "broken off while it moved"
 
 
 @pytest.mark.slow
