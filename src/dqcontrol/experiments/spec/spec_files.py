@@ -14,25 +14,18 @@ from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.plants import Plant
-from dqcontrol.plants.servo.servo_file import servo_parameters
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants absolute, and put what files of servos hold in their place.
-
-    What a spec says besides ``file`` counts in place of what the file says.
-    """
-    for plant, key in _plants(data):
-        plant[key] = str((folder / plant[key]).resolve())
+    """Make the names of files of plants absolute, and put what plant files hold in their place."""
     for plant in _plant_tables(data):
-        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
-            own = {key: value for key, value in plant.items() if key != "file"}
-            held = servo_parameters(folder / plant["file"])
+        if kind := _kinds().get(str(plant.get("kind"))):
+            completed = kind.complete(plant, folder)
             plant.clear()
-            plant.update(held | own)
+            plant.update(completed)
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -117,7 +110,8 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
 
 def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     for plant in _plant_tables(data):
-        for key in _file_keys().get(str(plant.get("kind")), ()):
+        kind = _kinds().get(str(plant.get("kind")), Plant)
+        for key in kind.file_keys:
             if isinstance(plant.get(key), str):
                 yield plant, key
 
@@ -129,9 +123,8 @@ def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 
 @cache
-def _file_keys() -> dict[str, tuple[str, ...]]:
-    """Return by kind of plant the keys that name files."""
-    return {tag: kind.file_keys for tag, kind in by_tag(Plant, "dqcontrol.plants").items()}
+def _kinds() -> dict[str, type[Plant]]:
+    return dict(by_tag(Plant, "dqcontrol.plants"))
 
 
 def _parts(robot: Path) -> Iterator[Path]:
