@@ -63,7 +63,7 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     n, mode = len(q0), column.MODES[plant.mode]
     rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
     live = LiveCompliant(still, replace(arm, state=rest), 0)
-    state, qpos, qvel = arm_state = rest, live.data.qpos, live.data.qvel
+    state, qpos, qvel = arm_state = live.memory.state, live.data.qpos, live.data.qvel
     start = [part.copy() for part in arm_state]
 
     def period(change: Array, command: Array) -> Array:
