@@ -191,8 +191,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     The error e = vec8(1 − x*x_d) obeys ė = A e + u + c with A = H⁻(x_d*ẋ_d), c = −vec8(x_d*ẋ_d), u = −N q̇, and
     Ṗ = −PA − AᵀP + P R⁻¹P − Q, ξ̇ = −Aᵀξ + P R⁻¹ξ − Pc backwards from S and 0, solved by Runge–Kutta steps that resolve
-    their decay. ``riccati_steps="euler"`` takes one explicit Euler step a period instead, as published software seems to
-    have done: it swings where √(q/r) T > 1, so that the gain is another one in every period, and diverges from 1.5 on.
+    their decay. ``riccati_steps="euler"`` takes one explicit Euler step a period, as P16's program seems to have done:
+    it swings where √(q/r) T > 1, so that the gain is another one in every period, and diverges from 1.5 on.
     Because N N⁺ projects u, an arm pays more than the optimum of the linear model: for a turn θ by about
     θ²/64 of it (0.4 % for 0.5 rad, 1.6 % for 1 rad), for a translation nothing. Away from the end of the horizon,
     Q = qI and R = rI give nearly the law K+FF with k = √(q/r) (P is not quite scalar while the target translates), and

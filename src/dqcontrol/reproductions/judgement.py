@@ -9,7 +9,6 @@ from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.printed import Claim
 
-
 DID_NOT_FOLLOW = "the law did not follow"
 ABOUT_THE_ROBOT = "it is about the robot"
 
