@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.calibration.kinematic_calibration import calibrate
     from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
@@ -73,6 +74,7 @@ __all__ = [
     "WholeBody",
     "algebra",
     "browser",
+    "calibrate",
     "errors",
     "experiments",
     "figures",
@@ -124,6 +126,7 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "calibrate": "logs",
     "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",

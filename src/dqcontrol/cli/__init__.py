@@ -26,6 +26,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
     "identify": "Find what the servos of a robot are from its logs: lag, delay, gain, sag, encoder, with intervals.",
+    "calibrate": "Correct the geometry of an arm from measured poses of its hand: DH parameters, base and tool.",
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
     "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",
