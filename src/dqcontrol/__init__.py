@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
     from dqcontrol.logs.calibration.kinematic_calibration import calibrate
+    from dqcontrol.logs.servos.excitation import excite
     from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
@@ -80,6 +81,7 @@ __all__ = [
     "browser",
     "calibrate",
     "errors",
+    "excite",
     "experiments",
     "figures",
     "films",
@@ -131,6 +133,7 @@ _HOMES = {
     "Sample": "references",
     "Study": "experiments",
     "calibrate": "logs",
+    "excite": "logs",
     "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",

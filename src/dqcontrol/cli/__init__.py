@@ -25,6 +25,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
+    "excite": "Write a motion from whose log identify can tell the servos of a robot, and say how precisely.",
     "identify": "Find what the servos of a robot are from its logs: lag, delay, gain, sag, encoder, with intervals.",
     "calibrate": "Correct the geometry of an arm from measured poses of its hand: DH parameters, base and tool.",
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",

@@ -53,8 +53,15 @@ class LawWork(NamedTuple):
 class Law(
     Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
 ):
-    """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch."""
+    """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch.
 
+    Attributes
+    ----------
+    file_keys
+        Its parameters that name files, relative to the spec.
+    """
+
+    file_keys: ClassVar[tuple[str, ...]] = ()
     kernel: ClassVar[Kernel]
     work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
     null_space: AnyNullSpace | None = None
