@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         reports,
         reproductions,
         robots,
+        tuning,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         load_robot,
         robot_names,
     )
+    from dqcontrol.tuning import Tuning, tune
 
 __version__ = "0.1.0"
 
@@ -70,6 +72,7 @@ __all__ = [
     "SerialArm",
     "Solution",
     "Study",
+    "Tuning",
     "WholeBody",
     "algebra",
     "browser",
@@ -95,6 +98,8 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
+    "tune",
+    "tuning",
 ]
 
 _ROOMS = (
@@ -116,6 +121,7 @@ _ROOMS = (
     "reports",
     "reproductions",
     "robots",
+    "tuning",
 )
 _HOMES = {
     "DualQuaternion": "algebra",
@@ -128,6 +134,8 @@ _HOMES = {
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "tune": "tuning",
+    "Tuning": "tuning",
 }  # of all others: robots
 
 

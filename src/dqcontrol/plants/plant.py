@@ -94,6 +94,18 @@ class Plant(
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
 
+    def varied(self, lag: float, delay: float) -> Plant | None:
+        """Return the same plant with other joints, for what is uncertain of them; None if it has no such parameters.
+
+        Parameters
+        ----------
+        lag
+            By what share the time constants are larger.
+        delay
+            By how much the delays are longer, s; they do not become negative.
+        """
+        return None
+
     def files(self) -> list[Path]:
         """Return the files that it reads, for lists of what results depend on."""
         return [Path(file) for key in self.file_keys if (file := getattr(self, key))]
