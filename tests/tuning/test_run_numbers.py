@@ -22,8 +22,9 @@ def test_they_are_the_metrics_of_the_same_run_to_the_last_bit(away):
     law = dqc.laws.ProportionalFeedforward(gain=5.0)
     record = dqc.simulate(arm, circle, law, plant, START, 0.01, seed=3)
     loop = RepeatedLoop(arm, plant, START, 0.01, circle.samples(0.01 * np.arange(201)), seed=3)
-    for _ in range(2):  # the second run begins as the first
-        seen = loop.run(law.prepare(arm, circle, 0.01, CommandLimits(velocity=True), "integrated"))
+    ready = law.prepare(arm, circle, 0.01, CommandLimits(velocity=True), "integrated")
+    loop.run(ready)
+    seen = loop.run(ready)  # begins as the first
     assert not seen.failed
     for name in ("q", "measured", "command"):
         assert np.array_equal(getattr(seen, name), getattr(record, name)), name
@@ -64,6 +65,8 @@ def test_a_run_that_diverges_is_said_to_have_failed():
 def test_a_law_scaled_has_all_its_loop_rates_scaled(law: Law):
     arm = dqc.load_robot("iiwa7")
     rates = [each.loop_rates(each.rows(arm, None, 0.01)) for each in (law, law.scaled(1.7))]
+    assert rates[0] is not None
+    assert rates[1] is not None
     for part in ("position", "orientation"):
         before, after = (getattr(rate, part) for rate in rates)
         if before is not None:

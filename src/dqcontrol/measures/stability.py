@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -197,9 +197,7 @@ def stability_limit(
     return below
 
 
-def _closed_loops(
-    model: LinearModel, gains: NDArray[np.complex128], resets: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def _closed_loops(model: LinearModel, gains: NDArray[Any], resets: NDArray[np.float64]) -> NDArray[Any]:
     """Return the transitions of u = −k w for each gain, with w of `with_integral` for each ρT, shape (g, s, s)."""
     transition, inputs = model.transition, model.inputs
     size, m = len(transition), inputs.shape[1]

@@ -16,7 +16,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spe
 from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.loop.repeated_loop import RepeatedLoop
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
-from dqcontrol.plants.plant import command_mode, lagging_mode
+from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
 from dqcontrol.tuning.plant_family import PlantFamily
 from dqcontrol.tuning.stability_slack import Slack, StabilityJudge
 from dqcontrol.tuning.tune_spec import TuneProblem
@@ -84,7 +84,8 @@ class LawEvaluation:
         self._block, self._spec, self._judge = problem.block, spec, judge
         self._scenes, self._family = list(scenes), family
         robot, plant = scenes[0].robot, family.plants[0]
-        self._limits, self._mode = spec.limits_of(plant, robot), lagging_mode(plant)
+        self._limits = spec.limits_of(plant, robot)
+        self._mode: CommandMode = lagging_mode(plant)
         limits = robot.limits
         if command_mode(plant) == "measured":  # its commands are no velocities of joints
             limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
