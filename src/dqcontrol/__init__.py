@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         reports,
         reproductions,
         robots,
+        tuning,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
         load_robot,
         robot_names,
     )
+    from dqcontrol.tuning import Tuning, tune
 
 __version__ = "0.1.0"
 
@@ -75,6 +77,7 @@ __all__ = [
     "Solution",
     "Study",
     "TreeRobot",
+    "Tuning",
     "TwoArms",
     "WholeBody",
     "algebra",
@@ -103,6 +106,8 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
+    "tune",
+    "tuning",
 ]
 
 _ROOMS = (
@@ -124,6 +129,7 @@ _ROOMS = (
     "reports",
     "reproductions",
     "robots",
+    "tuning",
 )
 _HOMES = {
     "DualQuaternion": "algebra",
@@ -138,6 +144,8 @@ _HOMES = {
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "tune": "tuning",
+    "Tuning": "tuning",
 }  # of all others: robots
 
 
