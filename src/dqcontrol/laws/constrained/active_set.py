@@ -20,7 +20,7 @@ from typing import NamedTuple
 from numba import types
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
+from dqcontrol.compiled.compile import READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 
 SOLVED, INFEASIBLE, LIMIT, INDEFINITE = range(4)

@@ -154,7 +154,10 @@ def _set_rows(given, work, program, levels, level, n, m, d):
         for j in range(d):
             square += work.basis[j, i] ** 2
         scale = 1.0 / math.sqrt(square) if square > _FIXED * _FIXED else 0.0
-        for side, room in ((m + i, given.upper[i] - work.base[i]), (m + n + i, work.base[i] - given.lower[i])):
+        for side, room in (
+            (m + i, given.upper[i] - work.base[i]),
+            (m + n + i, work.base[i] - given.lower[i]),
+        ):
             program.bounds[side] = scale * max(room, 0.0) if scale > 0.0 else math.inf
             program.softness[side], program.equal[side] = 0.0, 0.0
             for j in range(d):
@@ -166,25 +169,22 @@ def _set_rows(given, work, program, levels, level, n, m, d):
 
 @shared
 def _solve_again(program, memory, chosen, d, rows, limit, z):
-    """Solve as `solve_centered`; if that fails from no set, and then with rows that give way by a hair.
-
-    Nearly dependent rows may look contradictory by rounding; z = 0 keeps all, so that they are not.
-    """
-    status = solve_centered(program, memory, chosen, d, rows, limit, z)
-    for hair in (0.0, _HAIR):
+    """Solve as `solve_centered`, once more from no set if that fails."""
+    status = LIMIT
+    for _ in range(2):
+        status = solve_centered(program, memory, chosen, d, rows, limit, z)
         if status == SOLVED:
             break
-        if hair > 0.0:
-            for p in range(rows):
-                if program.softness[p] == 0.0:
-                    program.softness[p] = hair
         chosen[0] = 0
-        status = solve_centered(program, memory, chosen, d, rows, limit, z)
-        if hair > 0.0:
-            for p in range(rows):
-                if program.softness[p] == hair:
-                    program.softness[p] = 0.0
     return status
+
+
+@shared
+def _loosen(program, rows, hair):
+    """Let rows that may not give way do so by a hair: z = 0 keeps them all, whatever rounding makes of them."""
+    for p in range(rows):
+        if program.softness[p] == 0.0:
+            program.softness[p] = hair
 
 
 @shared
@@ -199,7 +199,7 @@ def _least_squares(program, memory, chosen, d, rows, limit, z):
             memory.inverse[j, k] = 1.0 if j == k else 0.0
         memory.center[j] = 0.0
     status = SOLVED
-    for i in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         status = _solve_again(program, memory, chosen, d, rows, limit, z)
         if status != SOLVED:
             for j in range(d):
@@ -294,7 +294,9 @@ def solve_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         largest = _set_rows(given, work, program, levels, level, n, m, d)
         if largest > 0.0:
             ridge, status = _RIDGE, LIMIT
-            for _ in range(3):  # a larger ρ needs more rounds, but loses fewer digits
+            for attempt in range(4):  # a larger ρ needs more rounds, but loses fewer digits
+                if attempt == 3:
+                    _loosen(program, rows, _HAIR)
                 for p in range(m):
                     if levels[p] == level:
                         program.softness[p] = ridge * largest
@@ -319,6 +321,9 @@ def solve_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         to_center(program, solver, d)
         chosen[0] = 0
         status = _solve_again(program, solver, chosen, d, rows, limit, u)
+        if status != SOLVED:
+            _loosen(program, rows, _HAIR)
+            status = _solve_again(program, solver, chosen, d, rows, limit, u)
         if status == SOLVED:
             _move(given, work, u, n, d)
         elif answer == SOLVED:
