@@ -119,8 +119,8 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         By how much the loop's gain could at least be multiplied, of those that ``check`` judges; 0: is not judged.
     free
         By label of a law its parameters that are searched for: ``loop_gain`` (kT of the fastest loop),
-        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of each law: its loop gain
-        up to where the margin ends, and the integral's share, if it has an integral.
+        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of each
+        law: its loop gain up to where the margin ends, and the integral's share, if it has an integral.
     references, starts, seeds
         What is searched on besides the spec's ``reference`` and ``start``; every law on all of it. Each start
         has all references.
