@@ -51,7 +51,7 @@ class Convergence:
     def operator(self, frequencies: Array, *, model: int = 0) -> NDArray[np.complex128]:
         """Return L at each frequency, Hz."""
         mean = self._mean(frequencies)
-        return np.conj(mean) / (np.abs(mean) ** 2 + self.caution * self._power)
+        return np.asarray(np.conj(mean) / (np.abs(mean) ** 2 + self.caution * self._power), np.complex128)
 
     def _mean(self, frequencies: Array) -> NDArray[np.complex128]:
         responses = self.shape.response(self.models[0], frequencies)

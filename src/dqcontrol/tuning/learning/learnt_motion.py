@@ -65,7 +65,7 @@ def increment(convergence: Convergence, time: Array, error: Array) -> Array:
     joined[count : count + beyond] = fade * smooth[-1]  # a jump to 0 would be learnt
     joined[size - beyond :] = fade[::-1] * smooth[0]  # before the start, as the transform goes round
     spectrum = np.fft.rfft(joined, axis=0)
-    frequencies = np.fft.rfftfreq(size, convergence.shape.period)
+    frequencies: Array = np.asarray(np.fft.rfftfreq(size, convergence.shape.period), dtype=np.float64)
     spectrum *= convergence.operator(frequencies)[:, None]
     wanted = np.fft.irfft(spectrum, size, axis=0)[:count]
     return filtered(time, wanted, convergence.cutoff)
