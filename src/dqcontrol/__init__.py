@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.calibration.kinematic_calibration import calibrate
+    from dqcontrol.logs.servos.excitation import excite
     from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
@@ -48,6 +50,8 @@ if TYPE_CHECKING:
         Robot,
         SerialArm,
         Solution,
+        TreeRobot,
+        TwoArms,
         WholeBody,
         load_robot,
         robot_names,
@@ -73,11 +77,15 @@ __all__ = [
     "SerialArm",
     "Solution",
     "Study",
+    "TreeRobot",
     "Tuning",
+    "TwoArms",
     "WholeBody",
     "algebra",
     "browser",
+    "calibrate",
     "errors",
+    "excite",
     "experiments",
     "figures",
     "films",
@@ -132,6 +140,8 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "calibrate": "logs",
+    "excite": "logs",
     "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",

@@ -32,7 +32,7 @@ from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.kinematics_kernels import split, twist_kinematics
+from dqcontrol.robots.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -58,10 +58,13 @@ class Law(
 
     Attributes
     ----------
+    file_keys
+        Its parameters that name files, relative to the spec.
     gain_powers
         By name the parameters that make its loop gain: each grows with this power of it.
     """
 
+    file_keys: ClassVar[tuple[str, ...]] = ()
     kernel: ClassVar[Kernel]
     work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
     gain_powers: ClassVar[Mapping[str, float]] = {}
@@ -202,7 +205,7 @@ class PreparedLaw:
         limit, limit_parameters = limits.prepare(robot)
         self._limit = limit if limit is not unlimited else None
         parts = PreparedMemory(
-            chain=robot.chain,
+            table=robot.table,
             preferring=law.null_space.parameters(robot) if law.null_space else empty,
             preference_work=np.zeros(WORK_SIZE),
             parameters=parameters,
@@ -217,7 +220,8 @@ class PreparedLaw:
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
             "state": self.state_size,
-            "coordinates": robot.configuration_size,
+            "table_rows": robot.table.shape[0],
+            "table_columns": robot.table.shape[1],
             "inputs": m,
             "preferring": parts.preferring.size,
             "rows": len(parameters),
@@ -260,7 +264,8 @@ class PreparedLaw:
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
-        stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
+        kinematics = self.robot.kernels.twist_kinematics
+        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
@@ -367,7 +372,7 @@ class PreparedLaw:
         """Do in Python, for a law that is not compiled, what `compute_command` does."""
         self._check(state, out)
         parts, buffer = self._parts, self._parts.kinematics
-        if status := twist_kinematics(self.robot.chain, q, buffer):
+        if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
             return status
         pose, pose_jacobian, twist_jacobian = split(buffer)
         if self._preference:

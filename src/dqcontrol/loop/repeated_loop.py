@@ -20,7 +20,6 @@ from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.disturbance_step import ROW
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant, Plant
-from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.robot import Robot
 
 _NOTHING: Array = np.zeros(0)
@@ -106,14 +105,14 @@ class RepeatedLoop:
         self._done = np.zeros(1)
         self._records = np.empty((count, n)), np.empty((count, n)), np.empty((count, m))
         self._stages = compiled.stages(
-            kinematics=kernels.twist_kinematics.pointer,
+            kinematics=self.robot.kernels.twist_kinematics.pointer,
             supervisor=0,
             disturbance=0,
             plant=plant.kernel.pointer,
             settled=0,
         )
         self._supervising = compiled.supervisor_arrays(
-            parameters=_NOTHING, state=_NOTHING, work=_NOTHING, codes=_NOTHING
+            memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
         )
         self._disturbing = compiled.disturbance_arrays(
             rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
