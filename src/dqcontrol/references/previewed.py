@@ -1,4 +1,4 @@
-"""Twists that come early, and lead: what joints with a delay and a lag must be told so that the hand is there in time."""
+"""Twists that come early, and lead: what joints with a delay and a lag must be told to be there in time."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Previewed(Reference):
 
     A joint with delay D and lag τ that is told the velocity u answers y with τÿ + ẏ = u(t − D). So laws with
     feed-forward are given (ξ(t + D) − a ξ(t + D − h))/(1 − a) with a = exp(−h/τ), which for short h is
-    ξ(t + D) + τ ξ̇(t + D) and is also defined at corners, as twist of the pose at t. Errors are corrected as before, so no
-    loop's stability changes. What cannot be done in advance is not: the first D seconds.
+    ξ(t + D) + τ ξ̇(t + D) and is also defined at corners, as twist of the pose at t. Errors are corrected as before, so
+    no loop's stability changes. What cannot be done in advance is not: the first D seconds.
 
     Parameters
     ----------
