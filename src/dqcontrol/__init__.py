@@ -56,7 +56,7 @@ if TYPE_CHECKING:
         load_robot,
         robot_names,
     )
-    from dqcontrol.tuning import Tuning, tune
+    from dqcontrol.tuning import Learning, Tuning, learn, tune
 
 __version__ = "0.1.0"
 
@@ -68,6 +68,7 @@ __all__ = [
     "HolonomicBase",
     "Inertia",
     "Kinematics",
+    "Learning",
     "Limits",
     "Record",
     "Robot",
@@ -91,6 +92,7 @@ __all__ = [
     "geometry",
     "identify",
     "laws",
+    "learn",
     "limits",
     "load_robot",
     "logs",
@@ -144,6 +146,8 @@ _HOMES = {
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "Learning": "tuning",
+    "learn": "tuning",
     "tune": "tuning",
     "Tuning": "tuning",
 }  # of all others: robots

@@ -57,7 +57,7 @@ class SearchRange(Part, frozen=True, kw_only=True):
         return (1 - share) * self.low + share * self.high
 
 
-class MetricBounds(Part, frozen=True, kw_only=True):
+class Bounds(Part, frozen=True, kw_only=True):
     """Between which numbers a metric must lie."""
 
     low: float | None = None
@@ -119,8 +119,8 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         By how much the loop's gain could at least be multiplied, of those that ``check`` judges; 0: is not judged.
     free
         By label of a law its parameters that are searched for: ``loop_gain`` (kT of the fastest loop),
-        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of
-        each law: its loop gain up to where the margin ends, and the integral's share, if it has an integral.
+        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of each
+        law: its loop gain up to where the margin ends, and the integral's share, if it has an integral.
     references, starts, seeds
         What is searched on besides the spec's ``reference`` and ``start``; every law on all of it. Each start
         has all references.
@@ -137,7 +137,7 @@ class TuneBlock(Part, frozen=True, kw_only=True):
     objectives: Annotated[dict[str, float], Meta(min_length=1)] = msgspec.field(
         default_factory=DEFAULT_OBJECTIVES.copy
     )
-    constraints: dict[str, MetricBounds] = {}
+    constraints: dict[str, Bounds] = {}
     margin: Annotated[float, Meta(ge=0, le=1000)] = 2.0
     free: dict[str, Annotated[dict[str, SearchRange], Meta(min_length=1)]] = {}
     references: list[AnyReference] = []
@@ -178,7 +178,7 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         return math.fsum(weight * values[name] for name, weight in self.objectives.items())
 
 
-class _Tuned(msgspec.Struct):
+class _Whole(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
 
 
@@ -227,7 +227,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
     plain = dict(data)
     block_data = {"tune": {**(plain.pop("tune", None) or {}), **changes}}
     plain.pop("learn", None)
-    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_Tuned))))
+    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_Whole))))
     locate_files(plain, folder)
     identified = identified_file(plain, folder)
     spec = as_spec(where, plain, folder)
@@ -252,7 +252,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
 
 def _block(where: str, data: Any) -> TuneBlock:
     try:
-        block = convert(where, data, _Tuned).tune
+        block = convert(where, data, _Whole).tune
         block.check()
     except FileFormatError:
         raise
