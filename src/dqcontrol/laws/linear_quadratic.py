@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -85,6 +86,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 
     work = linear_quadratic_work
     feedback: ClassVar[MemoryLayout[Any]]
+    gain_powers: ClassVar[Mapping[str, float]] = {"error_weight": 2, "final_weight": 1}
     error_weight: Weight
     control_weight: Weight
     final_weight: Annotated[
