@@ -28,6 +28,7 @@ from dqcontrol.laws.own_law import OwnLaw
 from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
+from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 
 __all__ = [
     "BestHeading",
@@ -38,6 +39,7 @@ __all__ = [
     "DecoupledProportional",
     "FeedbackLinearization",
     "FilteredInverse",
+    "FurtherTask",
     "GuidedProportional",
     "HInfinity",
     "HInfinityTracking",
@@ -54,6 +56,7 @@ __all__ = [
     "PartialProportional",
     "Posture",
     "PreparedLaw",
+    "PreparedTasks",
     "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",

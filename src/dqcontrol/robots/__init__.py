@@ -12,6 +12,7 @@ from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
 from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, TreeJoints, TreeRobot
 from dqcontrol.robots.two_arms import TwoArms
+from dqcontrol.robots.two_arms_file import TwoArmsFile
 from dqcontrol.robots.urdf import load_urdf
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.robots.whole_body_file import WholeBodyFile
@@ -35,6 +36,7 @@ __all__ = [
     "TreeJoints",
     "TreeRobot",
     "TwoArms",
+    "TwoArmsFile",
     "WholeBody",
     "WholeBodyFile",
     "describe",

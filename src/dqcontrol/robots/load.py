@@ -18,6 +18,7 @@ from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.two_arms_file import two_arms_from
 from dqcontrol.robots.urdf import load_urdf
 from dqcontrol.robots.urdf_xml import XACRO
 from dqcontrol.robots.whole_body_file import whole_body_from
@@ -38,7 +39,8 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     Parameters
     ----------
     source
-        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`); or a
+        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`,
+        `TwoArmsFile`); or a
         ``.urdf`` or ``.xacro`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that
         package.
     base_link, tip_link
@@ -46,8 +48,8 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
 
     Returns
     -------
-    SerialArm or WholeBody
-        A whole body if the source is a file with ``parts``.
+    SerialArm, WholeBody or TwoArms
+        A whole body if the source is a file with ``parts``, two arms if it is one with ``left`` and ``right``.
 
     Raises
     ------
@@ -65,22 +67,32 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     7
     """
     found = _read(source, base_link, tip_link)
-    robot = found if isinstance(found, SerialArm) else whole_body_from(*found, _load_arm)
+    robot = found if isinstance(found, SerialArm) else robot_from(*found)
     text = str(source)
     robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, base_link, tip_link)
     return robot
 
 
+def robot_from(path: str | Path, data: Any) -> Robot:
+    """Make a robot of the plain data of one of our files; ``path`` is for the messages and the places of others."""
+    if isinstance(data, dict) and "parts" in data:
+        return whole_body_from(path, data, _load_arm)
+    if isinstance(data, dict) and ("left" in data or "right" in data):
+        return two_arms_from(path, data, load_robot)
+    return arm_from(path, data)
+
+
 def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:
-    """Load an arm; a whole body is refused, so that no file can be a part of itself."""
+    """Load an arm; others are refused, so that no file can be a part of itself."""
     found = _read(source, base_link, tip_link)
     if not isinstance(found, SerialArm):
-        raise ValueRangeError(f"robot: '{source}' is a whole body, not an arm; list its parts instead")
+        what = "a whole body" if "parts" in found[1] else "two arms"
+        raise ValueRangeError(f"robot: '{source}' is {what}, not an arm; list its parts instead")
     return found
 
 
 def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm | tuple[Path, Any]:
-    """Return an arm, or the file of a whole body and its plain data."""
+    """Return an arm, or the file of a whole body or of two arms and its plain data."""
     text = str(source)
     package, colon, inner = text.partition(":")
     suffix = Path(text).suffix.lower()
@@ -100,7 +112,8 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
             )
     path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
     data = parse_yaml(path, read_text(path))
-    return (path, data) if isinstance(data, dict) and "parts" in data else arm_from(path, data)
+    several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right"))
+    return (path, data) if several else arm_from(path, data)
 
 
 def example_urdfs() -> dict[str, Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -243,12 +243,15 @@ class TreeRobot(Robot):
 
     def from_start(self, q: Array) -> TreeRobot:
         """Return the robot for a run from a configuration: the sign of the relative pose is kept from there on."""
-        if self.task.kind != "absolute" or self.task.sign:
-            return self
-        first, second = self.task.frames
-        return self.with_task(
-            PoseTask("absolute", (first, second), self.task.root, self.relative_sign(q, first, second))
-        )
+        task = self.for_start(self.task, q)
+        return self if task == self.task else self.with_task(task)
+
+    def for_start(self, task: PoseTask | str, q: Array) -> PoseTask:
+        """Return a task with the sign that an absolute pose keeps in a run from a configuration."""
+        wanted = self.as_task(task)
+        if wanted.kind != "absolute" or wanted.sign:
+            return wanted
+        return replace(wanted, sign=self.relative_sign(q, *wanted.frames))
 
     def relative_sign(self, q: ArrayLike, first: str, second: str, previous: ArrayLike = 0) -> Any:
         """Return the sign h of x₂*x₁ for which h Re(r) ≥ −0.2: the previous one as long as that allows it.
@@ -277,15 +280,15 @@ class TreeRobot(Robot):
 
     def pose_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the pose of any task or named frame, shape (…, 8)."""
-        return self._map(self.kernels.forward, q, self.configuration_size, 8, self._table_of(task))
+        return self._map(self.kernels.forward, q, self.configuration_size, 8, self.table_of(task))
 
     def pose_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the pose Jacobian of any task or named frame, shape (…, 8, m)."""
-        return self._columns(q, self.kernels.kinematics, 0, 8, self._table_of(task))
+        return self._columns(q, self.kernels.kinematics, 0, 8, self.table_of(task))
 
     def twist_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the twist Jacobian of any task or named frame, shape (…, 6, m)."""
-        return self._columns(q, self.kernels.kinematics, 8, 6, self._table_of(task))
+        return self._columns(q, self.kernels.kinematics, 8, 6, self.table_of(task))
 
     @property
     def reach(self) -> float:
@@ -384,7 +387,7 @@ class TreeRobot(Robot):
 
     def _inverse_table(self, task: PoseTask) -> Array:
         """Return the table of a task in which each coordinate has an input, those of drives too."""
-        table = self._table_of(task).copy()
+        table = self.table_of(task).copy()
         rows = table[1:]
         drives = rows[:, 7] > PRISMATIC
         rows[drives, 7] = PRISMATIC
@@ -392,8 +395,8 @@ class TreeRobot(Robot):
         rows[joints, INPUT_COLUMN] = rows[joints, COORDINATE]
         return table
 
-    def _table_of(self, task: PoseTask | str) -> Array:
-        """Return the table of a task, made once."""
+    def table_of(self, task: PoseTask | str) -> Array:
+        """Return the table of a task or named frame as compiled code reads it, made once."""
         wanted = self.as_task(task)
         if wanted not in self._tables:
             self._tables[wanted] = self._task_table(wanted)
@@ -401,7 +404,7 @@ class TreeRobot(Robot):
 
     def _choose(self, task: PoseTask) -> None:
         self.task = task
-        self._keep_table(self._table_of(task))
+        self._keep_table(self.table_of(task))
 
     def _raise(self, status: int, q: Any) -> None:
         if status == SINGULAR:

@@ -104,10 +104,10 @@ class TwoArms(TreeRobot):
             name=name or "+".join(robot.name for robot in robots),
         )
         self.input_names = tuple(_distinct({label: robot.input_names for label, robot in known.items()}))
-        self._relative = self._table_of(self._named_task("relative", "midpoint"))
+        self._relative = self.table_of(self._named_task("relative", "midpoint"))
         self._short, self._positive, self._negative = (
             {
-                each: self._table_of(PoseTask("absolute", (_LEFT, _RIGHT), each, sign))
+                each: self.table_of(PoseTask("absolute", (_LEFT, _RIGHT), each, sign))
                 for each in get_args(Root)
             }
             for sign in (0, 1, -1)
