@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         TwoArms,
         WholeBody,
         load_robot,
+        load_tree,
         robot_names,
     )
 
@@ -86,6 +87,7 @@ __all__ = [
     "laws",
     "limits",
     "load_robot",
+    "load_tree",
     "logs",
     "loop",
     "measures",

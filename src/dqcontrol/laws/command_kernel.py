@@ -42,7 +42,8 @@ class Plan(NamedTuple):
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
-    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking, tasking_work
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
+    tasking_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, UnknownNameError, suggest
+from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
 from dqcontrol.robots.axes import rotation_matrix
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
@@ -114,8 +114,8 @@ class LinkTree:
         Parameters
         ----------
         tips
-            Links whose paths from the root are kept; other joints, and what they carry, stay where they are at zero. All
-            joints if omitted. The first tip, or the first link that carries no other, is the task.
+            Links whose paths from the root are kept; other joints, and what they carry, stay where they are at
+            zero. All joints if omitted. The first tip, or the first link that carries no other, is the task.
         base
             Link in whose frame the task's pose is given; the root if omitted.
         floating
@@ -138,11 +138,11 @@ class LinkTree:
         coordinates = [joint for joint in free if joint.mimic is None]
         coordinates += [joint for name, joint in leaders.items() if joint not in coordinates]
         if not coordinates:
-            raise UnknownNameError(
-                f"tip_link: no joint moves between '{self.root}' and {tips} in {self.where}"
-            )
+            above = f" above {', '.join(tips)}" if tips else ""
+            raise FileFormatError(f"{self.where}: has no joint that turns or slides{above}")
         index = {joint.name: i for i, joint in enumerate(coordinates)}
         rows: list[tuple[object, ...]] = []
+        names: list[str] = []
         at: dict[str, tuple[int, Array]] = {_ground(joints, self.root): (-1, shift())}
         parts: dict[int, list[tuple[Array, LinkBody]]] = {}
         for joint in joints:
@@ -154,6 +154,7 @@ class LinkTree:
                 kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
                 coordinate = index[mimic.joint]
                 rows.append((pose, kind, row, coordinate, coordinate, multiplier, offset))
+                names.append(joint.name)
                 row, pose = len(rows) - 1, shift()
             elif joint.kind != "fixed" and joint.kind != "floating" and joint.mimic is None:
                 pose = compose(pose, _screw(joint, joint.offset))
@@ -170,7 +171,7 @@ class LinkTree:
             else PoseTask("relative", (first, str(base)))
         )
         return TreeRobot(
-            TreeJoints(*(np.array(values) for values in zip(*rows, strict=True))),
+            TreeJoints(*(np.array(values) for values in zip(*rows, strict=True)), names=tuple(names)),
             frames,
             task,
             joint_names=[joint.name for joint in coordinates],

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, MissingExtraError
+from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.robots.axes import z_onto
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.mujoco_package import import_mujoco
 from dqcontrol.robots.poses import inverse7
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
@@ -89,17 +90,14 @@ class _Reader:
 
     def __init__(self, path: str | Path) -> None:
         self.path = path
-        try:
-            self.mujoco: Any = importlib.import_module("mujoco")
-        except ImportError as error:
-            raise MissingExtraError(
-                f"{path}: is read by mujoco, which cannot be imported ({error}); pip install 'dqcontrol[physics]'"
-            ) from None
+        self.mujoco: Any = import_mujoco(f"{path}: is read by mujoco, which")
         if not Path(path).is_file():
             raise FileFormatError(f"{path}: cannot be read: No such file or directory")
         try:
-            self.spec = self.mujoco.MjSpec.from_file(str(path))
-            self.model = self.spec.compile()
+            with warnings.catch_warnings():  # on attributes that MuJoCo will drop
+                warnings.simplefilter("ignore")
+                self.spec = self.mujoco.MjSpec.from_file(str(path))
+                self.model = self.spec.compile()
         except (ValueError, RuntimeError, OSError) as error:
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
 
@@ -112,7 +110,7 @@ class _Reader:
 
     def refuse(self, what: str, text: str, element: Any = None) -> FileFormatError:
         info = re.search(r"line (\d+)", getattr(element, "info", "") or "")
-        line = f":{info[1]}" if info else ""
+        line = f":{info[1]}" if info and info[1] != "0" else ""
         return FileFormatError(f"{self.path}{line}: {what}: {text}")
 
     def tree(self) -> LinkTree:
@@ -200,6 +198,8 @@ class _Reader:
                 continue
             kind, element = int(model.eq_type[i]), self.spec.equalities[i]
             what = f"equality '{self.name('EQUALITY', i)}'"
+            if kind == _WELD and self._is_mocap(i):
+                continue  # what drags a body about from outside
             if kind in (_CONNECT, _WELD):
                 pair = " and ".join(f"'{self._object_name(model, i, side)}'" for side in (1, 2))
                 text = "connects" if kind == _CONNECT else "welds"
@@ -224,6 +224,14 @@ class _Reader:
                 self.joint_name(second), float(poly[1]), float(start[0] + poly[0] - poly[1] * start[1])
             )
         return follows
+
+    def _is_mocap(self, equality: int) -> bool:
+        """Return whether one of two welded bodies is moved by hand."""
+        model = self.model
+        if int(model.eq_objtype[equality]) != int(self.mujoco.mjtObj.mjOBJ_BODY):
+            return False
+        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        return any(body >= 0 and model.body_mocapid[body] >= 0 for body in pair)
 
     def _object_name(self, model: Any, equality: int, side: int) -> str:
         sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)

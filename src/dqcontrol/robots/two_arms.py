@@ -119,6 +119,16 @@ class TwoArms(TreeRobot):
             return self._named_task(task, self.task.root)
         return super().as_task(task)
 
+    @property
+    def bases(self) -> tuple[tuple[int, str], ...]:
+        """Index of the first coordinate of each mobile base, and its kind."""
+        found, first = [], 0
+        for part in (self.base, self.left, self.right):
+            if part is not None:
+                found += [(first + at, kind) for at, kind in part.bases]
+                first += part.configuration_size
+        return tuple(found)
+
     def relative_pose(self, q: ArrayLike) -> Array:
         """Return x_r = x₂*x₁, the left hand seen from the right one, shape (…, 8).
 

@@ -111,10 +111,7 @@ def urdf_tree(path: str | Path) -> LinkTree:
         As for `load_urdf`, but mimic joints are allowed, and floating ones.
     """
     tree = UrdfTree(CheckedXml(path))
-    joints = []
-    for link in tree.below(tree.root):
-        for joint in tree.children[link]:
-            joints.append(_link_joint(tree, joint))
+    joints = [_link_joint(tree, tree.parent[link]) for link in tree.below(tree.root) if link != tree.root]
     bodies = {}
     for name, link in tree.links.items():
         if link.inertial is not None and link.inertial.mass:

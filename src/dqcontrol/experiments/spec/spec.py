@@ -31,7 +31,17 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.robots import PoseTask, ReachingPosture, Robot, SerialArm, TreeRobot, load_robot, postures
+from dqcontrol.robots import (
+    PoseTask,
+    ReachingPosture,
+    Robot,
+    SerialArm,
+    TreeRobot,
+    TwoArms,
+    load_robot,
+    load_tree,
+    postures,
+)
 from dqcontrol.robots.load import robot_from
 from dqcontrol.robots.robot_file import plain_arm
 from dqcontrol.robots.tree_robot import Root, TaskKind
@@ -60,8 +70,9 @@ class TaskSpec(Part, frozen=True, kw_only=True):
 class RobotSpec(Part, frozen=True, kw_only=True):
     """A robot by name or file, and the ends of its chain; or the content of a robot file.
 
-    ``task`` says what of two arms, or of another tree, is driven: ``relative``, ``absolute``, ``left``, ``right``, the
-    name of a frame, or a mapping.
+    ``tips`` are links of a URDF or MJCF file, or ``all``: the robot is the tree of joints above them, the first one is
+    its task, and ``base_link`` the frame in which that is given. ``task`` says what of two arms, or of a tree, is
+    driven: ``relative``, ``absolute``, ``left``, ``right``, the name of a frame, or a mapping.
     """
 
     source: (
@@ -71,6 +82,7 @@ class RobotSpec(Part, frozen=True, kw_only=True):
     base_link: str | None = None
     tip_link: str | None = None
     model: Annotated[dict[str, Any] | None, Meta(description="content of a robot file")] = None
+    tips: list[str] | Literal["all"] | None = None
     task: str | TaskSpec | None = None
 
     def load(self, folder: Path | None = None) -> Robot:
@@ -88,7 +100,13 @@ class RobotSpec(Part, frozen=True, kw_only=True):
         else:
             source = str(self.source)
             near = (folder or Path()) / source
-            robot = load_robot(near if near.is_file() else source, self.base_link, self.tip_link)
+            place = near if near.is_file() else source
+            if self.tips is None:
+                robot = load_robot(place, self.base_link, self.tip_link)
+            elif self.tip_link is not None:
+                raise ShapeError("robot: give either 'tip_link' (a chain) or 'tips' (a tree)")
+            else:
+                robot = load_tree(place, None if self.tips == "all" else self.tips, self.base_link)
         if self.task is None:
             return robot
         if not isinstance(robot, TreeRobot):
@@ -179,6 +197,7 @@ class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
             base_link=self.base_link,
             tip_link=self.tip_link,
             model=self.model,
+            tips=self.tips,
             task=self.task,
         )
 
@@ -457,10 +476,12 @@ def _started_robot(given: Any) -> Any:
 def _robot_data(robot: Robot) -> dict[str, Any]:
     """Return what a spec says of a robot that was loaded, or of an arm that was made in Python."""
     if robot.origin is not None:
-        data = dict(zip(("source", "base_link", "tip_link"), robot.origin, strict=True))
+        data: dict[str, Any] = dict(zip(("source", "base_link", "tip_link"), robot.origin, strict=True))
         if not isinstance(robot, TreeRobot):
             return data
         task = robot.task
+        if not isinstance(robot, TwoArms):
+            data["tips"] = list(robot.tips) or "all"
         return {**data, "task": {"kind": task.kind, "frames": list(task.frames), "root": task.root}}
     if not isinstance(robot, SerialArm):
         raise FileFormatError(f"robot: {robot!r} was made in Python; write it as a file for a spec")
