@@ -54,6 +54,7 @@ if TYPE_CHECKING:
         TwoArms,
         WholeBody,
         load_robot,
+        load_tree,
         robot_names,
     )
     from dqcontrol.tuning import Learning, Tuning, learn, tune
@@ -95,6 +96,7 @@ __all__ = [
     "learn",
     "limits",
     "load_robot",
+    "load_tree",
     "logs",
     "loop",
     "measures",

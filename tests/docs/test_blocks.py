@@ -46,6 +46,7 @@ SLOW = {  # parts of commands and of Python
     "silva2017.md": ("reproduce",),
     "tune.md": ("tune examples/",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
+    "two-arms.md": ("run examples/",),
     "view.md": ("run examples/", "clip"),
 }
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}

@@ -29,6 +29,7 @@ from dqcontrol.laws.own_law import OwnLaw
 from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
+from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 
 __all__ = [
     "BestHeading",
@@ -39,6 +40,7 @@ __all__ = [
     "DecoupledProportional",
     "FeedbackLinearization",
     "FilteredInverse",
+    "FurtherTask",
     "GuidedProportional",
     "HInfinity",
     "HInfinityTracking",
@@ -56,6 +58,7 @@ __all__ = [
     "PartialProportional",
     "Posture",
     "PreparedLaw",
+    "PreparedTasks",
     "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",

@@ -15,6 +15,7 @@ from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
+from dqcontrol.laws.task_levels import TASKS
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
@@ -27,6 +28,7 @@ PLAN = types.Array(types.intp, 1, "C")
 STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
+_call_tasks = caller(TASKS)
 
 
 class Plan(NamedTuple):
@@ -34,13 +36,14 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    kinematics, preference, law, position_limit, limit
+    kinematics, preference, law, position_limit, limit, tasks
         Addresses; 0 where nothing is to be done.
     delivered_at, sent_at
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
-    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
+    tasking_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -49,6 +52,7 @@ class Plan(NamedTuple):
     law: int
     position_limit: int
     limit: int
+    tasks: int
     delivered_at: int
     sent_at: int
     state: int
@@ -61,6 +65,8 @@ class Plan(NamedTuple):
     work: int
     position_limiting: int
     limiting: int
+    tasking: int
+    tasking_work: int
 
 
 class PreparedMemory(NamedTuple):
@@ -82,6 +88,8 @@ class PreparedMemory(NamedTuple):
         Parameters and scratch of the limit on positions.
     limiting
         Parameters of the limit on velocities.
+    tasking, tasking_work
+        Parameters and scratch of further tasks.
     """
 
     table: Annotated[Array, "table_rows", "table_columns"]
@@ -93,10 +101,12 @@ class PreparedMemory(NamedTuple):
     position_limiting: Annotated[Array, "position_limiting"]
     position_limit_work: Annotated[Array, "2 * inputs + state"]
     limiting: Annotated[Array, "limiting"]
+    tasking: Annotated[Array, "tasking"]
+    tasking_work: Annotated[Array, "tasking_work"]
 
 
 _plan = MemoryLayout(Plan)
-_MEMORY_SIZES = Plan._fields[7:]
+_MEMORY_SIZES = Plan._fields[8:]
 prepared_memory = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
 
 
@@ -111,7 +121,7 @@ class Prepared(NamedTuple):
 def unpack(plan, memory):
     """Return plan and memory by name."""
     stages = _plan(plan)
-    return Prepared(stages, prepared_memory(memory, *stages[7:]))
+    return Prepared(stages, prepared_memory(memory, *stages[8:]))
 
 
 @inline
@@ -151,6 +161,10 @@ def compute_command(prepared, q, sample, k, state, out):
         )
     if status != OK:
         return LAW_FAILED + status
+    if plan.tasks != 0:
+        status = _call_tasks(plan.tasks, q, pose, twist_jacobian, k, memory.tasking, memory.tasking_work, out)
+        if status != OK:
+            return LAW_FAILED + status
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
     note_sent(prepared, state, out)

@@ -29,6 +29,7 @@ from dqcontrol.laws.command_kernel import (
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
+from dqcontrol.laws.task_levels import PreparedTasks
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.references.sample import TIME, Sample
@@ -121,6 +122,7 @@ class Law(
         dt: float,
         limits: CommandLimits | None = None,
         command_mode: CommandMode = "measured",
+        tasks: PreparedTasks | None = None,
     ) -> PreparedLaw:
         """Check the parameters and compute what depends on time.
 
@@ -137,6 +139,8 @@ class Law(
         command_mode
             ``"integrated"`` for plants whose commands move a target that the joints follow with a lag: clamping then
             keeps the target within the limits, not the joints as they are measured.
+        tasks
+            What is to be done beside.
 
         Raises
         ------
@@ -145,7 +149,7 @@ class Law(
         """
         dt = as_positive("dt", dt)
         rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
-        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits(), command_mode)
+        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits(), command_mode, tasks)
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
@@ -189,11 +193,16 @@ class PreparedLaw:
         dt: float,
         limits: CommandLimits,
         command_mode: CommandMode,
+        tasks: PreparedTasks | None = None,
     ) -> None:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
-        self._law, self._limits = law, limits
+        self._law, self._limits, self.tasks = law, limits, tasks
+        if tasks is not None and limits.position:
+            raise ValueRangeError(
+                "limits.position: keeps the limits for the law's own task alone; leave it out with further tasks"
+            )
         self._command_mode: CommandMode = command_mode
         empty, m, position = np.zeros(0), robot.input_size, limits.position
         law_memory, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
@@ -216,6 +225,8 @@ class PreparedLaw:
             else empty,
             position_limit_work=np.zeros(2 * m + self.state_size),
             limiting=limit_parameters,
+            tasking=tasks.parameters if tasks else empty,
+            tasking_work=np.zeros(tasks.work_size if tasks else 0),
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
@@ -229,6 +240,8 @@ class PreparedLaw:
             "work": parts.work.size,
             "position_limiting": parts.position_limiting.size,
             "limiting": parts.limiting.size,
+            "tasking": parts.tasking.size,
+            "tasking_work": parts.tasking_work.size,
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         self.parameters: Array = self._parts.parameters
@@ -237,7 +250,9 @@ class PreparedLaw:
 
     def with_limits(self, limits: CommandLimits) -> PreparedLaw:
         """Return the same law with something else done to its commands before they leave."""
-        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, limits, self._command_mode)
+        return PreparedLaw(
+            self._law, self.robot, self.parameters, self.dt, limits, self._command_mode, self.tasks
+        )
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
@@ -248,6 +263,7 @@ class PreparedLaw:
             self.dt,
             self._limits,
             self._command_mode,
+            self.tasks,
         )
 
     def in_mode(self, command_mode: CommandMode) -> PreparedLaw:
@@ -259,13 +275,16 @@ class PreparedLaw:
             or not position.memory(self.robot, "integrated")
         ):
             return self
-        return PreparedLaw(self._law, self.robot, self.parameters, self.dt, self._limits, command_mode)
+        return PreparedLaw(
+            self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks
+        )
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
         kinematics = self.robot.kernels.twist_kinematics
-        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit
+        tasks = self.tasks.kernel if self.tasks else None
+        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
@@ -388,6 +407,10 @@ class PreparedLaw:
             status = self.kernel(*asked, out)
         if status:
             return LAW_FAILED + status
+        if self.tasks:
+            given = parts.tasking, parts.tasking_work
+            if status := self.tasks.kernel(q, pose, twist_jacobian, row, *given, out):
+                return LAW_FAILED + status
         if self._limit:
             self._limit(q, parts.limiting, out)
         self._note_sent(None, None, state, out)

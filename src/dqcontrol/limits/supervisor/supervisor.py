@@ -14,6 +14,7 @@ from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, un
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import base_coordinates
 
 _LONGEST_WINDOW = 10_000  # samples
@@ -189,6 +190,8 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         ShapeError, UnknownNameError, ValueRangeError
             If a parameter is not allowed, or the robot has no velocity limits and none are given.
         """
+        if isinstance(robot, TreeRobot):
+            raise ValueRangeError(f"supervisor: guards chains, and {robot.name} is a tree of them")
         dt, m = as_positive("dt", dt), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
         if not np.isfinite(velocity).all():

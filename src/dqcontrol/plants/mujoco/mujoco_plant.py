@@ -104,6 +104,11 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             raise ValueRangeError(
                 f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; {plants_that_drive(robot)}"
             )
+        if robot.follows:
+            raise ValueRangeError(
+                f"plant.kind: in physics of {robot.name} {robot.follows[0]} would have to follow another joint "
+                "(mimic), which no servo of it does; take the ideal or the servo plant"
+            )
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
         model = self._model(robot)
