@@ -302,6 +302,8 @@ def _prepared_laws(
             first = variant.law.prepare(
                 scene.robot, scene.reference, spec.period, next(iter(different.values()))
             )
+            if first.constraints:
+                first.constraints.check_start(scene.start)
         bytes_left -= len(different) * first.parameters.nbytes
         kept = {
             velocity: (first.with_limits(limits) if i else first) if bytes_left > 0 else None

@@ -15,6 +15,7 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.kept_signals import kept_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command
@@ -174,7 +175,9 @@ def simulate_prepared(
         input_names=robot.input_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
-        readings=trace.readings | actuator_command(robot, trace.q, trace.command),
+        readings=trace.readings
+        | actuator_command(robot, trace.q, trace.command)
+        | kept_signals(law, trace.q, done[:, -1], trace.kept),
     )
 
 
