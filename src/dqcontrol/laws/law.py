@@ -234,11 +234,16 @@ class PreparedLaw:
             return self
         return PreparedLaw(self._law, self.robot, self.parameters, self.dt, self._limits, command_mode)
 
+    @property
+    def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
+        """What compiled code calls, by its name in `Plan`; None where nothing is to be done."""
+        stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
+        return dict(zip(Plan._fields, stages, strict=False))
+
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
-        stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
-        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
+        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
