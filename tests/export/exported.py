@@ -1,10 +1,14 @@
-"""Specs that are exported in tests, and the tools that build what comes of them."""
+"""Specs that are exported in tests, the tools that build what comes of them, and controllers called from Python."""
 
+import ctypes
 import shutil
 import subprocess
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+HERE = Path(__file__).parent
 SPEC = {
     "name": "circle",
     "robot": "iiwa7",
@@ -28,18 +32,76 @@ needs_c = pytest.mark.skipif(
 )
 
 
-def make(folder, *targets):
-    """Run make in a folder of an export, and return what it printed."""
-    done = subprocess.run(
-        ["make", "-C", str(folder), *targets], capture_output=True, text=True, timeout=300, check=False
-    )
+def shell(*words):
+    """Run a command, and return what it printed."""
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning" not in done.stderr
     return done.stdout
 
 
+def make(folder, *targets):
+    """Run make in a folder of an export, and return what it printed."""
+    return shell("make", "-C", folder, *targets)
+
+
 def undefined_symbols(*files):
     """Return what object files and archives ask of others."""
-    done = subprocess.run(["nm", "-u", *map(str, files)], capture_output=True, text=True, check=True)
-    words = [line.split() for line in done.stdout.splitlines()]
+    words = [line.split() for line in shell("nm", "-u", *files).splitlines()]
     return {parts[1] for parts in words if len(parts) == 2 and parts[0] in "Uw"}
+
+
+class Config(ctypes.Structure):
+    _fields_ = [
+        ("coordinates", ctypes.c_int32),
+        ("inputs", ctypes.c_int32),
+        ("source", ctypes.c_int32),
+        ("linear_speed", ctypes.c_double),
+        ("angular_speed", ctypes.c_double),
+        ("twist_timeout", ctypes.c_double),
+    ]
+
+
+class Target(ctypes.Structure):
+    _fields_ = [
+        ("position", ctypes.c_double * 3),
+        ("rotation", ctypes.c_double * 4),
+        ("linear", ctypes.c_double * 3),
+        ("angular", ctypes.c_double * 3),
+        ("of_hand", ctypes.c_int32),
+    ]
+
+
+class LibraryController:
+    """A controller of an exported shared library."""
+
+    def __init__(self, folder, source=0):
+        self._library = ctypes.CDLL(str(folder / "libdqc_controller.so"))
+        self._library.dqc_default_config.restype = Config
+        self._memory = ctypes.create_string_buffer(1 << 20)
+        config = self._library.dqc_default_config()
+        config.source = source
+        self.status = self._library.dqc_init(self._memory, ctypes.byref(config))
+        self._inputs = config.inputs
+
+    def step(self, q, time, target=None):
+        """Return the command."""
+        u = np.zeros(self._inputs)
+        self.status = self._library.dqc_step(
+            self._memory,
+            None if q is None else np.ascontiguousarray(q).ctypes.data_as(ctypes.c_void_p),
+            ctypes.c_double(time),
+            target and ctypes.byref(target),
+            u.ctypes.data_as(ctypes.c_void_p),
+        )
+        return u
+
+    def set(self, name, value):
+        """Change a parameter and return the status."""
+        return self._library.dqc_set(self._memory, name.encode(), ctypes.c_double(value))
+
+    def end(self):
+        return self._library.dqc_end(self._memory)
+
+    def reset(self):
+        return self._library.dqc_reset(self._memory)

@@ -63,7 +63,7 @@ def bitcode_of(dispatcher: Any, signature: Any) -> tuple[bytes, str]:
 @contextmanager
 def scalar_code() -> Iterator[None]:
     """Compile meanwhile for no processor in particular: without vectors, which each target makes for itself."""
-    config: Any = numba.config
+    config: Any = numba.config  # type: ignore[attr-defined]
     before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
     config.LOOP_VECTORIZE = config.SLP_VECTORIZE = 0
     try:

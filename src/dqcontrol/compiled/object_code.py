@@ -7,8 +7,11 @@ with it everything that Python needs to call it. So an object knows nothing of P
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -16,47 +19,18 @@ import numpy as np
 from numba import types
 
 from dqcontrol.arrays import Array
+from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import Error, unknown_name
+from dqcontrol.files.whole_file import whole_file
 
 # What compiled code may ask of the libraries of C.
 OF_C = frozenset(
-    [
-        "memcpy",
-        "memmove",
-        "memset",
-        "acos",
-        "asin",
-        "atan",
-        "atan2",
-        "cbrt",
-        "ceil",
-        "copysign",
-        "cos",
-        "exp",
-        "expm1",
-        "fabs",
-        "floor",
-        "fma",
-        "fmax",
-        "fmin",
-        "fmod",
-        "hypot",
-        "log",
-        "log1p",
-        "nearbyint",
-        "pow",
-        "rint",
-        "round",
-        "sin",
-        "sincos",
-        "sqrt",
-        "tan",
-        "tanh",
-        "trunc",
-    ]
+    "memcpy memmove memset acos asin atan atan2 cbrt ceil copysign cos exp expm1 fabs floor fma fmax fmin fmod "  # noqa: SIM905
+    "hypot log log1p nearbyint pow rint round sin sincos sqrt tan tanh trunc".split()
 )
 _FASTEST = 3  # level of optimisation
+_KEPT = 100  # objects
 
 
 @dataclass(frozen=True)
@@ -239,16 +213,19 @@ def foreign_symbols(module: Any) -> list[str]:
     return sorted(name for name in declared if not name.startswith("llvm.") and name not in OF_C)
 
 
-def object_file(kernels: Mapping[str, Kernel], data: Mapping[str, Array], target: TargetProcessor) -> bytes:
-    """Return an object file with kernels and constant arrays under these names.
+def code_object(kernels: Mapping[str, Kernel], target: TargetProcessor) -> bytes:
+    """Return an object file with kernels under these names; kept, as it takes seconds, if they are all ours.
 
     Raises
     ------
     Error
         If a kernel needs something that no library of C has.
     """
+    kept = _kept_object(kernels, target)
+    if kept is not None and kept.is_file():
+        return kept.read_bytes()
     _initialise()
-    whole = llvm.parse_assembly("\n".join(_constant(name, array) for name, array in data.items()))
+    whole = llvm.parse_assembly("")
     for symbol, kernel in kernels.items():
         module = isolated(kernel, symbol, target)
         if foreign := foreign_symbols(module):
@@ -259,7 +236,44 @@ def object_file(kernels: Mapping[str, Kernel], data: Mapping[str, Array], target
         whole.triple, whole.data_layout = target.triple, str(machine.target_data)
         passes = llvm.create_pass_builder(machine, _options(target.has_vectors))
         passes.getModulePassManager().run(whole, passes)
-    return machine.emit_object(whole)
+    code = machine.emit_object(whole)
+    if kept is not None:
+        _keep(code, kept)
+    return code
+
+
+def _kept_object(kernels: Mapping[str, Kernel], target: TargetProcessor) -> Path | None:
+    """Return where the object of kernels is kept; None if they are not all ours, or nothing can be kept."""
+    if kernel_cache.root() is None or not all(type(kernel) is Kernel for kernel in kernels.values()):
+        return None
+    digest = hashlib.sha256(f"{target!r} {llvm.llvm_version_info} {llvm.get_host_cpu_name()}".encode())
+    digest.update(kernel_cache.source_hash(__name__).encode())
+    for symbol, kernel in kernels.items():
+        module = kernel.function.__module__
+        digest.update(f"{symbol} {module} {kernel.__name__} {kernel_cache.source_hash(module)}".encode())
+    return _objects() / f"{digest.hexdigest()[:16]}.o"
+
+
+def _objects() -> Path:
+    """Return the folder that keeps objects."""
+    return (kernel_cache.root() or Path()) / "objects"
+
+
+def _keep(code: bytes, path: Path) -> None:
+    with suppress(OSError):
+        path.parent.mkdir(exist_ok=True)
+        for old in sorted(path.parent.glob("*.o"), key=lambda each: each.stat().st_mtime)[:-_KEPT]:
+            old.unlink(missing_ok=True)
+        with whole_file(path, overwrite=True) as draft:
+            draft.write_bytes(code)
+
+
+def constants_object(data: Mapping[str, Array], target: TargetProcessor) -> bytes:
+    """Return an object file with constant arrays under these names."""
+    machine = _machine(target)
+    module = llvm.parse_assembly("\n".join(_constant(name, array) for name, array in data.items()))
+    module.triple, module.data_layout = target.triple or llvm.get_process_triple(), str(machine.target_data)
+    return machine.emit_object(module)
 
 
 def _options(has_vectors: bool = False) -> Any:

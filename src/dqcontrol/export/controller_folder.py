@@ -12,13 +12,15 @@ import dqcontrol
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.object_code import (
     TargetProcessor,
-    object_file,
+    code_object,
+    constants_object,
     prototype,
     section_sizes,
     target_named,
 )
 from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
+from dqcontrol.export.changeable import Changeable, changeable_parameters
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.export.test_vector import c_number, vector_rows
 from dqcontrol.limits.supervisor import supervisor_layout as layout
@@ -30,6 +32,7 @@ VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
 
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
+_ON_PLANT = ("thread_host.c", "udp_robot.c")  # hosts that move it
 
 
 @dataclass(frozen=True)
@@ -101,12 +104,21 @@ def export_controller(
     """
     processor = target_named(target)
     check_new(out, force=force)
-    parts = controller_parts(source, law)
-    code = object_file(parts.kernels, parts.numbers, processor)
-    summary = _summary(Path(out), parts, processor, code)
+    return write_controller(
+        controller_parts(source, law, computes=processor.is_bare), out, processor, force=force
+    )
+
+
+def write_controller(
+    parts: ControllerParts, out: str | Path, processor: TargetProcessor, *, force: bool = False
+) -> ExportSummary:
+    """Write the folder of a controller; see `export_controller`."""
+    code, numbers = code_object(parts.kernels, processor), constants_object(parts.numbers, processor)
+    summary = _summary(Path(out), parts, processor, code, numbers)
     _check_fit(parts, processor, summary)
     with new_folder(out, force=force) as folder:
         (folder / "dqc_code.o").write_bytes(code)
+        (folder / "dqc_numbers.o").write_bytes(numbers)
         _write_sources(folder, parts, processor, summary)
     return summary
 
@@ -114,15 +126,30 @@ def export_controller(
 def _write_sources(
     folder: Path, parts: ControllerParts, target: TargetProcessor, summary: ExportSummary
 ) -> None:
-    values = _header_values(parts, target, summary)
+    parameters = changeable_parameters(parts)
+    values = _header_values(parts, target, summary) | {"PARAMETERS": len(parameters)}
     for name in ("dqc_controller.h", "dqc_controller.c", "Makefile", "README.md"):
         (folder / name).write_text(_filled(_template(name), values), encoding="utf-8")
     for name in _AS_THEY_ARE:
         (folder / name).write_text(_template(name), encoding="utf-8")
-    (folder / "dqc_kernels.h").write_text(_kernels_header(parts), encoding="utf-8")
-    (folder / "dqc_data.c").write_text(_data_source(parts), encoding="utf-8")
-    (folder / "test_vector.h").write_text(_vector_header(parts, target), encoding="utf-8")
+    (folder / "dqc_kernels.h").write_text(_kernels_header(parts, parameters), encoding="utf-8")
+    (folder / "dqc_data.c").write_text(_data_source(parts, parameters), encoding="utf-8")
+    (folder / "test_vector.h").write_text(vector_header(parts, target), encoding="utf-8")
     _write_plant(folder, parts, target)
+    if not target.is_bare:
+        _copy_hosts(folder, has_plant=parts.plant is not None)
+
+
+def _copy_hosts(folder: Path, *, has_plant: bool) -> None:
+    """Copy the programs that call a controller; those on a plant only where there is one."""
+    for room in ("realtime", "ros2_control", "libfranka"):
+        source = files("dqcontrol.export") / "hosts" / room
+        (folder / "hosts" / room).mkdir(parents=True)
+        for file in source.iterdir():
+            if has_plant or file.name not in _ON_PLANT:
+                (folder / "hosts" / room / file.name).write_text(
+                    file.read_text(encoding="utf-8"), encoding="utf-8"
+                )
 
 
 def _template(name: str) -> str:
@@ -145,7 +172,7 @@ def _sizes(parts: ControllerParts) -> dict[str, int]:
         "SUPERVISOR": parts.supervisor[1].parameters.size if parts.supervisor else 1,
         "SUPERVISOR_STATE": layout.state_size(n, m, window) if supervised else 1,
         "SUPERVISOR_WORK": layout.work_size(n, m) if supervised else 1,
-        "MOVING": MOVING_SIZE,
+        "MOVING_SIZE": MOVING_SIZE,
         "PLAN": parts.plan.size,
     }
 
@@ -154,7 +181,9 @@ def _header_values(
     parts: ControllerParts, target: TargetProcessor, summary: ExportSummary
 ) -> dict[str, object]:
     spec, names = parts.setting.spec, parts.case.names
-    law = " · ".join(name for name in (names.law, names.set) if name) or parts.law_spec.__struct_config__.tag
+    law = " · ".join(name for name in (names.law, names.set) if name) or str(
+        parts.law_spec.__struct_config__.tag
+    )
     interventions = ", ".join(f'"{REASONS[2**i]}"' for i in range(len(REASONS)))
     return {
         "DESCRIPTION": f"{law} for {parts.robot.name}, from the spec '{spec.name}'.",
@@ -172,7 +201,6 @@ def _header_values(
         "PERIOD": c_number(parts.period),
         "SUPERVISED": int(parts.supervisor is not None),
         "STREAMED": int(parts.takes_streams),
-        "PARAMETERS": 0,
         "DURATION": c_number(parts.period * (len(parts.samples) - 1)),
         "INTERVENTIONS": interventions,
         "NATIVE": int(target.is_native),
@@ -194,7 +222,7 @@ def _c_text(text: str) -> str:
     return text.replace("\\", "").replace('"', "'")
 
 
-def _kernels_header(parts: ControllerParts) -> str:
+def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str:
     """Return what only dqc_controller.c knows: kernels, how they take arrays, and where numbers stand."""
     sizes = _sizes(parts)
     lines = [
@@ -218,9 +246,11 @@ def _kernels_header(parts: ControllerParts) -> str:
         "",
         *(f"#define DQC_{name} {size}" for name, size in sizes.items()),
         f"#define DQC_SAMPLES {len(parts.samples)}",
+        f"#define DQC_REFERENCE {parts.numbers['dqc_reference'].size}",
+        f"#define DQC_REFERENCE_RESTS {int(parts.is_at_rest)}",
+        f"#define DQC_REFERENCE_COMPUTED {int(parts.path is not None)}",
         f"#define DQC_STARTS {len(parts.starts)}",
-        "#define DQC_PLACES 0",
-        f"#define DQC_MOVING_SIZE {MOVING_SIZE}",
+        f"#define DQC_PLACES {sum(len(each.places) for each in parameters)}",
         f"#define DQC_SUPERVISOR_HEAD {layout.HEAD}",
         f"#define DQC_SUPERVISOR_MEMORY {layout.MEMORY}",
         f"#define DQC_START_TOLERANCE {START_TOLERANCE!r}",
@@ -238,25 +268,40 @@ def _kernels_header(parts: ControllerParts) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _data_source(parts: ControllerParts) -> str:
+def _data_source(parts: ControllerParts, parameters: list[Changeable]) -> str:
     """Return the small constant tables; large ones are in the object file."""
     plan = ", ".join(str(number) for number in parts.plan)
     starts = ", ".join(f"{{{i}, {j}}}" for i, j in [*parts.starts, (0, 0)])
     coordinates = ", ".join(str(i) for i in parts.robot.input_coordinates)
-    return f"""/* Small tables of the controller; large ones are in dqc_code.o. */
+    listed = "".join(
+        f'  {{"{each.name}", {", ".join(map(c_number, (each.value, each.least, each.most)))}, '
+        f"{int(each.of_supervisor)}}},\n"
+        for each in parameters
+    )
+    places = "".join(
+        f"  {{{k}, {int(each.of_supervisor)}, {place.index}, {c_number(place.offset)}, {c_number(place.slope)}}},\n"
+        for k, each in enumerate(parameters)
+        for place in each.places
+    )
+    return f"""/* Small tables of the controller; large ones are in dqc_numbers.o. */
 #include "dqc_kernels.h"
 
 const int64_t dqc_plan[] = {{{plan}}};
 const int32_t dqc_starts[][2] = {{{starts}}};
 const int32_t dqc_input_coordinates[] = {{{coordinates}}};
-const dqc_parameter dqc_parameters[DQC_PARAMETERS + 1] = {{{{0, 0.0, 0.0, 0.0, 0}}}};
-const dqc_place dqc_places[] = {{{{0, 0, 0, 0.0, 0.0}}}};
+const dqc_parameter dqc_parameters[DQC_PARAMETERS + 1] = {{
+{listed}  {{0, 0.0, 0.0, 0.0, 0}},
+}};
+const dqc_place dqc_places[] = {{
+{places}  {{0, 0, 0, 0.0, 0.0}},
+}};
 """
 
 
-def _vector_header(parts: ControllerParts, target: TargetProcessor) -> str:
+def vector_header(parts: ControllerParts, target: TargetProcessor, *, whole: bool = False) -> str:
+    """Return the test vector; of the ``whole`` reference, or of its first seconds."""
     n, m = parts.robot.configuration_size, parts.robot.input_size
-    rows = [row.numbers(n, m) for row in vector_rows(parts)]
+    rows = [row.numbers(n, m) for row in vector_rows(parts, whole=whole)]
     lines = (f"  {{{', '.join(map(c_number, row))}}}," for row in rows)
     return "\n".join(
         [
@@ -283,8 +328,8 @@ def _write_plant(folder: Path, parts: ControllerParts, target: TargetProcessor) 
         "dqc_plant_state": plant.state,
         "dqc_plant_start": plant.q,
     }
-    code = object_file({"dqc_kernel_plant": plant.kernel}, numbers, target)
-    (folder / "dqc_plant_code.o").write_bytes(code)
+    (folder / "dqc_plant_code.o").write_bytes(code_object({"dqc_kernel_plant": plant.kernel}, target))
+    (folder / "dqc_plant_numbers.o").write_bytes(constants_object(numbers, target))
     values = {
         "PARAMETERS": plant.parameters.size,
         "STATE": max(plant.state.size, 1),
@@ -297,13 +342,20 @@ def _write_plant(folder: Path, parts: ControllerParts, target: TargetProcessor) 
         (folder / name).write_text(_filled(_template(name), values), encoding="utf-8")
 
 
-def _summary(out: Path, parts: ControllerParts, target: TargetProcessor, code: bytes) -> ExportSummary:
+def _summary(
+    out: Path, parts: ControllerParts, target: TargetProcessor, code: bytes, numbers: bytes
+) -> ExportSummary:
     sections = section_sizes(code)
     text = sum(size for name, size in sections.items() if name.startswith(".text"))
-    constants = sum(size for name, size in sections.items() if name.startswith(".rodata"))
+    constants = sum(
+        size
+        for found in (sections, section_sizes(numbers))
+        for name, size in found.items()
+        if ".rodata" in name
+    )
     n, m = parts.robot.configuration_size, parts.robot.input_size
-    numbers = sum(_sizes(parts).values()) + 3 * m + 2 * n + 40
-    return ExportSummary(out, target.name, text, constants, 8 * numbers, parts.law_hash(target))
+    own = sum(_sizes(parts).values()) + 3 * m + 2 * n + 40
+    return ExportSummary(out, target.name, text, constants, 8 * own, parts.law_hash(target))
 
 
 def _check_fit(parts: ControllerParts, target: TargetProcessor, summary: ExportSummary) -> None:

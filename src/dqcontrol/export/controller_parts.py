@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.compiled.object_code import TargetProcessor
-from dqcontrol.errors import Error, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.errors import Error, NoteWarning, ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.laws import Law, PreparedLaw
-from dqcontrol.laws.command_kernel import sent, step
+from dqcontrol.export.own_code import own_law_kernel
+from dqcontrol.extensions import user_code
+from dqcontrol.laws import Law, OwnLaw, PreparedLaw
+from dqcontrol.laws.command_kernel import Plan, sent, step
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
+from dqcontrol.loop.targets import SampledTarget, Target
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant, command_mode
+from dqcontrol.references.computed_path import computed_path, path_parameters
+from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
 from dqcontrol.robots.kinematics_kernels import forward
 
@@ -49,6 +57,8 @@ class ControllerParts:
         What stands behind it, and the same made ready; None without.
     samples
         Of the reference, one row a period, shape (N, 21).
+    path
+        What `computed_path` takes where the reference is computed; None where its samples are kept.
     """
 
     setting: PreparedExperiment
@@ -56,6 +66,7 @@ class ControllerParts:
     law: PreparedLaw
     supervisor: tuple[Supervisor, PreparedSupervisor] | None
     samples: Array
+    path: Array | None = None
 
     @property
     def robot(self) -> Robot:
@@ -77,6 +88,19 @@ class ControllerParts:
         """Whether the target may come from outside: the law's parameters do not depend on time along a reference."""
         return len(self.law.parameters) == 1
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether all samples of the reference are the same but for their time."""
+        return bool((self.samples[:, :TIME] == self.samples[0, :TIME]).all())
+
+    def target(self) -> Target:
+        """Return what gives the controller's desired motion in Python."""
+        return SampledTarget(self.samples, self.period) if self.path is None else _ComputedTarget(self)
+
+    def plan_field(self, name: str) -> int:
+        """Return a number of the law's plan by its name."""
+        return int(self.plan[Plan._fields.index(name)])
+
     @cached_property
     def plant(self) -> CompiledPlant | None:
         """The plant where the spec starts, if it is compiled; the noise of its first period is left out."""
@@ -84,7 +108,9 @@ class ControllerParts:
             self.robot, self.case.scene.start, self.period, 1, self.setting.spec.seed
         )
         found = live_plant(started).compiled()
-        return found if found is not None and isinstance(found.kernel, Kernel) else None
+        if found is None or not isinstance(found.kernel, Kernel):
+            return None
+        return found if found.kernel.function.__module__.startswith("dqcontrol.plants.") else None
 
     @cached_property
     def kernels(self) -> dict[str, Kernel]:
@@ -92,8 +118,12 @@ class ControllerParts:
         found: dict[str, Any] = {"dqc_kernel_step": step, "dqc_kernel_sent": sent}
         stages = self.law.stages.items()
         found |= {_STAGES[name]: stage for name, stage in stages if stage is not None}
+        if isinstance(self.law_spec, OwnLaw):
+            found["dqc_kernel_law"] = own_law_kernel(self.law_spec)
         if self.supervisor:
             found["dqc_kernel_supervise"] = supervise
+        if self.path is not None and not self.is_at_rest:
+            found["dqc_kernel_reference"] = computed_path
         if self.takes_streams:
             found |= {
                 "dqc_kernel_forward": forward,
@@ -108,14 +138,20 @@ class ControllerParts:
         found = {
             "dqc_law_memory": self.law.memory,
             "dqc_law_state": self.law.initial_state(self.case.scene.start),
-            "dqc_reference": self.samples.ravel(),
+            "dqc_reference": self._reference,
         }
         if self.supervisor:
             found["dqc_supervisor_parameters"] = self.supervisor[1].parameters
         return found
 
+    @property
+    def _reference(self) -> Array:
+        if self.is_at_rest:
+            return self.samples[0]
+        return self.samples.ravel() if self.path is None else self.path
+
     @cached_property
-    def plan(self) -> Array:
+    def plan(self) -> NDArray[np.intp]:
         """The law's plan without addresses."""
         plan = self.law.plan.copy()
         plan[: len(_STAGES)] = 0
@@ -149,16 +185,33 @@ class ControllerParts:
         for symbol, kernel in self.kernels.items():
             module = kernel.function.__module__
             digest.update(f"{symbol} {module}.{kernel.__name__}".encode())
-            if module.startswith("dqcontrol."):
-                digest.update(source_hash(module).encode())
+            digest.update(source_hash(module).encode())
         for name, array in self.numbers.items():
             digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
         digest.update(self.plan.tobytes())
+        for content in user_code.sources(msgspec.to_builtins(self.law_spec)):
+            digest.update(content)
         return digest.hexdigest()[:16]
 
 
-def controller_parts(source: str | Path | dict[str, Any], law: str | None = None) -> ControllerParts:
-    """Return the parts of the controller that a spec describes.
+class _ComputedTarget(SampledTarget):
+    """A reference that is computed once a period."""
+
+    def __init__(self, parts: ControllerParts) -> None:
+        super().__init__(parts.samples, parts.period)
+        self._path, self._row = parts.path, np.zeros(SAMPLE_SIZE)
+
+    def sample(self, time: float, pose: Array) -> Array:
+        """Return the nearest sample."""
+        row = min(max(round(time / self._period), 0), len(self._samples) - 1)
+        computed_path(self._path, row * self._period, self._row)
+        return self._row
+
+
+def controller_parts(
+    source: str | Path | dict[str, Any], law: str | None = None, *, computes: bool = False
+) -> ControllerParts:
+    """Return the parts of the controller that a spec describes; one that ``computes`` its reference where it can.
 
     Raises
     ------
@@ -174,29 +227,43 @@ def controller_parts(source: str | Path | dict[str, Any], law: str | None = None
         raise Error(
             f"law: {case.names.law or 'it'} does not compile, so it cannot be exported: {prepared.kernel.reason}"
         )
+    for field in ("disturbance", "stop"):
+        if getattr(spec, field) is not None:
+            warnings.warn(
+                f"{field}: belongs to simulation; the controller is exported without it",
+                NoteWarning,
+                stacklevel=3,
+            )
     given = spec.supervisor_of(case.plant)
     supervisor = given.prepare(robot, spec.period, command_mode(case.plant)) if given else None
-    return ControllerParts(
-        setting, case, prepared, (given, supervisor) if given and supervisor else None, case.scene.samples
-    )
+    both = (given, supervisor) if given and supervisor else None
+    path = path_parameters(case.scene.reference) if computes else None
+    return ControllerParts(setting, case, prepared, both, case.scene.samples, path)
+
+
+def _label(setting: PreparedExperiment, case: Combination) -> str:
+    """Return the law's label, with those of set, robot and plant where there are several."""
+    spec, names = setting.spec, case.names
+    plant = names.plant if len(spec.plant_by_label) > 1 else ""
+    return " · ".join(name for name in (names.robot, names.law, names.set, plant) if name)
 
 
 def _chosen(setting: PreparedExperiment, law: str | None) -> Combination:
     """Return the combination that a label names: of the law, or whole where that is not enough."""
     cases = setting.cases
-    labels = [case.names.label or case.names.law for case in cases]
+    labels = [_label(setting, case) for case in cases]
     if law is None:
         if len(cases) > 1:
             raise ShapeError(
                 f"law: {setting.spec.name} describes {len(cases)} controllers; choose one with --law: "
                 f"{', '.join(map(repr, labels))}"
             )
-        return cases[0]
+        return next(iter(cases))
     chosen = [case for case, label in zip(cases, labels, strict=True) if law in (label, case.names.law)]
     if not chosen:
         raise unknown_name("law", law, {*labels, *(case.names.law for case in cases if case.names.law)})
     if len(chosen) > 1:
-        several = ", ".join(repr(case.names.label) for case in chosen)
+        several = ", ".join(repr(_label(setting, case)) for case in chosen)
         raise ValueRangeError(
             f"law: '{law}' has several parameter sets, robots or plants; choose one of {several}"
         )

@@ -11,7 +11,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.loop.targets import SampledTarget
 from dqcontrol.plants.live_plant import live_plant
 
 OK, STOPPING, STOPPED, ENDED, LAW_FAILED = 0, 1, 2, 3, -6  # as dqc_controller.h has them
@@ -82,9 +81,7 @@ class PythonController:
         if self._control is None:
             assert parts.supervisor
             assert row.measured is not None
-            self._control = Control(
-                parts.law, SampledTarget(parts.samples, parts.period), parts.supervisor[1]
-            )
+            self._control = Control(parts.law, parts.target(), parts.supervisor[1])
             self._control.activate(row.measured)
             self._origin = row.time
         control = self._control
@@ -114,7 +111,7 @@ class PythonController:
         passed = since - self._stamp if self._stamp or since else period
         self._stamp = since
         self._time += min(max(passed, 0.0), 1.5 * period) if since else 0.0
-        target = SampledTarget(parts.samples, period)
+        target = parts.target()
         if row.request in (END, STOP) or target.is_over(self._time):
             row.status = self._status = STOPPED if row.request == STOP else ENDED
             return
@@ -129,22 +126,23 @@ class PythonController:
             row.status, self._status = LAW_FAILED, STOPPED
 
 
-def vector_rows(parts: ControllerParts, *, faults: bool = True) -> Iterator[VectorRow]:
-    """Yield the steps of a closed loop with the spec's plant, ideal joints if that is not compiled.
+def vector_rows(parts: ControllerParts, *, whole: bool = False) -> Iterator[VectorRow]:
+    """Yield the steps of a closed loop with the spec's plant.
 
-    With a supervisor there are faults on the way, an emergency stop, a new start and a soft end.
+    With a supervisor there are faults on the way, an emergency stop, a new start, and then a soft end, or the ``whole``
+    reference.
     """
     controller, period = PythonController(parts), parts.period
     plant = _moved(parts)
     is_supervised, first, is_new, ending = parts.supervisor is not None, 0, True, False
-    for k in range(_MOST if faults else len(parts.samples) + _MOST):
+    for k in range(len(parts.samples) + _MOST if whole else _MOST):
         since = k - first
         row = VectorRow(RESET if k and is_new else NO_REQUEST, plant.measured.copy(), k * period, 0.0, 0.0)
-        if is_supervised and faults:
+        if is_supervised:
             _spoil(row, since if not first else -1, period)
             if not first and since == _STOP_AT:
                 row.request = STOP
-            if first and since == _END_AT:
+            if first and since == _END_AT and not whole:
                 row.request = END
         controller.answer(row)
         is_new = False

@@ -16,8 +16,6 @@
 enum { INACTIVE, ACTIVE, STOPPING, STOPPED, ENDED };
 enum { GO, END, STOP_NOW };
 
-static const double NOTHING[8] = {0};
-
 dqc_config dqc_default_config(void) {
   dqc_config config = {DQC_COORDINATES, DQC_INPUTS, DQC_FROM_SPEC, 0.1, 0.5, 0.1};
   return config;
@@ -156,7 +154,7 @@ static int ask(dqc_controller *controller, const dqc_target *target) {
 
 /* Write the desired motion now into the controller's sample; return whether the reference is over. */
 static int is_over(const dqc_controller *controller) {
-  return controller->config_.source == DQC_FROM_SPEC && DQC_SAMPLES > 0 && row_of(controller->time) >= DQC_SAMPLES;
+  return controller->config_.source == DQC_FROM_SPEC && row_of(controller->time) >= DQC_SAMPLES;
 }
 
 static void desire(dqc_controller *controller) {
@@ -182,8 +180,11 @@ static void desire(dqc_controller *controller) {
   }
 #endif
   int64_t row = row_of(controller->time);
-  if (DQC_SAMPLES > 0 && row >= DQC_SAMPLES) row = DQC_SAMPLES - 1;
-#ifdef DQC_COMPUTED
+  if (row >= DQC_SAMPLES) row = DQC_SAMPLES - 1;
+#if DQC_REFERENCE_RESTS
+  memcpy(controller->sample, dqc_reference, sizeof controller->sample);
+  controller->sample[20] = (double)row * DQC_PERIOD;
+#elif DQC_REFERENCE_COMPUTED
   int64_t result;
   void *raised;
   dqc_kernel_reference(&result, &raised, NUMBERS(dqc_reference, DQC_REFERENCE), (double)row * DQC_PERIOD,
@@ -209,6 +210,8 @@ static int ask_law(dqc_controller *controller) {
 }
 
 #if DQC_SUPERVISED
+static const double NOTHING[1] = {0};
+
 static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked) {
   int64_t result;
   void *raised;

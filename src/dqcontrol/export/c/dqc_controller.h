@@ -104,7 +104,7 @@ typedef struct {
   double supervisor_[@SUPERVISOR@];
   double supervisor_state_[@SUPERVISOR_STATE@];
   double supervisor_work_[@SUPERVISOR_WORK@];
-  double moving_[@MOVING@];
+  double moving_[@MOVING_SIZE@];
   double asked_[8];
   double parameters_[DQC_PARAMETERS + 1];
   int64_t plan_[@PLAN@];
