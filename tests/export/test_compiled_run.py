@@ -11,7 +11,8 @@ from exported import SPEC, needs_c
 import dqcontrol as dqc
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments import load_run
-from dqcontrol.export import run_compiled_in_real_time
+from dqcontrol.export import compiled_run, run_compiled_in_real_time
+from dqcontrol.export.controller_parts import controller_parts
 
 SHORT = SPEC | {
     "duration": 0.4,
@@ -20,16 +21,40 @@ SHORT = SPEC | {
 }
 
 
+class Sink:
+    """Takes samples as a recording does."""
+
+    failure = ""
+
+    def __init__(self):
+        self.rows = []
+
+    def take(self, sample, q, measured, command, interventions=0.0):
+        self.rows.append([sample[-1], *command, interventions])
+
+
 @needs_c
-def test_it_does_what_a_simulation_does_and_is_recorded(tmp_path):
+def test_the_thread_does_what_a_simulation_does(tmp_path):
+    parts, seen, sink = controller_parts(SHORT), [], Sink()
+    host = compiled_run._built_host(parts, tmp_path)
+    plant = compiled_run._startable_plant(parts)
+    rows = compiled_run._watched(host, parts, plant, sink, lambda *what: seen.append(what))
+    assert len(sink.rows) == len(rows.time)
+    assert not rows.command[-1].any(), "it comes to rest"
+    assert "soft stop" in seen[-1][1]
+    if rows.time[40] == pytest.approx(0.4):  # no period was missed
+        simulated = dqc.run(SHORT)
+        np.testing.assert_array_equal(rows.command[:40], simulated.command[:40])
+        np.testing.assert_array_equal(rows.q[:40], simulated.q[:40])
+
+
+@needs_c
+@pytest.mark.slow
+def test_it_is_recorded_as_any_run(tmp_path):
     seen = []
     run = run_compiled_in_real_time(SHORT, tmp_path / "out", watch=lambda *what: seen.append(what))
     assert run.record.stopped == "duration"
     assert not run.command[-1].any(), "it comes to rest"
-    if not run.timing.missed:
-        simulated = dqc.run(SHORT)
-        np.testing.assert_array_equal(run.command[:40], simulated.command[:40])
-        np.testing.assert_array_equal(run.q[:40], simulated.q[:40])
     assert "soft stop" in seen[-1][1]
     loaded = load_run(tmp_path / "out")
     np.testing.assert_array_equal(loaded.q, run.q)

@@ -182,6 +182,7 @@ def own_laws(tmp_path, monkeypatch):
 
 
 @needs_c
+@pytest.mark.slow
 def test_own_laws_are_exported(own_laws, tmp_path):
     said = make(export_controller(OWN, tmp_path / "c").folder, "test")
     assert "largest difference to Python 0 (bits compared)" in said
