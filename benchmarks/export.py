@@ -254,7 +254,7 @@ def main() -> None:
                     "≤ 0.6",
                 ),
             )
-        print(table(rows, "controllers in C").text())
+        print(table(rows, "controllers in C"))
         print(f"export and both builds: {took:.1f} s; {guarded[5]:.0f} bytes a controller")
         steps, largest = spiral_equality(folder)
         print(f"P16's spiral, {steps} steps with faults and stops: largest difference to Python {largest:g}")

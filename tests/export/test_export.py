@@ -44,6 +44,7 @@ def test_it_asks_only_for_what_c_has(exported_folder):
 def test_streamed_targets_move_as_those_of_ros_2(exported_folder, source):
     make(exported_folder)
     parts = controller_parts(SPEC)
+    assert parts.supervisor
     arm, period = parts.robot, parts.period
     target = PoseTarget(Speeds()) if source == POSE else TwistTarget(Speeds())
     control = Control(parts.law, target, parts.supervisor[1])
@@ -78,6 +79,7 @@ def test_parameters_change_what_the_spec_would_change(exported_folder):
     make(exported_folder)
     changed = {"law": SPEC["law"] | {"gain": 2.5}, "supervisor": {"acceleration": 3.0}}
     parts = controller_parts(SPEC | changed)
+    assert parts.supervisor
     control = Control(parts.law, parts.target(), parts.supervisor[1])
     library, q = LibraryController(exported_folder), START.copy()
     assert library.set("law.gain", 2.5) == 0

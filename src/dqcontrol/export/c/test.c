@@ -18,14 +18,16 @@ static void expect(const char *what, int is, int wanted) {
 }
 
 static double follow_vector(void) {
-  double farthest = 0.0, u[DQC_INPUTS];
+  double farthest = 0.0, u[DQC_INPUTS], others[DQC_INPUTS];
   for (int row = 0; row < VECTOR_ROWS; row++) {
     const double *call = vector[row], *answer = call + 5 + DQC_COORDINATES;
     dqc_measured measured = {call[1] != 0.0 ? call + 5 : 0, call[3], call[4], 0, 0};
-    if (call[0] == 1.0) dqc_end(&controller);
-    if (call[0] == 2.0) dqc_stop(&controller);
-    if (call[0] == 3.0) expect("reset", dqc_reset(&controller), DQC_OK);
+    if (call[0] == 1.0) dqc_end(&controller), dqc_end(&another);
+    if (call[0] == 2.0) dqc_stop(&controller), dqc_stop(&another);
+    if (call[0] == 3.0) expect("reset", dqc_reset(&controller), DQC_OK), dqc_reset(&another);
     int status = dqc_step_measured(&controller, &measured, call[2], 0, u);
+    expect("a second controller", dqc_step_measured(&another, &measured, call[2], 0, others), status);
+    if (memcmp(u, others, sizeof u)) failures++, printf("row %d: a second controller answers otherwise\n", row);
     int differs = status != (int)answer[0] || controller.interventions != (uint32_t)answer[1];
     for (int i = 0; i < DQC_INPUTS; i++) {
       double away = fabs(u[i] - answer[2 + i]);
@@ -75,6 +77,7 @@ int main(void) {
   if (strcmp(dqc_law_hash(), DQC_LAW_HASH)) failures++, printf("the header is of another library\n");
   try_bad_calls();
   expect("init", dqc_init(&controller, 0), DQC_OK);
+  expect("init", dqc_init(&another, 0), DQC_OK);
   double farthest = follow_vector();
   printf("%s %s for %s: %d steps, largest difference to Python %g%s; %zu bytes a controller; %s\n", DQC_LAW, DQC_LAW_HASH,
          DQC_ROBOT, VECTOR_ROWS, farthest, VECTOR_IS_EXACT ? " (bits compared)" : "", sizeof(dqc_controller),
