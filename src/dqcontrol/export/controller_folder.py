@@ -22,7 +22,7 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
 from dqcontrol.export.changeable import Changeable, changeable_parameters
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
-from dqcontrol.export.test_vector import c_number, vector_rows
+from dqcontrol.export.expected_answers import c_number, vector_rows
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import START_TOLERANCE
