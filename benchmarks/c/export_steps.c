@@ -54,7 +54,7 @@ int main(void) {
     void *raised;
     begin = now();
     for (int k = 0; k < SPELL; k++)
-      dqc_kernel_full(&result, &raised, ROWS(controller.memory_, DQC_COORDINATES + 1, 8), NUMBERS(vector[k] + 5, DQC_COORDINATES),
+      dqc_kernel_full(&result, &raised, ROWS(controller.memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS), NUMBERS(vector[k] + 5, DQC_COORDINATES),
                       NUMBERS(row, 8 + 14 * DQC_INPUTS));
     kinematics_time[spell] = (now() - begin) / SPELL;
 #ifdef WITH_CASADI

@@ -1,5 +1,6 @@
 """Every built-in law, null space, inverse and limit is exported, and answers in C as in Python."""
 
+import numpy as np
 import pytest
 from exported import SPEC, make, needs_c, undefined_symbols
 
@@ -40,6 +41,7 @@ LAWS = {
     "linear-quadratic-dq": {"kind": "linear-quadratic-dq", **WEIGHTS},
     "feedback-linearization": {"kind": "feedback-linearization", **SECOND_ORDER},
     "open-loop": {"kind": "open-loop"},
+    "joint-motion": {"kind": "joint-motion", "file": "motion.csv", "gain": 2},
 }
 NULL_SPACES = {
     "posture": {"kind": "posture", "gain": 2, "rest": SPEC["start"]},
@@ -78,7 +80,12 @@ def test_all_kinds_are_here():
 @needs_c
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPECS)
-def test_it_answers_as_in_python(name, tmp_path):
+def test_it_answers_as_in_python(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    q = np.array(SPEC["start"]) + np.linspace(0, 0.5, 50)[:, None]
+    header = "time," + ",".join(f"q{i + 1}" for i in range(7))
+    table = np.column_stack([0.02 * np.arange(50), q])
+    np.savetxt("motion.csv", table, delimiter=",", header=header, comments="")
     done = export_controller(SPECS[name], tmp_path / "c")
     assert "largest difference to Python 0 (bits compared)" in make(done.folder, "test")
     assert undefined_symbols(done.folder / "dqc_code.o") <= OF_C

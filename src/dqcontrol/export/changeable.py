@@ -24,11 +24,11 @@ from dqcontrol.limits.supervisor import supervisor_layout as layout
 _MOST_GAIN = 1e6
 _TRIED = (1.0, 0.75, 0.5)  # times the value, which the structure allows where it allows the value
 _PROPORTIONAL = 1e-12
-_ROWS = {
-    "velocity": 7,
-    "acceleration": 0,
-    "tracking_error": 3,
-}  # of a supervisor's parameters after their head
+_ROWS = {  # of a supervisor, as the spec and as its `Bounds` name them
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "tracking_error": "tracking",
+}
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ def _of_supervisor(parts: ControllerParts) -> Iterator[Changeable]:
         if field == "acceleration" and spec.jerk is not None:
             continue  # the window of smoothing depends on it
         for i, name in enumerate(parts.robot.input_names):
-            index = layout.HEAD + row * m + i
-            value = float(prepared.parameters[index])
+            index = layout.bounds_layout.place(row, m, 0, 0) + i
+            value = float(prepared.memory[index])
             places = [ChangedNumber(index, 0.0, 1.0)]
             yield Changeable(f"supervisor.{field}.{name}", value, 1e-3 * value, value, True, places)

@@ -32,6 +32,7 @@ VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
 
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
+_PLACES = ("good", "sent", "sent_rate", "position", "sent_then", "usual_effort")  # of a supervisor's state
 _ON_PLANT = ("thread_host.c", "udp_robot.c")  # hosts that move it
 
 
@@ -163,15 +164,13 @@ def _filled(text: str, values: dict[str, object]) -> str:
 
 def _sizes(parts: ControllerParts) -> dict[str, int]:
     """Return the sizes of a controller's arrays, at least one number each, as C wants it."""
-    supervised = parts.supervisor is not None
     n, m = parts.robot.configuration_size, parts.robot.input_size
-    window = parts.supervisor[1].window if parts.supervisor else 1
+    supervisor = parts.supervisor[1] if parts.supervisor else None
     return {
         "MEMORY": parts.law.memory.size,
         "STATE": parts.law.state_size,
-        "SUPERVISOR": parts.supervisor[1].parameters.size if parts.supervisor else 1,
-        "SUPERVISOR_STATE": layout.state_size(n, m, window) if supervised else 1,
-        "SUPERVISOR_WORK": layout.work_size(n, m) if supervised else 1,
+        "SUPERVISOR": supervisor.memory.size if supervisor else 1,
+        "SUPERVISOR_STATE": layout.state_layout.size(n, m) + supervisor.window * m if supervisor else 1,
         "MOVING_SIZE": MOVING_SIZE,
         "PLAN": parts.plan.size,
     }
@@ -224,7 +223,7 @@ def _c_text(text: str) -> str:
 
 def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str:
     """Return what only dqc_controller.c knows: kernels, how they take arrays, and where numbers stand."""
-    sizes = _sizes(parts)
+    sizes, n, m = _sizes(parts), parts.robot.configuration_size, parts.robot.input_size
     lines = [
         "/* Of dqc_controller.c alone: compiled functions, and where numbers stand. */",
         '#include "dqc_controller.h"',
@@ -251,8 +250,14 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_REFERENCE_COMPUTED {int(parts.path is not None)}",
         f"#define DQC_STARTS {len(parts.starts)}",
         f"#define DQC_PLACES {sum(len(each.places) for each in parameters)}",
-        f"#define DQC_SUPERVISOR_HEAD {layout.HEAD}",
-        f"#define DQC_SUPERVISOR_MEMORY {layout.MEMORY}",
+        f"#define DQC_TABLE_ROWS {parts.plan_field('table_rows')}",
+        f"#define DQC_TABLE_COLUMNS {parts.plan_field('table_columns')}",
+        f"#define DQC_MOMENT {len(layout.Moment._fields)}",
+        *(
+            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0)}"
+            for name in ("lower", "upper")
+        ),
+        *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
         f"#define DQC_START_TOLERANCE {START_TOLERANCE!r}",
         f"#define DQC_LATENESS {layout.LATENESS}",
         f"#define DQC_NOW {layout.NOW}",

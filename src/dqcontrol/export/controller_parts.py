@@ -32,7 +32,6 @@ from dqcontrol.plants.plant import CompiledPlant, command_mode
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
-from dqcontrol.robots.kinematics_kernels import forward
 
 _STAGES = {  # of a prepared law, as `Plan` calls them: their names in C
     "kinematics": "dqc_kernel_kinematics",
@@ -126,7 +125,7 @@ class ControllerParts:
             found["dqc_kernel_reference"] = computed_path
         if self.takes_streams:
             found |= {
-                "dqc_kernel_forward": forward,
+                "dqc_kernel_forward": self.robot.kernels.forward,
                 "dqc_kernel_to_pose": move_to_pose,
                 "dqc_kernel_by_twist": move_by_twist,
             }
@@ -141,7 +140,7 @@ class ControllerParts:
             "dqc_reference": self._reference,
         }
         if self.supervisor:
-            found["dqc_supervisor_parameters"] = self.supervisor[1].parameters
+            found["dqc_supervisor_memory"] = self.supervisor[1].memory
         return found
 
     @property

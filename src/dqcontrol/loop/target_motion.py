@@ -5,8 +5,14 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from dqcontrol.algebra.elementary import position, quaternion_product, rotate, set_pose
-from dqcontrol.algebra.screws import exp_quaternion, half_angle
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    exp_quaternion,
+    half_angle,
+    position,
+    quaternion_product,
+    rotate,
+    set_pose,
+)
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, types
 from dqcontrol.compiled.memory_layout import MemoryLayout

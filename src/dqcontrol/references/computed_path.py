@@ -10,7 +10,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from dqcontrol.algebra.elementary import adjoint_twist, multiply, position, quaternion_product, set_pose
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    adjoint_twist,
+    multiply,
+    position,
+    quaternion_product,
+    set_pose,
+)
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, types
 from dqcontrol.compiled.memory_layout import MemoryLayout

@@ -63,7 +63,7 @@ int dqc_init(dqc_controller *controller, const dqc_config *config) {
   controller->plan_[4] = (int64_t)(intptr_t)&dqc_kernel_limit;
 #endif
 #if DQC_SUPERVISED
-  memcpy(controller->supervisor_, dqc_supervisor_parameters, DQC_SUPERVISOR * sizeof(double));
+  memcpy(controller->supervisor_, dqc_supervisor_memory, DQC_SUPERVISOR * sizeof(double));
 #endif
   for (int i = 0; i < DQC_PARAMETERS; i++) controller->parameters_[i] = dqc_parameters[i].value;
   controller->config_ = chosen;
@@ -76,19 +76,18 @@ static int start(dqc_controller *controller, const double *q, double time) {
   if (!q) return DQC_NULL_POINTER;
   if (!is_finite(q, DQC_COORDINATES) || !is_finite(&time, 1)) return DQC_NOT_FINITE;
 #if DQC_SUPERVISED
-  const double *bounds = controller->supervisor_ + DQC_SUPERVISOR_HEAD;
+  const double *lower = controller->supervisor_ + DQC_LOWER, *upper = controller->supervisor_ + DQC_UPPER;
   for (int i = 0; i < DQC_INPUTS; i++) {
     double position = q[dqc_input_coordinates[i]];
-    if (position < bounds[DQC_INPUTS + i] - DQC_START_TOLERANCE || position > bounds[2 * DQC_INPUTS + i] + DQC_START_TOLERANCE)
-      return DQC_OUTSIDE_LIMITS;
+    if (position < lower[i] - DQC_START_TOLERANCE || position > upper[i] + DQC_START_TOLERANCE) return DQC_OUTSIDE_LIMITS;
   }
-  double *state = controller->supervisor_state_, *good = state + DQC_SUPERVISOR_MEMORY, *rows = good + DQC_COORDINATES;
+  double *state = controller->supervisor_state_;
   memset(state, 0, sizeof controller->supervisor_state_);
   state[DQC_LATENESS] = 1.0;
-  memcpy(good, q, DQC_COORDINATES * sizeof(double));
-  for (int i = 0; i < DQC_INPUTS; i++) { /* position command, before smoothing, when it last changed; usual effort */
-    rows[i] = rows[2 * DQC_INPUTS + i] = rows[5 * DQC_INPUTS + i] = q[dqc_input_coordinates[i]];
-    rows[7 * DQC_INPUTS + i] = NAN;
+  memcpy(state + DQC_GOOD, q, DQC_COORDINATES * sizeof(double));
+  for (int i = 0; i < DQC_INPUTS; i++) {
+    state[DQC_SENT + i] = state[DQC_POSITION + i] = state[DQC_SENT_THEN + i] = q[dqc_input_coordinates[i]];
+    state[DQC_USUAL_EFFORT + i] = NAN;
   }
 #endif
   memcpy(controller->state_, dqc_law_state, DQC_STATE * sizeof(double));
@@ -105,7 +104,7 @@ static int start(dqc_controller *controller, const double *q, double time) {
     int64_t result;
     void *raised;
     memset(controller->moving_, 0, sizeof controller->moving_);
-    dqc_kernel_forward(&result, &raised, ROWS(controller->memory_, DQC_COORDINATES + 1, 8),
+    dqc_kernel_forward(&result, &raised, ROWS(controller->memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS),
                        NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(controller->moving_, 8));
   }
 #endif
@@ -165,7 +164,7 @@ static void desire(dqc_controller *controller) {
     double pose[8];
     const double speeds[3] = {controller->config_.linear_speed, controller->config_.angular_speed,
                               controller->config_.twist_timeout};
-    dqc_kernel_forward(&result, &raised, ROWS(controller->memory_, DQC_COORDINATES + 1, 8),
+    dqc_kernel_forward(&result, &raised, ROWS(controller->memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS),
                        NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(pose, 8));
     if (controller->config_.source == DQC_FROM_POSES)
       dqc_kernel_to_pose(&result, &raised, NUMBERS(pose, 8), controller->time,
@@ -218,16 +217,14 @@ static int supervise(dqc_controller *controller, const dqc_measured *measured, d
   double *state = controller->supervisor_state_;
   const double *effort = measured->effort ? measured->effort : NOTHING;
   const double *wrench = measured->wrench ? measured->wrench : NOTHING;
-  int request = controller->request_;
+  const double moment[DQC_MOMENT] = {age, elapsed, (double)controller->request_};
   (void)law_asked;
   controller->request_ = GO;
   dqc_kernel_supervise(&result, &raised, (int64_t)(intptr_t)&dqc_kernel_kinematics,
-                       ROWS(controller->memory_, DQC_COORDINATES + 1, 8),
-                       NUMBERS(controller->measured, DQC_COORDINATES), age, elapsed, request,
-                       NUMBERS(controller->wanted, DQC_INPUTS), NUMBERS(effort, measured->effort ? DQC_INPUTS : 0),
-                       NUMBERS(wrench, measured->wrench ? 6 : 0), NUMBERS(controller->supervisor_, DQC_SUPERVISOR),
-                       NUMBERS(state, DQC_SUPERVISOR_STATE), NUMBERS(controller->supervisor_work_, DQC_SUPERVISOR_WORK),
-                       NUMBERS(controller->command, DQC_INPUTS));
+                       NUMBERS(controller->supervisor_, DQC_SUPERVISOR), NUMBERS(moment, DQC_MOMENT),
+                       NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(controller->wanted, DQC_INPUTS),
+                       NUMBERS(effort, measured->effort ? DQC_INPUTS : 0), NUMBERS(wrench, measured->wrench ? 6 : 0),
+                       NUMBERS(state, DQC_SUPERVISOR_STATE), NUMBERS(controller->command, DQC_INPUTS));
   int rests = result == DQC_AT_REST;
   dqc_kernel_sent(&result, &raised, NUMBERS(controller->plan_, DQC_PLAN), NUMBERS(controller->memory_, DQC_MEMORY),
                   NUMBERS(controller->state_, DQC_STATE), NUMBERS(controller->command, DQC_INPUTS));
@@ -370,12 +367,12 @@ int dqc_get(const dqc_controller *controller, const char *name, double *value) {
 
 const double *dqc_position(const dqc_controller *controller) {
   if (!controller || !DQC_SUPERVISED) return 0;
-  return controller->supervisor_state_ + DQC_SUPERVISOR_MEMORY + DQC_COORDINATES;
+  return controller->supervisor_state_ + DQC_SENT;
 }
 
 const double *dqc_rate(const dqc_controller *controller) {
   if (!controller || !DQC_SUPERVISED) return 0;
-  return controller->supervisor_state_ + DQC_SUPERVISOR_MEMORY + DQC_COORDINATES + DQC_INPUTS;
+  return controller->supervisor_state_ + DQC_SENT_RATE;
 }
 
 const char *dqc_status_text(int status) {

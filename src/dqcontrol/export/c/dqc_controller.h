@@ -103,7 +103,6 @@ typedef struct {
   double state_[@STATE@];
   double supervisor_[@SUPERVISOR@];
   double supervisor_state_[@SUPERVISOR_STATE@];
-  double supervisor_work_[@SUPERVISOR_WORK@];
   double moving_[@MOVING_SIZE@];
   double asked_[8];
   double parameters_[DQC_PARAMETERS + 1];
