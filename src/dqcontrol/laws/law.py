@@ -298,14 +298,19 @@ class PreparedLaw:
             self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks
         )
 
-    @cached_property
-    def plan(self) -> NDArray[np.intp]:
-        """Where compiled code finds the law's stages and sizes."""
+    @property
+    def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
+        """What compiled code calls, by its name in `Plan`; None where nothing is to be done."""
         kinematics = self.robot.kernels.twist_kinematics
         tasks = self.tasks.kernel if self.tasks else None
         kept = keep_constraints if self.constraints else None
         stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept
-        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
+        return dict(zip(Plan._fields, stages, strict=False))
+
+    @cached_property
+    def plan(self) -> NDArray[np.intp]:
+        """Where compiled code finds the law's stages and sizes."""
+        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
