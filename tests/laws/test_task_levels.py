@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.laws import FurtherTask, PreparedTasks
 from dqcontrol.loop import Record
 
