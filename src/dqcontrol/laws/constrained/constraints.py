@@ -270,7 +270,7 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Half angle of the view, rad.
     """
 
-    target: Place | Name
+    target: Place | str
     axis: Direction = (0.0, 0.0, 1.0)
     camera: Place = (0.0, 0.0, 0.0)
     at_most: Annotated[float, Meta(ge=LEAST_CONE, lt=math.pi, description="rad")]
