@@ -49,7 +49,7 @@ def run(
 
     folder = out or Path("results") / read_spec(spec)[0].name
     if real_time:
-        _in_real_time(spec, folder, force=force)
+        _in_real_time(spec, folder, force=force, figures=figures is not False)
         return
     try:
         with progress_bar() as progress:
@@ -79,14 +79,14 @@ def _show(study: Study) -> None:
     sys.stdout.flush()
 
 
-def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
+def _in_real_time(spec: Path, folder: Path, *, force: bool, figures: bool) -> None:
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.figures import timing_table
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
-    done = run_in_real_time(spec, folder, force=force, watch=watch)
+    done = run_in_real_time(spec, folder, force=force, figures=figures, watch=watch)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))
