@@ -33,7 +33,10 @@ def low_passed(time: Array, values: Array, cutoff: float) -> Array:
     >>> bool(np.abs(low_passed(time, slow + fast, 10.0) - slow)[50:-50].max() < 0.003)
     True
     """
-    from scipy.signal import butter, sosfiltfilt  # takes as long to load as all of ours: only where it is used
+    from scipy.signal import (  # takes as long to load as all of ours: only where it is used
+        butter,
+        sosfiltfilt,
+    )
 
     if len(time) < 4:
         return values
