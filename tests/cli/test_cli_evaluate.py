@@ -21,7 +21,7 @@ def run():
 
 @pytest.fixture(scope="module")
 def saved(run, tmp_path_factory):
-    return run.save(tmp_path_factory.mktemp("saved") / "run")
+    return run.save(tmp_path_factory.mktemp("saved") / "run", figures=False)
 
 
 @pytest.fixture

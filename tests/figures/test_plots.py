@@ -202,6 +202,7 @@ def test_figures_ignore_and_keep_the_users_settings():
     assert open_figures() == before
 
 
+@pytest.mark.slow
 def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
     limits = symmetric_limits([3, 3, 7], [1, 1, 1], [1, 1, 1])
     first = save_plots(run(), tmp_path / "a", limits, formats=["png", "svg"])

@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
-from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
@@ -193,6 +192,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         answers = [(self._answer(i, n, dt), float(gain[i])) for i in range(n)]
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], dt)
+        from scipy.linalg import block_diag
+
         models = [self._joint_model(*each, dt) for each in answers]
         sizes = [len(model.transition) for model in models]
         begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
