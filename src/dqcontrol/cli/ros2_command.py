@@ -22,6 +22,9 @@ class NodeOptions:
     interface: Annotated[
         Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
     ] = "velocity"
+    base_interface: Annotated[
+        Literal["twist", "twist-stamped", "wheels"], Parameter(help="What commands of a mobile base are.")
+    ] = "twist"
     network: Annotated[
         bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
     ] = False
@@ -85,6 +88,7 @@ def controller(
                 name=name,
                 source=follow,
                 interface=options.interface,
+                base_interface=options.base_interface,
                 autostart=autostart,
                 out=out,
                 force=force,
@@ -129,7 +133,13 @@ def robot(
         with middleware.ros(ros_arguments, names, network=options.network):
             from dqcontrol.ros2.robot_node import RobotNode
 
-            node = RobotNode(loaded, name=name, interface=options.interface, wrench_node=wrench_node)
+            node = RobotNode(
+                loaded,
+                name=name,
+                interface=options.interface,
+                base_interface=options.base_interface,
+                wrench_node=wrench_node,
+            )
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
 
 
