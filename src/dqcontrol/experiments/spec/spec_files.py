@@ -13,6 +13,7 @@ from dqcontrol.errors import Error
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
@@ -20,12 +21,15 @@ INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants absolute, and put what plant files hold in their place."""
-    for plant in _plant_tables(data):
-        if kind := _kinds().get(str(plant.get("kind"))):
-            completed = kind.complete(plant, folder)
-            plant.clear()
-            plant.update(completed)
+    """Make the names of files of plants and laws absolute, and put what plant files hold in their place."""
+    for part, kind in _plants_and_laws(data):
+        if issubclass(kind, Plant):
+            completed = kind.complete(part, folder)
+            part.clear()
+            part.update(completed)
+        else:
+            for key in _file_keys(part, kind):
+                part[key] = str((folder / part[key]).resolve())
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -80,7 +84,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
-    yield from _plants(data)
+    yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
     )
@@ -108,23 +112,29 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
         yield from _references(part)
 
 
-def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    for plant in _plant_tables(data):
-        kind = _kinds().get(str(plant.get("kind")), Plant)
-        for key in kind.file_keys:
-            if isinstance(plant.get(key), str):
-                yield plant, key
+def _plants_and_laws(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], type[Law | Plant]]]:
+    """Yield what a spec says of plants and laws of known kinds, each with the class of its kind."""
+    for key in ("plant", "law"):
+        for part in _tables(data, key):
+            if kind := _kinds(key).get(str(part.get("kind"))):
+                yield part, kind
 
 
-def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    several = data.get("plants")
-    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    yield from (plant for plant in plants if isinstance(plant, dict))
+def _file_keys(part: dict[str, Any], kind: type[Law | Plant]) -> list[str]:
+    return [key for key in kind.file_keys if isinstance(part.get(key), str)]
+
+
+def _tables(data: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+    """Yield what a spec says under ``law`` and ``laws``, or ``plant`` and ``plants``."""
+    several = data.get(f"{key}s")
+    parts = [data.get(key), *(several.values() if isinstance(several, dict) else ())]
+    yield from (part for part in parts if isinstance(part, dict))
 
 
 @cache
-def _kinds() -> dict[str, type[Plant]]:
-    return dict(by_tag(Plant, "dqcontrol.plants"))
+def _kinds(key: str) -> dict[str, type[Law | Plant]]:
+    base = Law if key == "law" else Plant
+    return dict(by_tag(base, f"dqcontrol.{key}s"))
 
 
 def _parts(robot: Path) -> Iterator[Path]:

@@ -217,13 +217,22 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points = self._workspace(robot, head)
+        head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
         head[layout.DRIVES], head[layout.POINTS] = len(robot.drives), len(points)
-        tracking = _each("tracking_error", self.tracking_error, m)
-        effort = np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m)
-        joints = ~base_coordinates(robot)[input_coordinates]
-        rows = (head, acceleration, lower, upper, tracking, effort, input_coordinates, joints, velocity)
-        parts = [np.asarray(row, dtype=np.float64) for row in (*rows, robot.drives.ravel(), points.ravel())]
-        return PreparedSupervisor(robot, np.concatenate(parts))
+        bounds = layout.bounds_layout.pack(
+            head=head,
+            acceleration=acceleration,
+            lower=lower,
+            upper=upper,
+            tracking=_each("tracking_error", self.tracking_error, m),
+            effort=np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m),
+            coordinate=input_coordinates,
+            is_joint=~base_coordinates(robot)[input_coordinates],
+            velocity=velocity,
+            drives=robot.drives,
+            points=points,
+        )
+        return PreparedSupervisor(robot, bounds)
 
     def _number(self, field: str, *, zero_allowed: bool = False, most: float = math.inf) -> float:
         """Return a single number, inf if it is omitted, and check it: from Python as from YAML."""

@@ -196,13 +196,13 @@ def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
 
 
 @inline
-def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch):
+def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memory, scratch):
     """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
 
     Two samples in a row with something wrong stop; what else is seen stops at once.
     """
-    numbers, good = memory.numbers, memory.good
-    fault, passed = _watch_time(elapsed, bounds, memory)
+    numbers, good, age, request = memory.numbers, memory.good, moment.age, int(moment.request)
+    fault, passed = _watch_time(moment.elapsed, bounds, memory)
     seen = age <= bounds.head[STALE]
     for i in range(measured.shape[0]):
         seen = seen and abs(measured[i]) < _FAR

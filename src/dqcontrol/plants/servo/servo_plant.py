@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
+from msgspec.structs import replace
 from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
@@ -207,6 +208,20 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         transition[0, 0] += decay
         inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
         return LinearModel(transition, inputs)
+
+    def varied(self, lag: float, delay: float) -> Servo:
+        """Return servos whose lags are longer by a share, and their delays by a time, s; see `Plant.varied`."""
+
+        def longer(value: Each, factor: float, more: float) -> Each:
+            if isinstance(value, list):
+                return [max(factor * each + more, 0.0) for each in value]
+            return max(factor * value + more, 0.0)
+
+        return replace(
+            self,
+            time_constant=longer(self.time_constant, 1 + lag, 0.0),
+            delay=longer(self.delay, 1.0, delay),
+        )
 
     def _each(self, field: str, n: int, *, zero_allowed: bool = True) -> Array:
         """Return a parameter of each of n joints, checked."""
