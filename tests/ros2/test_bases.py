@@ -17,6 +17,7 @@ from std_msgs.msg import Float64MultiArray
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.loop.control import Phase
+from dqcontrol.reproductions.silva2017.nodes import graph_spec
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load
@@ -163,6 +164,8 @@ def test_odometry_that_cannot_be_right_is_refused_and_the_robot_stopped(spec, no
     node.host(controller)
     following = controller.following
     assert following is not None
+    assert following._localisation is not None
+    localisation = following._localisation
 
     def starts():
         said.__dict__.update(
@@ -172,7 +175,7 @@ def test_odometry_that_cannot_be_right_is_refused_and_the_robot_stopped(spec, no
             following.control.reset()
             following.let_go()
         controller.set_parameters([Parameter("odometry_timeout", value=2.0)])
-        assert node.serve(lambda: following._localisation.pose[0] == START[0])
+        assert node.serve(lambda: localisation.pose[0] == START[0])
         activated(node, controller)
 
     for field, value, why in (
@@ -270,3 +273,40 @@ def test_what_has_no_topics_is_refused_in_a_line(spec, node):
     two = dqc.WholeBody([dqc.HolonomicBase(), dqc.HolonomicBase()], name="two")
     with pytest.raises(ShapeError, match="two has 2 mobile bases; ROS 2 tells of one"):
         RobotParts(two)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["robot", "controller"])
+def test_when_a_process_of_silva_s_graph_is_killed_the_wheels_stop(start, node, spec, lost):
+    """The other notices within two and a half of its periods of 50 ms, and brakes within its acceleration."""
+    path = spec(**graph_spec("nonlinear", "ideal"))
+    speeds = []
+
+    def hear(message):
+        speeds.append((time.monotonic(), abs(message.twist.twist.linear.x)))
+
+    node.create_subscription(Odometry, "/odom", hear, 100)
+    told = []
+    node.create_subscription(Twist, "/cmd_vel", lambda m: told.append((time.monotonic(), m.linear.x)), 100)
+    limits = ("--", "-p", "command_timeout:=0.08") if lost == "controller" else ()
+    running = {"robot": start("robot", path, *limits)}
+    running["controller"] = start("controller", path, "--autostart", until="active")
+    assert node.serve(lambda: len(told) > 5 and abs(told[-1][1]) > 0.05)
+    running[lost].kill()
+    killed = time.monotonic()
+    node.serve(seconds=1.0)
+    moving = [at for at, speed in (told if lost == "robot" else speeds) if speed]
+    print(f"{lost} killed: the last that moved came {1e3 * (moving[-1] - killed):.0f} ms later")
+    assert moving[-1] - killed < 0.3
+
+
+@pytest.mark.slow
+def test_the_graph_of_silva_drives_and_ends_when_it_is_asked_to(start, node):
+    launch = start("silva2017", until="whole_body_controller]: active")
+    speeds = []
+    node.create_subscription(Odometry, "/odom", lambda m: speeds.append(m.twist.twist.linear.x), 1)
+    assert node.serve(lambda: speeds and abs(speeds[-1]) > 0.02)
+    assert {"little_john", "whole_body_controller"} <= set(node.get_node_names())
+    launch.terminate()
+    assert launch.wait() == 0
+    assert "Traceback" not in launch.stdout.read()

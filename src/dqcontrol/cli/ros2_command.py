@@ -171,7 +171,41 @@ def pereira2016(
     from dqcontrol.ros2 import middleware
 
     middleware.check_installed()
-    options = [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]
-    code = launch(robot, law, plant, options)
+    code = launch(robot, law, plant, _recording(out, force=force))
     if code:
         sys.exit(code)
+
+
+@ros2.command
+def silva2017(
+    *,
+    law: str = "nonlinear",
+    plant: Literal["camera", "ideal"] = "camera",
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Launch a ROS graph of Silva 2017: mobile manipulator and whole-body controller in processes of their own.
+
+    Parameters
+    ----------
+    law
+        As the comparison of the published experiments calls it.
+    plant
+        Whether a camera tells where the base is, or that is known exactly.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.reproductions.silva2017.nodes import launch
+    from dqcontrol.ros2 import middleware
+
+    middleware.check_installed()
+    code = launch(law, plant, _recording(out, force=force))
+    if code:
+        sys.exit(code)
+
+
+def _recording(out: Path | None, *, force: bool) -> list[str]:
+    """Return the options of a controller that is to record its motions."""
+    return [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]

@@ -44,6 +44,7 @@ from dqcontrol.ros2.parameters import (
 )
 from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
+from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.tuning import numbers_of, retune
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
@@ -99,7 +100,7 @@ class Following:
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self.control: Control = Control(law, self.target, supervisor)
         self._periods, self._stamps = PeriodMonitor(loaded.period), Stamps("joint states")
-        self._latest: tuple[float, float, Array] | None = None  # heard, stamp, configuration
+        self._latest: tuple[float, float] | None = None  # heard, stamp
         self._origin = self._passed = self._stepped = self._steady_since = (
             0.0  # s, by stamps, and by our clock
         )
@@ -158,7 +159,7 @@ class Following:
             raise Error(f"activate: no odometry on {self._localisation.topic}")
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
-        heard, stamp, measured = self._latest
+        (heard, stamp), measured = self._latest, self._measured.copy()
         if self._felt.age > self._longest_silence:
             raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
         if self._source == "spec":
@@ -261,24 +262,26 @@ class Following:
     def _hear_joints(self, message: JointState) -> None:
         joints = by_name("joint states", list(message.name), list(message.position), self._joints)
         self._felt.hear_efforts(message)
-        self._measured[self._parts.joints] = joints
-        self._hear(time.monotonic(), nanoseconds(message.header.stamp))
+        self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 
     def _hear_odometry(self, now: float, at: int) -> None:
         assert self._localisation is not None
-        self._measured[self._parts.place] = self._localisation.pose
-        if not self._joints:
-            self._hear(now, at)
+        place = self._localisation.pose
+        if self._joints:
+            self._measured[self._parts.place] = place
+        else:
+            self._hear(now, at, self._parts.place, place)
 
-    def _hear(self, now: float, at: int) -> None:
+    def _hear(self, now: float, at: int, coordinates: Indices, values: Array) -> None:
         """Take a step for joint states, or odometry of a base alone, heard now and stamped at some ns."""
         if not self.control.is_commanding and self.age > self._longest_silence:
             self._stamps.forget()  # the robot may have begun anew, with another clock
         stamp = self._stamps.check(at) / NANOSECONDS
         if self.age > self._longest_silence:
             self._steady_since = now
+        self._measured[coordinates] = values
         measured = self._measured.copy()
-        self._latest, late = (now, stamp, measured), self._has_slept(now)
+        self._latest, late = (now, stamp), self._has_slept(now)
         self._watch_in(SILENCE * self.loaded.period)
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:

@@ -26,10 +26,17 @@ from dqcontrol.ros2.period_monitor import PeriodMonitor
 
 _AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from the future
 
-NUMBERS = (
-    Number("odometry_timeout", 0.1, 0.01, 2.0, "after which odometry no longer counts, s"),
-    Number("odometry_deviation", 0.5, 0.001, 10.0, "standard deviation from which it counts as none, m"),
-)
+_TIMEOUT, _TIMEOUT_PERIODS = 0.1, 2.5  # s, or so many periods if that is longer
+
+
+def numbers_of_odometry(period: float) -> tuple[Number, Number]:
+    """Return what may be changed of a controller that hears odometry, with its period, s."""
+    timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * period)
+    words = "after which odometry no longer counts, s"
+    return (
+        Number("odometry_timeout", timeout, 0.01, max(2.0, timeout), words),
+        Number("odometry_deviation", 0.5, 0.001, 10.0, "standard deviation from which it counts as none, m"),
+    )
 
 
 class Localisation:
