@@ -113,6 +113,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         own = {key: value for key, value in data.items() if key != "file"}
         return servo_parameters(folder / data["file"]) | own
 
+    def base_errors(self) -> tuple[float, float]:
+        """Return the camera's standard deviations, m and rad."""
+        return (self.camera.position_noise, self.camera.angle_noise) if self.camera else (0.0, 0.0)
+
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
 
