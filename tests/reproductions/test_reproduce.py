@@ -21,6 +21,7 @@ from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
 from dqcontrol.reproductions.printed_comparison import comparison_tables
+from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.reproductions.results import Results
 
 SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
@@ -216,3 +217,28 @@ def test_the_command_lists_and_refuses():
     assert refused.returncode == 2
     assert refused.stderr.strip().count("\n") == 0
     assert "spiral" in refused.stderr
+
+
+def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
+    """A folder is written whole: the same command resumes beside it, another one does not take it for its own."""
+    from dqcontrol.cli.reproduce_command import reproduce
+
+    ran = []
+
+    def stand_in(name, **_):
+        ran.append(name)
+        return Reproduced(name, [])
+
+    names = published.names("silva2017")
+    for name in names[1:]:
+        Reproduced(name, []).save(tmp_path / name.rpartition("/")[2])
+    assert published.is_finished(tmp_path / "clamping", "silva2017/clamping")
+    assert not published.is_finished(tmp_path / "clamping", "silva2017/clamping", repeats=1)
+    assert not published.is_finished(tmp_path / "clamping", "silva2017/gains")
+    monkeypatch.setattr(published, "reproduce", stand_in)
+    reproduce("silva2017", out=tmp_path)
+    assert ran == names[:1]
+    said = capsys.readouterr().out
+    assert "resuming: 5 of 6 already done" in said
+    assert f"{names[0]}: 1 of 6" in said
+    assert (tmp_path / "gains" / "tables.md").is_file()
