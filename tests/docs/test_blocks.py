@@ -44,8 +44,9 @@ SLOW = {  # parts of commands and of Python
     "real-time.md": ("run examples/",),
     "reports.md": ("results/demo", "write_report", "column_width"),
     "silva2017.md": ("reproduce",),
-    "two-arms.md": ("run examples/",),
+    "tune.md": ("tune examples/",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
+    "two-arms.md": ("run examples/",),
     "view.md": ("run examples/", "clip"),
 }
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
@@ -54,10 +55,20 @@ class LawWork(NamedTuple):
 class Law(
     Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
 ):
-    """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch."""
+    """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch.
 
+    Attributes
+    ----------
+    file_keys
+        Its parameters that name files, relative to the spec.
+    gain_powers
+        By name the parameters that make its loop gain: each grows with this power of it.
+    """
+
+    file_keys: ClassVar[tuple[str, ...]] = ()
     kernel: ClassVar[Kernel]
     work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
+    gain_powers: ClassVar[Mapping[str, float]] = {}
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -88,6 +99,21 @@ class Law(
     def loop_rates(self, parameters: Array) -> LoopRates | None:
         """Return how fast small errors decay at each of the rows of a prepared law; None if that is unknown."""
         return None
+
+    def scaled(self, factor: float) -> Self:
+        """Return the law with all its loop gains multiplied by a factor; what has no loop gain stays as it is.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> law = dqc.laws.Proportional(gain=5.0, integral_gain=4.0).scaled(2.0)
+        >>> law.gain, law.integral_gain
+        (10.0, 16.0)
+        """
+        values = {name: (getattr(self, name), factor**power) for name, power in self.gain_powers.items()}
+        return replace(
+            self, **{name: _multiplied(*each) for name, each in values.items() if each[0] is not None}
+        )
 
     def prepare(
         self,
@@ -403,6 +429,15 @@ class PreparedLaw:
         if at:
             state[at:] = command
         return OK
+
+
+def _multiplied(value: Any, factor: float) -> Any:
+    """Return a number, all numbers of a list, or the values of what changes with time, times a factor."""
+    if isinstance(value, list | tuple):
+        return [_multiplied(each, factor) for each in value]
+    if isinstance(value, Struct):
+        return replace(value, values=_multiplied(value.values, factor))  # type: ignore[attr-defined]
+    return value * factor
 
 
 _STATUS = {

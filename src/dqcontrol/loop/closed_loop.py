@@ -13,6 +13,8 @@ from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw, status_text
+from dqcontrol.limits.supervisor.prepared_supervisor import GO
+from dqcontrol.limits.supervisor.supervisor_layout import moment_layout
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
@@ -147,9 +149,11 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         ),
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
-            parameters=supervision.supervisor.parameters if supervision else empty,
+            memory=supervision.supervisor.memory if supervision else empty,
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO)
+            if supervision
+            else empty,
             state=supervision.state if supervision else empty,
-            work=supervision.supervisor.work if supervision else empty,
             codes=supervision.codes[:count] if supervision else empty,
         ),
         compiled.disturbance_arrays(
