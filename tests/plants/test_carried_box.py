@@ -11,7 +11,7 @@ from dqcontrol.plants.mujoco.carried_box import CarriedBox
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.1, -0.5, -0.1, -2.2, -0.1, 1.7, 0.8])
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
-GRASP = FurtherTask("relative", gain=5.0, level=0)
+GRASP = FurtherTask("relative", gain=0.0, level=0)
 
 
 def carried(duration, **box):

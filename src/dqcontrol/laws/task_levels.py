@@ -64,7 +64,8 @@ class FurtherTask:
     task
         What of the robot is driven: a `PoseTask`, or its name; as for `TreeRobot.with_task`.
     gain
-        k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart.
+        k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart. 0: it moves as the reference
+        does and corrects nothing, as hands do that press something between them.
     reference
         The motion to follow; None: the pose at the start is held.
     level
@@ -330,7 +331,8 @@ class PreparedTasks:
 
 
 def _checked_row(each: FurtherTask, at: int, table: Array, samples: Array) -> TaskRow:
-    gain, weight = as_positive("gain", each.gain), as_positive("weight", each.weight)
+    gain = as_positive("gain", each.gain, zero_allowed=True)
+    weight = as_positive("weight", each.weight)
     if not isinstance(each.level, int) or not 0 <= each.level <= 9:
         raise ValueRangeError(f"level: must be a whole number from 0 to 9, got {each.level!r}")
     if each.part not in ("pose", "position", "orientation"):

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from msgspec import Meta, Struct
 
+from dqcontrol.algebra.conversions import matrix_from_pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.channels import Channel
+from dqcontrol.robots.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.mujoco_package import import_mujoco
 from dqcontrol.robots.poses import positions
 
@@ -39,7 +41,8 @@ class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     friction
         Between pads and box.
     squeeze
-        How much longer the box is than the room between the pads, m: the servos' stiffness makes a force of it.
+        How much nearer to each other than the box allows the servos' targets start, m: their stiffness makes a force of
+        it.
     """
 
     mass: Annotated[float, Meta(gt=0, description="kg")] = 1.0
@@ -65,7 +68,7 @@ class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         hands = [frames[row] for row in robot.ends]
         first, second = (positions(hand) for hand in hands)
         apart = float(np.linalg.norm(first - second))
-        half = 0.5 * (apart + self.squeeze) - _PAD[0]
+        half = 0.5 * apart - _PAD[0]
         if half < 0.02:
             raise ValueRangeError(
                 f"plant.box: both hands start {apart:.3g} m apart, too near for a box; change 'start'"
@@ -83,6 +86,17 @@ class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         geom = box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_WOOD, mass=self.mass, name="box")
         geom.size = half, 0.5 * self.depth, 0.5 * self.height
         self._rub(geom, timestep)
+
+    def squeezed(self, robot: Robot, start: Array) -> Array:
+        """Return by how much the servos' targets differ at the start: both hands move half the squeeze to the other."""
+        frames, count = robot.frames(start), robot.configuration_size
+        first, second = (positions(frames[row]) for row in robot.ends)
+        along = (first - second) / np.linalg.norm(first - second)
+        rows, rates = [], []
+        for row, side in zip(robot.ends, (-1.0, 1.0), strict=True):
+            rows.append(_hand_jacobian(robot, frames, row, count))
+            rates.append(np.concatenate([np.zeros(3), 0.5 * side * self.squeeze * along]))
+        return np.linalg.pinv(np.vstack(rows), rcond=1e-3) @ np.concatenate(rates)
 
     def _add_pad(
         self,
@@ -115,6 +129,17 @@ class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def _rub(self, geom: Any, timestep: float) -> None:
         geom.friction, geom.condim = (self.friction, 0.02, 0.001), 4
         geom.solref[:2] = 4 * timestep, 1.0
+
+
+def _hand_jacobian(robot: Robot, frames: Array, row: int, count: int) -> Array:
+    """Return the Jacobian of [ω ; ṗ] of a hand, from the frames of the joints that carry it."""
+    jacobian, end = np.zeros((6, count)), positions(frames[row])
+    while (row := int(robot.parents[row])) >= 0:
+        axis, origin = matrix_from_pose(frames[row])[:3, 2], positions(frames[row])
+        slides, column = robot.chain[row, 7] != REVOLUTE, int(robot.row_coordinates[row])
+        turn = np.zeros(3) if slides else axis
+        jacobian[:, column] = [*turn, *(axis if slides else np.cross(axis, end - origin))]
+    return jacobian
 
 
 class BoxSensors:

@@ -118,6 +118,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         substeps = self.substeps(dt)
         model = self._model(robot, start)
         data = self._balance(robot, model, start)
+        if self.box is not None:
+            data.act[:] += self.box.squeezed(robot, start)
         return LiveMujoco(self, model, data, substeps, seed)
 
     def _model(self, robot: Robot, start: Array) -> Any:
