@@ -108,7 +108,7 @@ def test_tasks_follow_references_of_their_own(arms):
     assert record.metrics.tasks["right"].position.peak < 1.0  # mm
     only = run(relative, [FurtherTask("right", 5.0, sheet, part="position")])
     assert only.metrics.tasks["right"].position.peak < 1.0
-    assert only.metrics.tasks["right"].orientation.peak > 0.1
+    assert np.isnan(only.metrics.tasks["right"].orientation.peak)
 
 
 @pytest.mark.parametrize("plant", [dqc.plants.Integrator(), dqc.plants.Servo()])
