@@ -27,6 +27,7 @@ from dqcontrol.films.film_physics import film_physics
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.tree_robot import TreeRobot
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
