@@ -45,8 +45,9 @@ def task_errors(record: Record) -> Figure:
     found = [(name, signal) for name, signal in record.readings.items() if name.startswith(TASK)]
     for i, (name, signal) in enumerate(found):
         label = name.removeprefix(TASK).replace("_", " ")
-        panels[0].plot(record.time, 1e3 * signal.values[:, 0], label=label, **line_style(i))
-        panels[1].plot(record.time, np.degrees(signal.values[:, 1]), label=label, **line_style(i))
+        moved, turned = 1e3 * signal.values[:, 0], np.degrees(signal.values[:, 1])
+        panels[0].plot(record.time, moved, label=label, **line_style(i))
+        panels[1].plot(record.time, turned, label=label, **line_style(i))
     panels[0].set_ylabel("position [mm]")
     panels[1].set_ylabel("orientation [°]")
     panels[1].set_xlabel("time [s]")

@@ -64,7 +64,8 @@ class FurtherTask:
     task
         What of the robot is driven: a `PoseTask`, or its name; as for `TreeRobot.with_task`.
     gain
-        k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart.
+        k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart. 0: it moves as the reference
+        does and corrects nothing, as hands do that press something between them.
     reference
         The motion to follow; None: the pose at the start is held.
     level
@@ -290,6 +291,7 @@ class PreparedTasks:
         self.robot, self.tasks, self.labels = robot, [], []
         rows, blocks, at = [], [], _ROW * len(tasks)
         self.samples: list[Array] = []
+        self.parts = [each.part for each in tasks]
         for i, each in enumerate(tasks):
             with error_prefix(f"tasks[{i}]"):
                 task = robot.for_start(each.task, start)
@@ -317,20 +319,26 @@ class PreparedTasks:
         self.work_size = level_work.size(robot.input_size, most)
 
     def errors(self, q: Array) -> dict[str, Array]:
-        """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2)."""
+        """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2).
+
+        What of the pose does not count is NaN.
+        """
         found = {}
-        for label, task, samples in zip(self.labels, self.tasks, self.samples, strict=True):
+        for label, task, samples, part in zip(self.labels, self.tasks, self.samples, self.parts, strict=True):
             desired = samples[np.minimum(np.arange(len(q)), len(samples) - 1), :8]
             poses = self.robot.pose_of(task, q)
             moved = np.linalg.norm(algebra.translation(poses) - algebra.translation(desired), axis=1)
-            real = np.abs(np.einsum("ij,ij->i", poses[:, :4], desired[:, :4]))
-            across = np.sqrt(np.maximum(1 - np.minimum(real, 1) ** 2, 0))
-            found[label] = np.column_stack([moved, 2 * np.arctan2(across, real)])
+            error = algebra.multiply(algebra.conjugate(poses), desired)
+            turned = 2 * np.arctan2(np.linalg.norm(error[:, 1:4], axis=1), np.abs(error[:, 0]))
+            found[label] = np.column_stack([moved, turned])
+            if part != "pose":
+                found[label][:, 0 if part == "orientation" else 1] = np.nan
         return found
 
 
 def _checked_row(each: FurtherTask, at: int, table: Array, samples: Array) -> TaskRow:
-    gain, weight = as_positive("gain", each.gain), as_positive("weight", each.weight)
+    gain = as_positive("gain", each.gain, zero_allowed=True)
+    weight = as_positive("weight", each.weight)
     if not isinstance(each.level, int) or not 0 <= each.level <= 9:
         raise ValueRangeError(f"level: must be a whole number from 0 to 9, got {each.level!r}")
     if each.part not in ("pose", "position", "orientation"):

@@ -119,8 +119,8 @@ class LinkTree:
         base
             Link in whose frame the task's pose is given; the root if omitted.
         floating
-            Whether the root, or what a floating joint carries, moves: x, y, z, yaw, pitch, roll, each a coordinate.
-            Otherwise it stays where the file has it.
+            Whether the root moves, with all that it carries: by x, y, z, yaw, pitch and roll, each a coordinate. What
+            floating joints carry stays where the file has it.
 
         Raises
         ------
@@ -156,8 +156,8 @@ class LinkTree:
                 rows.append((pose, kind, row, coordinate, coordinate, multiplier, offset))
                 names.append(joint.name)
                 row, pose = len(rows) - 1, shift()
-            elif joint.kind != "fixed" and joint.kind != "floating" and joint.mimic is None:
-                pose = compose(pose, _screw(joint, joint.offset))
+            else:
+                pose = compose(pose, _at_zero(joint))
             pose = compose(pose, joint.link)
             at[joint.child] = row, pose
             if row >= 0 and joint.child in self.bodies:
@@ -316,13 +316,20 @@ class LinkTree:
             pose = compose(pose, joint.fixed)
             if joint in moving:
                 row, pose = moving.index(joint), shift()
-            elif joint.kind in ("revolute", "prismatic"):
-                pose = compose(pose, _screw(joint, joint.offset))
+            else:
+                pose = compose(pose, _at_zero(joint))
             pose = compose(pose, joint.link)
             at[joint.child] = row, pose
             if row >= 0 and joint.child in self.bodies:
                 parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
         return _lumped(parts, len(moving))
+
+
+def _at_zero(joint: LinkJoint) -> Array:
+    """Return the pose (7,) of a joint's screw where all coordinates are zero."""
+    if joint.kind in ("fixed", "floating"):
+        return shift()
+    return _screw(joint, joint.offset + (joint.mimic.offset if joint.mimic else 0.0))
 
 
 def _screw(joint: LinkJoint, value: float) -> Array:

@@ -460,6 +460,9 @@ class TreeRobot(Robot):
         self.task = task
         self._keep_table(self.table_of(task))
 
+    def _rates(self, q: ArrayLike, u: ArrayLike) -> Array:
+        raise ValueRangeError(f"u: rates of Jacobians are known of chains only, and {self.name} is a tree")
+
     def _raise(self, status: int, q: Any) -> None:
         if status == SINGULAR:
             raise ValueRangeError(

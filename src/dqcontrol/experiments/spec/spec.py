@@ -124,7 +124,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
     """
 
     task: str | TaskSpec
-    gain: Annotated[float, Meta(gt=0, description="k, 1/s")]
+    gain: Annotated[float, Meta(ge=0, description="k, 1/s; 0: corrects nothing")]
     reference: AnyReference | None = None
     level: Annotated[
         int, Meta(ge=0, le=9, description="0: before the law's task, 1: with it, 2: after it")
