@@ -263,14 +263,17 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Parameters
     ----------
     target
-        Place, m, or the name of an obstacle that it looks at.
+        Name of the obstacle that it looks at; or
+    place
+        place of the target, m.
     axis, camera
         Of the view and of the camera, in the hand's frame.
     at_most
         Half angle of the view, rad.
     """
 
-    target: Place | Name
+    target: Name | None = None
+    place: Place | None = None
     axis: Direction = (0.0, 0.0, 1.0)
     camera: Place = (0.0, 0.0, 0.0)
     at_most: Annotated[float, Meta(ge=LEAST_CONE, lt=math.pi, description="rad")]

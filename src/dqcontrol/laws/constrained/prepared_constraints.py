@@ -387,14 +387,16 @@ class PreparedConstraints:
         n, (turn, shift) = self.robot.configuration_size, self._tool()
         for name, each in self.given.sights.items():
             field = f"constraints.sights.{name}"
-            if isinstance(each.target, str):
+            if (each.target is None) == (each.place is None):
+                raise ShapeError(f"{field}: give either 'target', the name of an obstacle, or 'place'")
+            if each.target is not None:
                 if each.target not in self.given.obstacles:
                     raise unknown_name(f"{field}.target", each.target, tuple(self.given.obstacles))
                 target = list(self.given.obstacles).index(each.target)
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:
-                target = self._add_obstacle(Sphere(each.target, 0.0), None)
+                target = self._add_obstacle(Sphere(each.place, 0.0), None)
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
                 kind=SIGHT,
