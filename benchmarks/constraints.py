@@ -108,7 +108,7 @@ def level_times() -> tuple[float, float]:
 
     rng = np.random.default_rng(3)
     cases = [packed_levels(*degenerate_levels(rng), 3) for _ in range(100)]
-    flat, _, n, m = cases[0]
+    _, _, n, m = cases[0]
     room = active_set.room_for(n, m, soft=True)
     scratch = np.empty(active_set.scratch_size(n, m, room))
     softened = []

@@ -150,6 +150,16 @@ def test_trials_that_diverge_are_said_at_the_end(here, capsys):
     assert "bad · servo: 3 of 3 repeats diverged at 0 s: the command is not finite (seed 0)\n" in out
 
 
+def test_shapes_of_robots(here, capsys):
+    code, out, _ = call("robots", "shapes", "panda", "--pairs", "--write", "mine.yaml", capsys=capsys)
+    assert code == 0
+    assert "Panda" in out or "panda: 8 shapes, 9 of" in out
+    assert load_robot("mine.yaml").shapes.pairs == load_robot("panda").shapes.pairs
+    code, _, err = call("robots", "shapes", "iiwa7", capsys=capsys)
+    assert code == 2
+    assert "has no shapes" in err
+
+
 def test_robots(here, capsys):
     code, out, _ = call("robots", capsys=capsys)
     assert code == 0

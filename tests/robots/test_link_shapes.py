@@ -11,7 +11,8 @@ from dqcontrol.robots.robot_file import arm_from, plain_arm
 
 URDF = """<robot name="crane">
 <link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
-<link name="boom"><collision><origin xyz="0 0 0.5" rpy="0 0 0"/><geometry><cylinder radius="0.05" length="1.0"/></geometry></collision>
+<link name="boom"><collision><origin xyz="0 0 0.5" rpy="0 0 0"/>
+<geometry><cylinder radius="0.05" length="1.0"/></geometry></collision>
 <collision><origin xyz="0 0 1.0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
 <link name="jib"/><link name="hook"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
 <joint name="luff" type="revolute"><parent link="base"/><child link="boom"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
