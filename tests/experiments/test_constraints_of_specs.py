@@ -48,7 +48,9 @@ def test_distances_are_drawn(run):
 
 def test_a_start_that_violates_is_refused_with_all_that_it_violates():
     constraints = {"obstacles": {"wall": WALL | {"offset": 0.05}, "ball": WALL | {"offset": 0.01}}}
-    with pytest.raises(dqc.Error, match=r"wall: hand: 50 mm deep, 10 mm of distance are asked; ball: hand: 10 mm deep"):
+    with pytest.raises(
+        dqc.Error, match=r"wall: hand: 50 mm deep, 10 mm of distance are asked; ball: hand: 10 mm deep"
+    ):
         prepare(SPEC | {"constraints": constraints})
 
 

@@ -42,7 +42,8 @@ class Plan(NamedTuple):
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
-    coordinates, rows, columns, work, inputs, preferring, position_limiting, limiting, constraining, constraint_work
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, constraining,
+    constraint_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -55,7 +56,8 @@ class Plan(NamedTuple):
     delivered_at: int
     sent_at: int
     state: int
-    coordinates: int
+    table_rows: int
+    table_columns: int
     inputs: int
     preferring: int
     rows: int
@@ -72,8 +74,8 @@ class PreparedMemory(NamedTuple):
 
     Attributes
     ----------
-    chain
-        Of the robot.
+    table
+        What the robot's kinematics read: its chain, or what of a tree is driven.
     preferring, preference_work
         Parameters and scratch of the preferred motion.
     parameters
@@ -90,7 +92,7 @@ class PreparedMemory(NamedTuple):
         Parameters and scratch of constraints; the scratch begins with the report of the last sample.
     """
 
-    chain: Annotated[Array, "coordinates + 1", 8]
+    table: Annotated[Array, "table_rows", "table_columns"]
     preferring: Annotated[Array, "preferring"]
     preference_work: Annotated[Array, WORK_SIZE]
     parameters: Annotated[Array, "rows", "columns"]
@@ -128,7 +130,7 @@ def compute_command(prepared, q, sample, k, state, out):
     """Write the command for sample number k."""
     plan, memory = prepared.plan, prepared.memory
     pose, pose_jacobian, twist_jacobian = split(memory.kinematics)
-    status = call_chain(plan.kinematics, memory.chain, q, memory.kinematics)
+    status = call_chain(plan.kinematics, memory.table, q, memory.kinematics)
     if status != OK:
         return status
     work = memory.work
@@ -166,7 +168,7 @@ def compute_command(prepared, q, sample, k, state, out):
         status = _call_constraint(
             plan.constraint,
             plan.kinematics,
-            memory.chain,
+            memory.table,
             q,
             sample,
             k,

@@ -42,6 +42,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
     work_of,
 )
 from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shape_of, unit
+from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import WholeBody, base_coordinates
@@ -97,6 +98,10 @@ class PreparedConstraints:
         if robot.input_size > 30:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
+            )
+        if robot.kernels is not ChainRobot.kernels:
+            raise ValueRangeError(
+                f"constraints: {robot.name} is no chain of joints from one base to one hand; only such robots keep them"
             )
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
