@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from measure import Ratio, medians, table
@@ -22,6 +23,7 @@ from measure import Ratio, medians, table
 import dqcontrol as dqc
 from dqcontrol.geometry import Capsule
 from dqcontrol.geometry import distance_kernels as geometry
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.measures.deadlock import deadlocks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
@@ -32,9 +34,9 @@ MOST = 15.0  # s of a scene
 REACHED = 0.01  # m
 
 
-def fenced(arm: dqc.Robot, balls: np.ndarray, **options: object) -> dqc.laws.Constraints:
+def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.laws.Constraints:
     """Return constraints with balls of 60 mm at these centres."""
-    obstacles = {
+    obstacles: dict[str, Any] = {
         f"ball {i}": dqc.laws.SphereObstacle(center=tuple(ball), radius=0.06) for i, ball in enumerate(balls)
     }
     return dqc.laws.Constraints(obstacles=obstacles, **options)
@@ -54,7 +56,8 @@ def step_ratios(short: bool) -> list[Ratio]:
         balls = around(arm, rng, 6)
         given = fenced(arm, balls, acceleration=10.0)
         law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(arm, None, PERIOD)
-        room = law.constraints.values(HOME[None], [0.0])[0]
+        kept = PreparedConstraints(given, arm, PERIOD, "measured")
+        room = kept.values(HOME[None], [0.0])[0]
         if 0.02 < room.min() < 0.08 and np.linalg.norm(balls - hand, axis=1).min() < 0.3:
             break
     free = dqc.laws.Proportional(gain=3.0).prepare(arm, None, PERIOD)
@@ -73,7 +76,7 @@ def step_ratios(short: bool) -> list[Ratio]:
         begin = time.perf_counter()
         step()
         times[i] = time.perf_counter() - begin
-    pairs = len(law.constraints.labels)
+    pairs = len(kept.labels)
     print(
         f"step, 7 joints, all limits, {pairs} pairs: {t['ours']:.2f} µs (without constraints {t['without']:.2f}), "
         f"single steps: median {1e6 * np.median(times):.2f}, p99.9 {1e6 * np.quantile(times, 0.999):.2f} µs; "
@@ -94,7 +97,8 @@ def step_ratios(short: bool) -> list[Ratio]:
 def capsule_time() -> float:
     """Return ns of a pair of capsules in a compiled loop."""
     rng = np.random.default_rng(2)
-    a, b = (np.array([Capsule(*rng.normal(size=(2, 3)), 0.1).row for _ in range(10_000)]) for _ in range(2))
+    ends = rng.normal(size=(2, 10_000, 2, 3))
+    a, b = (np.array([Capsule(start, end, 0.1).row for start, end in each]) for each in ends)
     out = np.empty((len(a), geometry.FOUND))
     t = medians({"pairs": lambda: geometry.distances(a, b, out)}, 10, 9)
     return 1e3 * t["pairs"] / len(a)
@@ -138,10 +142,10 @@ def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndar
     steps = np.linspace(0, 1, 60)[:, None]
     while True:
         balls = around(arm, rng, 3)
-        law = dqc.laws.Proportional(gain=3.0, constraints=fenced(arm, balls)).prepare(arm, None, PERIOD)
+        kept = PreparedConstraints(fenced(arm, balls), arm, PERIOD, "measured")
 
-        def clear(q: np.ndarray, law: dqc.laws.PreparedLaw = law) -> bool:
-            return bool(law.constraints.values(q, np.zeros(len(q))).min() > 0.03)
+        def clear(q: np.ndarray, kept: PreparedConstraints = kept) -> bool:
+            return bool(kept.values(q, np.zeros(len(q))).min() > 0.03)
 
         def straight(a: np.ndarray, b: np.ndarray) -> np.ndarray:
             return a + steps * (b - a)

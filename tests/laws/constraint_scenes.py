@@ -3,6 +3,7 @@
 import numpy as np
 
 import dqcontrol as dqc
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 SUBSAMPLES = 20
@@ -34,8 +35,8 @@ def random_constraints(rng, arm, q, **options):
             ),
         }
         found = dqc.laws.Constraints(margin=0.01, obstacles=obstacles, **options)
-        law = dqc.laws.Proportional(gain=3.0, constraints=found).prepare(arm, None, 0.01)
-        if law.constraints.values(q[None], [0.0])[0].min() > 0.025:
+        kept = PreparedConstraints(found, arm, 0.01, "measured")
+        if kept.values(q[None], [0.0])[0].min() > 0.025:
             return found
 
 

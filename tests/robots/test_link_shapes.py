@@ -22,6 +22,12 @@ URDF = """<robot name="crane">
 <joint name="end" type="fixed"><parent link="jib"/><child link="hook"/><origin xyz="0 0 1.1"/></joint></robot>"""
 
 
+def shapes_of(robot):
+    """Return the shapes that a robot must have."""
+    assert robot.shapes is not None
+    return robot.shapes
+
+
 @pytest.fixture(scope="module")
 def crane(tmp_path_factory):
     path = tmp_path_factory.mktemp("crane") / "crane.urdf"
@@ -63,9 +69,9 @@ def test_shapes_come_back_from_a_robot_file(crane):
     crane.shapes = dqc.robots.LinkShapes(shapes, ((0, 2),))
     again = arm_from("crane.yaml", plain_arm(crane))
     q = np.array([0.3, -0.4])
-    for a, b in zip(crane.shapes.moved(crane, q), again.shapes.moved(again, q), strict=True):
+    for a, b in zip(shapes_of(crane).moved(crane, q), shapes_of(again).moved(again, q), strict=True):
         assert a.row == pytest.approx(b.row, abs=1e-12)
-    assert again.shapes.pairs == ((0, 2),)
+    assert shapes_of(again).pairs == ((0, 2),)
 
 
 def test_wrong_shapes_are_named(crane):
@@ -91,19 +97,19 @@ def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
     mount = dqc.DualQuaternion.from_translation([0.1, 0, 0.3])
     robot = dqc.WholeBody([base, mount, dqc.load_robot("panda")])
     q = np.array([1.0, 2.0, np.pi / 2, 0, -0.3, 0, -2.0, 0, 1.8, 0.7])
-    shapes = dict(zip(robot.shapes.names, robot.shapes.moved(robot, q), strict=True))
+    shapes = dict(zip(shapes_of(robot).names, shapes_of(robot).moved(robot, q), strict=True))
     assert shapes["chassis"].start[:2] == pytest.approx([1, 2])
-    foot = dqc.load_robot("panda").shapes.shapes[0].shape
+    foot = shapes_of(dqc.load_robot("panda")).shapes[0].shape
     assert shapes["panda_link0"].radius == foot.radius
     assert shapes["panda_link0"].start == pytest.approx(
         [1 - foot.start[1], 2.1 + foot.start[0], 0.3 + foot.start[2]]
     )
-    pairs = {(robot.shapes.names[a], robot.shapes.names[b]) for a, b in robot.shapes.pairs}
+    pairs = {(shapes_of(robot).names[a], shapes_of(robot).names[b]) for a, b in shapes_of(robot).pairs}
     assert ("chassis", "panda_link5") in pairs
     assert ("chassis", "panda_link0") not in pairs
 
 
 def test_no_pair_of_the_panda_touches_at_home():
     arm = dqc.load_robot("panda")
-    places = arm.shapes.moved(arm, np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7]))
-    assert min(distance(places[a], places[b]).distance for a, b in arm.shapes.pairs) > 0.02
+    places = shapes_of(arm).moved(arm, np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7]))
+    assert min(distance(places[a], places[b]).distance for a, b in shapes_of(arm).pairs) > 0.02

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -119,7 +119,7 @@ class PreparedConstraints:
                 f"constraints: make {len(self._lines):,} pairs of shapes; at most {_MOST_PAIRS:,}, name fewer 'links'"
             )
         self.labels: tuple[str, ...] = tuple(each.label for each in self._lines)
-        self.owners: Array = np.array([each.row.name for each in self._lines], dtype=np.intp)
+        self.owners: NDArray[np.intp] = np.array([each.row.name for each in self._lines], dtype=np.intp)
         self.is_angle: Array = np.array([each.row.kind > INSIDE for each in self._lines], dtype=bool)
         self.asked: Array = np.array([float(each.row.kept) for each in self._lines])
         self.allowances: Array = np.array([self._allowance(each) for each in self._lines])
@@ -401,7 +401,7 @@ class PreparedConstraints:
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:
-                target = self._add_obstacle(Sphere(each.place, 0.0), None)
+                target = self._add_obstacle(Sphere(np.array(each.place), 0.0), None)
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
                 kind=SIGHT,
