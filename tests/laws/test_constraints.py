@@ -83,7 +83,7 @@ def random_states(count, seed):
         u = law.command(q, dqc.Sample(ARM.fkm(rng.uniform(-1, 1, 7))), state)
         assert np.isfinite(u).all()
         assert (np.abs(u) <= ARM.limits.velocity * (1 + 1e-9)).all()
-        names = law.constraints.names
+        names = law.constraints.names  # pyright: ignore[reportOptionalMemberAccess]
         slack = law.report[-len(names) :]
         gave |= {name for name, value in zip(names, slack, strict=True) if value > 0}
     return gave

@@ -374,12 +374,12 @@ def _shapes(data: RobotFile) -> LinkShapes | None:
         with error_prefix(f"shapes[{i}]"):
             found: Sphere | Capsule | Box
             if isinstance(shape, SphereShape):
-                found = Sphere(shape.center, shape.radius)
+                found = Sphere(np.array(shape.center), shape.radius)
             elif isinstance(shape, CapsuleShape):
-                found = Capsule(shape.start, shape.end, shape.radius)
+                found = Capsule(np.array(shape.start), np.array(shape.end), shape.radius)
             else:
                 rotation = as_unit_quaternion("quaternion", shape.quaternion)
-                found = Box(pose(rotation, shape.position), shape.size)
+                found = Box(pose(rotation, shape.position), np.array(shape.size))
         shapes.append(LinkShape(each.name, 0 if each.joint is None else names.index(each.joint) + 1, found))
     known = LinkShapes(tuple(shapes))
     pairs = tuple((known.index("kept_apart", a), known.index("kept_apart", b)) for a, b in data.kept_apart)

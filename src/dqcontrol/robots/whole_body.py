@@ -276,7 +276,8 @@ def _part_shapes(part: Mover, chain: Array, first: int) -> LinkShapes | None:
             return None
         half = 0.5 * chassis.height
         low, high = chassis.centre_height - half, chassis.centre_height + half
-        body = Capsule([chassis.centre_ahead, 0, low], [chassis.centre_ahead, 0, high], chassis.radius)
+        ends = np.array([[chassis.centre_ahead, 0.0, low], [chassis.centre_ahead, 0.0, high]])
+        body = Capsule(ends[0], ends[1], chassis.radius)
         return LinkShapes((LinkShape("chassis", 3, body),))
     if part.shapes is None or not first:
         return part.shapes

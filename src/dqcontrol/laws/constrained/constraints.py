@@ -75,7 +75,7 @@ class SphereObstacle(KeepOut, frozen=True, kw_only=True, tag="sphere"):
     @property
     def shape(self) -> Shape:
         """The ball."""
-        return Sphere(self.center, self.radius)
+        return Sphere(np.array(self.center), self.radius)
 
 
 class CapsuleObstacle(KeepOut, frozen=True, kw_only=True, tag="capsule"):
@@ -88,7 +88,7 @@ class CapsuleObstacle(KeepOut, frozen=True, kw_only=True, tag="capsule"):
     @property
     def shape(self) -> Shape:
         """The capsule."""
-        return Capsule(self.start, self.end, self.radius)
+        return Capsule(np.array(self.start), np.array(self.end), self.radius)
 
 
 class CylinderObstacle(KeepOut, frozen=True, kw_only=True, tag="cylinder"):
@@ -101,7 +101,7 @@ class CylinderObstacle(KeepOut, frozen=True, kw_only=True, tag="cylinder"):
     @property
     def shape(self) -> Shape:
         """The cylinder."""
-        return Cylinder(self.point, self.direction, self.radius)
+        return Cylinder(np.array(self.point), np.array(self.direction), self.radius)
 
 
 class PlaneObstacle(KeepOut, frozen=True, kw_only=True, tag="plane"):
@@ -113,7 +113,7 @@ class PlaneObstacle(KeepOut, frozen=True, kw_only=True, tag="plane"):
     @property
     def shape(self) -> Shape:
         """The plane."""
-        return Plane(self.normal, self.offset)
+        return Plane(np.array(self.normal), self.offset)
 
 
 class BoxObstacle(KeepOut, frozen=True, kw_only=True, tag="box"):
@@ -126,7 +126,7 @@ class BoxObstacle(KeepOut, frozen=True, kw_only=True, tag="box"):
     @property
     def shape(self) -> Shape:
         """The box."""
-        return Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), self.size)
+        return Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
 
 
 AnyObstacle = SphereObstacle | CapsuleObstacle | CylinderObstacle | PlaneObstacle | BoxObstacle
@@ -162,7 +162,7 @@ class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
     @property
     def walls(self) -> list[Shape]:
         """Six planes."""
-        box = Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), self.size)
+        box = Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
         turn = box.row[7:].reshape(3, 3)
         walls: list[Shape] = []
         for k in range(3):
@@ -181,7 +181,7 @@ class SphereZone(Zone, frozen=True, kw_only=True, tag="sphere"):
     @property
     def walls(self) -> list[Shape]:
         """The ball."""
-        return [Sphere(self.center, self.radius)]
+        return [Sphere(np.array(self.center), self.radius)]
 
 
 class CylinderZone(Zone, frozen=True, kw_only=True, tag="cylinder"):
@@ -194,7 +194,7 @@ class CylinderZone(Zone, frozen=True, kw_only=True, tag="cylinder"):
     @property
     def walls(self) -> list[Shape]:
         """The cylinder."""
-        return [Cylinder(self.point, self.direction, self.radius)]
+        return [Cylinder(np.array(self.point), np.array(self.direction), self.radius)]
 
 
 class PlaneZone(Zone, frozen=True, kw_only=True, tag="plane"):
@@ -206,7 +206,7 @@ class PlaneZone(Zone, frozen=True, kw_only=True, tag="plane"):
     @property
     def walls(self) -> list[Shape]:
         """The plane."""
-        return [Plane(self.normal, self.offset)]
+        return [Plane(np.array(self.normal), self.offset)]
 
 
 AnyZone = BoxZone | SphereZone | CylinderZone | PlaneZone
@@ -263,14 +263,17 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Parameters
     ----------
     target
-        Place, m, or the name of an obstacle that it looks at.
+        Name of the obstacle that it looks at; or
+    place
+        place of the target, m.
     axis, camera
         Of the view and of the camera, in the hand's frame.
     at_most
         Half angle of the view, rad.
     """
 
-    target: Place | str
+    target: Name | None = None
+    place: Place | None = None
     axis: Direction = (0.0, 0.0, 1.0)
     camera: Place = (0.0, 0.0, 0.0)
     at_most: Annotated[float, Meta(ge=LEAST_CONE, lt=math.pi, description="rad")]

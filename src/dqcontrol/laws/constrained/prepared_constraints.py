@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -42,6 +42,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
     work_of,
 )
 from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shape_of, unit
+from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import WholeBody, base_coordinates
@@ -98,6 +99,10 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
+        if robot.kernels is not ChainRobot.kernels:
+            raise ValueRangeError(
+                f"constraints: {robot.name} is no chain of joints from one base to one hand; only such robots keep them"
+            )
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._obstacles: list[tuple[Array, KeepOut | None]] = []
@@ -114,7 +119,7 @@ class PreparedConstraints:
                 f"constraints: make {len(self._lines):,} pairs of shapes; at most {_MOST_PAIRS:,}, name fewer 'links'"
             )
         self.labels: tuple[str, ...] = tuple(each.label for each in self._lines)
-        self.owners: Array = np.array([each.row.name for each in self._lines], dtype=np.intp)
+        self.owners: NDArray[np.intp] = np.array([each.row.name for each in self._lines], dtype=np.intp)
         self.is_angle: Array = np.array([each.row.kind > INSIDE for each in self._lines], dtype=bool)
         self.asked: Array = np.array([float(each.row.kept) for each in self._lines])
         self.allowances: Array = np.array([self._allowance(each) for each in self._lines])
@@ -387,14 +392,16 @@ class PreparedConstraints:
         n, (turn, shift) = self.robot.configuration_size, self._tool()
         for name, each in self.given.sights.items():
             field = f"constraints.sights.{name}"
-            if isinstance(each.target, str):
+            if (each.target is None) == (each.place is None):
+                raise ShapeError(f"{field}: give either 'target', the name of an obstacle, or 'place'")
+            if each.target is not None:
                 if each.target not in self.given.obstacles:
                     raise unknown_name(f"{field}.target", each.target, tuple(self.given.obstacles))
                 target = list(self.given.obstacles).index(each.target)
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:
-                target = self._add_obstacle(Sphere(each.target, 0.0), None)
+                target = self._add_obstacle(Sphere(np.array(each.place), 0.0), None)
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
                 kind=SIGHT,
