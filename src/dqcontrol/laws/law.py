@@ -195,8 +195,11 @@ class PreparedLaw:
         self.dt = dt
         self._law, self._limits = law, limits
         self._command_mode: CommandMode = command_mode
-        empty, m, position = np.zeros(0), robot.input_size, limits.position
-        law_memory, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
+        empty, m, position = np.zeros(0), robot.input_size, limits.around
+        law_memory, memory = (
+            law.state_size(robot),
+            position.memory(robot, command_mode, dt) if position else 0,
+        )
         self._memory_size = memory
         self.state_size: int = law_memory + memory
         self._feedback = law.delivered_at, law_memory + memory - m if memory else 0
@@ -256,7 +259,7 @@ class PreparedLaw:
         if (
             command_mode == self._command_mode
             or not position
-            or not position.memory(self.robot, "integrated")
+            or not position.memory(self.robot, "integrated", self.dt)
         ):
             return self
         return PreparedLaw(self._law, self.robot, self.parameters, self.dt, self._limits, command_mode)

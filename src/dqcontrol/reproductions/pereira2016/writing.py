@@ -1,4 +1,4 @@
-"""P16 wants its arm for "assembling and writing tasks": how near a millimetre the compliant arm writes, by each means."""
+"""P16 wants its arm for "assembling and writing tasks": how near a millimetre it writes, by each means."""
 
 from __future__ import annotations
 
