@@ -48,18 +48,18 @@ def cost() -> None:
         seeds=4,
     )
     ready, law = ready_problem(problem), LawSearch(problem, "proportional-feedforward")
-    begun = time.perf_counter()
+    begun = time.process_time()
     spent = [0.0]
 
     def rank(point: tuple[float, ...]) -> tuple[float, float]:
-        start = time.perf_counter()
+        start = time.process_time()
         found = law._evaluate(law.space.law_at(point))
-        spent[0] += time.perf_counter() - start
+        spent[0] += time.process_time() - start
         return found.rank
 
     search = SimplexSearch(rank, len(law.space.names), 300, seed=0)
     search.run()
-    whole = time.perf_counter() - begun
+    whole = time.process_time() - begun
     overhead = 1e3 * (whole - spent[0]) / len(search.points)
     prepared = ready.searched.prepared(law.space.law_at(search.best))
     loops = [loop for loops in ready.searched._loops for loop in loops]
@@ -87,9 +87,9 @@ def cost() -> None:
 
 
 def _timed(function: Callable[[], None]) -> float:
-    begun = time.perf_counter()
+    begun = time.process_time()
     function()
-    return time.perf_counter() - begun
+    return time.process_time() - begun
 
 
 def front_problems() -> Iterator[tuple[str, dict[str, Any], dict[str, Any], tuple[str, str]]]:
@@ -136,10 +136,10 @@ def fronts() -> None:
         pair((0.5,) * size)
         found = {}
         for name, method in (("ours", _ours), ("pymoo", _pymoo), ("Optuna", _optuna)):
-            begun = time.perf_counter()
+            begun = time.process_time()
             points = method(pair, size, EVALUATIONS[name])
             if points is not None:
-                found[name] = points, time.perf_counter() - begun
+                found[name] = points, time.process_time() - begun
         every = np.log(np.vstack([np.array(points) for points, _ in found.values()]))
         front = every[nondominated(every)]
         corner = tuple(front.max(axis=0) + 0.1 * np.ptp(front, axis=0))
