@@ -212,15 +212,20 @@ class PreparedLaw:
                 "limits.position: keeps the limits for the law's own task alone; leave it out with further tasks"
             )
         self._command_mode: CommandMode = command_mode
-        empty, m, position = np.zeros(0), robot.input_size, limits.position
+        empty, m, position = np.zeros(0), robot.input_size, limits.around
         self.constraints: PreparedConstraints | None = None
         if law.constraints is not None:
+            if limits.compensation is not None:
+                raise ShapeError(
+                    "limits.compensation: does not go together with constraints; leave one of them out"
+                )
             if position is not None:
                 raise ShapeError(
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
             self.constraints = PreparedConstraints(law.constraints, robot, dt, command_mode)
-        law_memory, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
+        law_memory = law.state_size(robot)
+        memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
             memory = self.constraints.memory
         self._memory_size = memory
@@ -291,7 +296,7 @@ class PreparedLaw:
     def in_mode(self, command_mode: CommandMode) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
         position = self._limits.position
-        depends = self.constraints or (position and position.memory(self.robot, "integrated"))
+        depends = self.constraints or (position and position.memory(self.robot, "integrated", self.dt))
         if command_mode == self._command_mode or not depends:
             return self
         return PreparedLaw(

@@ -1,7 +1,7 @@
 """The best that a law can do: search for its parameters over compiled runs, and learning from repetition."""
 
 from dqcontrol.tuning.front_search import hypervolume, nondominated, search_front
-from dqcontrol.tuning.learning import Convergence, LearnBlock, Learning, Repeat, learn, learn_to
+from dqcontrol.tuning.learning import Convergence, LearnBlock, Learning, LearningRun, learn, learn_to
 from dqcontrol.tuning.run_tuning import TunedLaw, Tuning, tune, tune_to
 from dqcontrol.tuning.tune_spec import TuneBlock
 
@@ -9,7 +9,7 @@ __all__ = [
     "Convergence",
     "LearnBlock",
     "Learning",
-    "Repeat",
+    "LearningRun",
     "TuneBlock",
     "TunedLaw",
     "Tuning",

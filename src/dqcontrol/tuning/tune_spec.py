@@ -57,7 +57,7 @@ class SearchRange(Part, frozen=True, kw_only=True):
         return (1 - share) * self.low + share * self.high
 
 
-class Bounds(Part, frozen=True, kw_only=True):
+class MetricBounds(Part, frozen=True, kw_only=True):
     """Between which numbers a metric must lie."""
 
     low: float | None = None
@@ -137,7 +137,7 @@ class TuneBlock(Part, frozen=True, kw_only=True):
     objectives: Annotated[dict[str, float], Meta(min_length=1)] = msgspec.field(
         default_factory=DEFAULT_OBJECTIVES.copy
     )
-    constraints: dict[str, Bounds] = {}
+    constraints: dict[str, MetricBounds] = {}
     margin: Annotated[float, Meta(ge=0, le=1000)] = 2.0
     free: dict[str, Annotated[dict[str, SearchRange], Meta(min_length=1)]] = {}
     references: list[AnyReference] = []
@@ -178,7 +178,7 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         return math.fsum(weight * values[name] for name, weight in self.objectives.items())
 
 
-class _Whole(msgspec.Struct):
+class _WithTune(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
 
 
@@ -227,7 +227,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
     plain = dict(data)
     block_data = {"tune": {**(plain.pop("tune", None) or {}), **changes}}
     plain.pop("learn", None)
-    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_Whole))))
+    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_WithTune))))
     locate_files(plain, folder)
     identified = identified_file(plain, folder)
     spec = as_spec(where, plain, folder)
@@ -252,7 +252,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
 
 def _block(where: str, data: Any) -> TuneBlock:
     try:
-        block = convert(where, data, _Whole).tune
+        block = convert(where, data, _WithTune).tune
         block.check()
     except FileFormatError:
         raise

@@ -2,6 +2,6 @@
 
 from dqcontrol.tuning.learning.convergence import Convergence
 from dqcontrol.tuning.learning.learn_spec import LearnBlock
-from dqcontrol.tuning.learning.run_learning import Learning, Repeat, learn, learn_to
+from dqcontrol.tuning.learning.run_learning import Learning, LearningRun, learn, learn_to
 
-__all__ = ["Convergence", "LearnBlock", "Learning", "Repeat", "learn", "learn_to"]
+__all__ = ["Convergence", "LearnBlock", "Learning", "LearningRun", "learn", "learn_to"]

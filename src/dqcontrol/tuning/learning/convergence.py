@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,9 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.tuning.learning.loop_response import LoopShape
 
 _FREQUENCIES = 240
+_EVEN = 513  # frequencies, equally far apart
 _LOWEST = 0.02  # Hz
+_LEAST = 0.1  # Hz, of a cut-off
 HIGHEST = 8.0  # Hz; bands above it were never tried
 _GROWTH = 1.02  # of what is hardly learnt a repeat, at most: the guard on growing errors does the rest
 _STEP = 1.05  # between cut-offs that are tried
@@ -43,12 +46,18 @@ class Convergence:
     models: tuple[LinearModel, ...]
     caution: float
     cutoff: float
+    _known: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # shared by all cut-offs
+
+    def _once(self, name: str, make: Callable[[], Any]) -> Any:
+        if name not in self._known:
+            self._known[name] = make()
+        return self._known[name]
 
     def low_pass(self, frequencies: Array) -> Array:
         """Return Q."""
         return 1 / (1 + (frequencies / self.cutoff) ** 4)
 
-    def operator(self, frequencies: Array, *, model: int = 0) -> NDArray[np.complex128]:
+    def operator(self, frequencies: Array) -> NDArray[np.complex128]:
         """Return L at each frequency, Hz."""
         mean = self._mean(frequencies)
         return np.asarray(np.conj(mean) / (np.abs(mean) ** 2 + self.caution * self._power), np.complex128)
@@ -60,8 +69,11 @@ class Convergence:
     @property
     def _power(self) -> float:
         """Mean of |T̄|² over all frequencies up to half a sample rate."""
-        even = np.linspace(0, 0.5 / self.shape.period, 513)
-        return float(np.mean(np.abs(self._mean(even)) ** 2))
+        return self._once("power", lambda: float(np.mean(np.abs(self._mean(self._even)) ** 2)))
+
+    @property
+    def _even(self) -> Array:
+        return np.linspace(0, 0.5 / self.shape.period, _EVEN)
 
     def frequencies(self) -> Array:
         """Return where it is judged, Hz."""
@@ -70,10 +82,14 @@ class Convergence:
     def factors(self) -> tuple[Array, Array]:
         """Return frequencies, Hz, and by what the error of each is multiplied in a repeat, of the worst plant."""
         frequencies = self.frequencies()
-        weight = self.low_pass(frequencies) ** 2 * self.operator(frequencies)
+        operator = self._once("operator", lambda: self.operator(frequencies))
+        responses = self._once(
+            "responses", lambda: [self.shape.response(model, frequencies) for model in self.models]
+        )
+        weight = self.low_pass(frequencies) ** 2 * operator
         worst = np.zeros(len(frequencies))
-        for model in self.models:
-            answer = weight[:, None, None] * self.shape.response(model, frequencies)
+        for response in responses:
+            answer = weight[:, None, None] * response
             left = np.eye(answer.shape[1]) - answer
             worst = np.maximum(worst, np.abs(np.linalg.eigvals(left)).max(axis=1))
         return frequencies, worst
@@ -95,7 +111,7 @@ class Convergence:
     @property
     def noise_factor(self) -> float:
         """Standard deviation that white noise of a repeat's measurement adds to the next motion, over the noise's."""
-        even = np.linspace(0, 0.5 / self.shape.period, 513)
+        even = self._even
         answer = self.low_pass(even) ** 2 * self.operator(even) * self._mean(even)
         return float(np.sqrt(np.mean(np.abs(answer) ** 2)))
 
@@ -104,10 +120,9 @@ def widest(
     shape: LoopShape, models: Sequence[LinearModel], caution: float, *, highest: float
 ) -> Convergence | None:
     """Return the operator with the highest cut-off at which no error grows; None if there is none from 0.1 Hz on."""
-    cutoff = min(highest, 0.4 / shape.period)
-    while cutoff >= 0.1:
-        found = Convergence(shape, tuple(models), caution, cutoff)
+    found = Convergence(shape, tuple(models), caution, min(highest, 0.4 / shape.period))
+    while found.cutoff >= _LEAST:
         if found.breaks_at is None:
             return found
-        cutoff /= _STEP
+        found = replace(found, cutoff=found.cutoff / _STEP)
     return None

@@ -72,7 +72,7 @@ class LearnBlock(Part, frozen=True, kw_only=True):
     return_time: Annotated[float, Meta(gt=0, description="s")] | None = None
 
 
-class _Whole(msgspec.Struct):
+class _WithLearn(msgspec.Struct):
     learn: LearnBlock = LearnBlock()
 
 
@@ -128,8 +128,8 @@ def read_learn(source: str | Path | dict[str, Any], **changes: Any) -> LearnProb
         of_model = {"plant": dict(block_data["model"])}
         complete_plants(of_model, folder)
         block_data["model"] = of_model["plant"]
-    whole = numbers_for_quantities(where, {"learn": block_data}, list(kinds_of(_Whole)))
-    block = convert(where, whole, _Whole).learn
+    whole = numbers_for_quantities(where, {"learn": block_data}, list(kinds_of(_WithLearn)))
+    block = convert(where, whole, _WithLearn).learn
     spec = as_spec(where, plain, folder)
     if not spec.is_single:
         raise FileFormatError(f"{where}: describes several runs ({spec.several}); learning takes one")

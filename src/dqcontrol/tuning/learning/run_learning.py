@@ -61,7 +61,7 @@ _TRUSTED = 3  # accepted repeats from which on increments are averaged
 
 
 @dataclass(frozen=True)
-class Repeat:
+class LearningRun:
     """One run of the motion.
 
     Attributes
@@ -124,7 +124,7 @@ class Learning:
 
     problem: LearnProblem
     convergence: Convergence
-    repeats: tuple[Repeat, ...]
+    repeats: tuple[LearningRun, ...]
     best: int
     motion: Points
     stopped: str
@@ -241,7 +241,7 @@ def learn(
     progress: LearnProgress | None = None,
     **block: Any,
 ) -> Learning:
-    """Repeat a motion, and shift its reference from repeat to repeat until the hand goes where it should.
+    """LearningRun a motion, and shift its reference from repeat to repeat until the hand goes where it should.
 
     Parameters
     ----------
@@ -365,13 +365,13 @@ class _Session:
         return found
 
     def run(self, progress: LearnProgress) -> Learning:
-        """Repeat until the error is noise, does not shrink, or the repeats are over."""
+        """LearningRun until the error is noise, does not shrink, or the repeats are over."""
         block = self.problem.block
         count = len(self.time)
         shift, best_shift = np.zeros((count, 6)), np.zeros((count, 6))
         best_error, best_size, best = np.zeros((count, 6)), math.inf, 0
         convergence, accepted, flat, stopped = self.convergence, 0, 0, "all repeats are done"
-        repeats: list[Repeat] = []
+        repeats: list[LearningRun] = []
         first = last = None
         motion = motion_of(self.samples, shift)
         progress(0, block.repeats + 1)
@@ -475,13 +475,13 @@ class _Session:
         noise: float,
         cutoff: float,
         outcome: str,
-    ) -> Repeat:
+    ) -> LearningRun:
         count = len(self.time)
         judged = self.time >= self.time[0] + 2 * self.problem.block.skip
         true = hand_error(self.samples[:, POSE], record.pose[:count])[judged]
         way, turn = np.linalg.norm(true[:, 3:], axis=1), np.linalg.norm(true[:, :3], axis=1)
         seen = np.linalg.norm(error[judged, 3:], axis=1)
-        return Repeat(
+        return LearningRun(
             number=number,
             position=1e3 * _rms(way),
             orientation=math.degrees(_rms(turn)),
@@ -494,7 +494,7 @@ class _Session:
             outcome=outcome,
         )
 
-    def _say_what_is_hidden(self, best: Repeat) -> None:
+    def _say_what_is_hidden(self, best: LearningRun) -> None:
         if self.problem.block.measured_by == "encoders" and best.position > _HIDDEN * best.seen:
             self.notes.append(
                 f"encoders: they see {best.seen:.2g} of {best.position:.2g} mm; what sag, springs and filters behind "
