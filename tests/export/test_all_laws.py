@@ -1,11 +1,18 @@
 """Every built-in law, null space, inverse and limit is exported, and answers in C as in Python."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from exported import SPEC, make, needs_c, undefined_symbols
 
-from dqcontrol.compiled.object_code import OF_C
+import dqcontrol
+from dqcontrol.compiled.object_code import OF_C, target_named
 from dqcontrol.export import export_controller
+from dqcontrol.export.controller_folder import vector_header
+from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import NullSpace
@@ -16,6 +23,17 @@ WEIGHTS = {"error_weight": 16.0, "control_weight": 1.0}
 SECOND_ORDER = {"stiffness": 16.0, "damping": 4.0}
 SCHEDULE = {"times": [0, 2], "values": [2, 5]}
 K = {"kind": "proportional", "gain": 4}
+WIDE = {  # bounds that P16's runs keep, which leave the robot's limits: u also holds the arm against gravity
+    "velocity": 100.0,
+    "acceleration": 1e4,
+    "tracking_error": 100.0,
+    "overspeed": 100.0,
+    "jump": 2.0,
+    "measured_tolerance": 100.0,
+    "slow_below": 0.0,
+    "hold_below": 0.0,
+    "ramp": 0.0,
+}
 MOBILE = {
     "robot": "little-john",
     "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
@@ -94,3 +112,24 @@ def test_it_answers_as_in_python(name, tmp_path, monkeypatch):
     done = export_controller(SPECS[name], tmp_path / "c")
     assert "largest difference to Python 0 (bits compared)" in make(done.folder, "test")
     assert undefined_symbols(done.folder / "dqc_code.o") <= OF_C
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["K", "K+FF", "LQR-R8", "LQR-DQ", "HIR", "HIRT"])
+def test_a_published_study_with_faults_and_stops(law, tmp_path):
+    """P16's spiral, 3000 steps after a start with faults, an emergency stop and a new start."""
+    spec = Path(dqcontrol.__file__).parent / "reproductions/pereira2016/specs/spiral.yaml"
+    data = yaml.safe_load(spec.read_text(encoding="utf-8")) | {"repeats": 1, "supervisor": WIDE}
+    done, parts = (
+        export_controller(data, tmp_path / "c", law=f"{law} · best"),
+        controller_parts(data, f"{law} · best"),
+    )
+    (done.folder / "test_vector.h").write_text(
+        vector_header(parts, target_named("native"), whole=True), encoding="utf-8"
+    )
+    said = make(done.folder, "test")
+    assert "largest difference to Python 0 (bits compared)" in said
+    steps = re.search(r"(\d+) steps", said)
+    assert steps
+    assert int(steps[1]) > 3000

@@ -38,7 +38,7 @@ def export(
     force
         Replace an existing file, or an earlier folder.
     """
-    if source.is_dir():
+    if source.is_dir() or (path is not None and not source.exists()):
         _export_signals(source, path, is_controller=bool(law or target or out), force=force)
         return
     if path is not None:
