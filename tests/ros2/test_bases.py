@@ -17,7 +17,7 @@ from std_msgs.msg import Float64MultiArray
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.loop.control import Phase
-from dqcontrol.reproductions.silva2017.nodes import graph_spec
+from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load

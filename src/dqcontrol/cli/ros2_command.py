@@ -197,7 +197,7 @@ def silva2017(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.reproductions.silva2017.nodes import launch
+    from dqcontrol.reproductions.silva2017.whole_body_graph import launch
     from dqcontrol.ros2 import middleware
 
     middleware.check_installed()
