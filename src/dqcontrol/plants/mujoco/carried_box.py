@@ -83,6 +83,10 @@ class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             self._add_pad(mujoco, spec, robot, row, hand, turn, k, timestep)
         box = spec.worldbody.add_body(name="box", pos=0.5 * (first + second), quat=turn)
         box.add_freejoint(name="box")
+        spec.option.cone = (
+            mujoco.mjtCone.mjCONE_ELLIPTIC
+        )  # and friction as stiff as pressure allows: no creeping
+        spec.option.impratio = 50.0
         geom = box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_WOOD, mass=self.mass, name="box")
         geom.size = half, 0.5 * self.depth, 0.5 * self.height
         self._rub(geom, timestep)
