@@ -172,7 +172,8 @@ def scenes(count: int) -> None:
         )
         least = min(least, float(record.readings["kept_distance"].values.min()))
         held = deadlocks(record)
-        if record.position_error[-1] < REACHED and record.rotation_error[-1] < 0.05:
+        turned = float(np.linalg.norm(record.rotation_error[-1]))
+        if record.position_error[-1] < REACHED and turned < 0.05:
             ends["reached"] += 1
         elif held and held[-1].end > MOST - 1:
             ends["held by " + ("obstacles" if "ball" in " ".join(held[-1].names) else held[-1].names[0])] += 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.experiments import prepare
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.figures.distances_plot import distances
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.reports.run_verdicts import run_verdicts

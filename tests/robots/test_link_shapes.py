@@ -9,6 +9,9 @@ from dqcontrol.geometry import Box, Capsule, Sphere, distance
 from dqcontrol.robots.collision_shapes import collision_shapes, kept, sampled_pairs
 from dqcontrol.robots.robot_file import arm_from, plain_arm
 
+CHASSIS = dqc.robots.Chassis(
+    mass=3.0, radius=0.2, height=0.1, wheel_mass=0.1, wheel_torque=1.0, caster_distance=0.1
+)
 URDF = """<robot name="crane">
 <link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
 <link name="boom"><collision><origin xyz="0 0 0.5" rpy="0 0 0"/>
@@ -18,7 +21,7 @@ URDF = """<robot name="crane">
 <joint name="luff" type="revolute"><parent link="base"/><child link="boom"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
 <limit lower="-1.5" upper="1.5" velocity="1"/></joint>
 <joint name="fold" type="revolute"><parent link="boom"/><child link="jib"/><origin xyz="0 0 1.1"/><axis xyz="0 1 0"/>
-<limit lower="-2.8" upper="2.8" velocity="1"/></joint>
+<limit lower="-3.1" upper="3.1" velocity="1"/></joint>
 <joint name="end" type="fixed"><parent link="jib"/><child link="hook"/><origin xyz="0 0 1.1"/></joint></robot>"""
 
 
@@ -93,7 +96,7 @@ def test_wrong_shapes_are_named(crane):
 
 
 def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
-    base = dqc.DifferentialDrive(0.04, 0.13, chassis=dqc.robots.Chassis(3, 0.2, 0.1, 0.1, 1, 0.1))
+    base = dqc.DifferentialDrive(0.04, 0.13, chassis=CHASSIS)
     mount = dqc.DualQuaternion.from_translation([0.1, 0, 0.3])
     robot = dqc.WholeBody([base, mount, dqc.load_robot("panda")])
     q = np.array([1.0, 2.0, np.pi / 2, 0, -0.3, 0, -2.0, 0, 1.8, 0.7])
