@@ -201,7 +201,9 @@ def _optuna(pair: Pair, size: int, budget: int) -> list[tuple[float, float]] | N
         return values or (1e6, 1e6)
 
     sampler = optuna.samplers.NSGAIISampler(population_size=40, seed=1)
-    optuna.create_study(directions=["minimize"] * 2, sampler=sampler).optimize(objective, n_trials=budget)
+    optuna.create_study(directions=["minimize", "minimize"], sampler=sampler).optimize(
+        objective, n_trials=budget
+    )
     return seen
 
 
