@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         reports,
         reproductions,
         robots,
+        tuning,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
     # From its module, and `simulate` too: type checkers take a package's `run` for the module of that name.
     from dqcontrol.experiments.run import run
+    from dqcontrol.logs.calibration.kinematic_calibration import calibrate
+    from dqcontrol.logs.servos.excitation import excite
     from dqcontrol.logs.servos.identification import identify
     from dqcontrol.loop import Record
     from dqcontrol.loop.simulate import simulate
@@ -47,10 +50,13 @@ if TYPE_CHECKING:
         Robot,
         SerialArm,
         Solution,
+        TreeRobot,
+        TwoArms,
         WholeBody,
         load_robot,
         robot_names,
     )
+    from dqcontrol.tuning import Tuning, tune
 
 __version__ = "0.1.0"
 
@@ -70,10 +76,15 @@ __all__ = [
     "SerialArm",
     "Solution",
     "Study",
+    "TreeRobot",
+    "Tuning",
+    "TwoArms",
     "WholeBody",
     "algebra",
     "browser",
+    "calibrate",
     "errors",
+    "excite",
     "experiments",
     "figures",
     "films",
@@ -95,6 +106,8 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
+    "tune",
+    "tuning",
 ]
 
 _ROOMS = (
@@ -116,6 +129,7 @@ _ROOMS = (
     "reports",
     "reproductions",
     "robots",
+    "tuning",
 )
 _HOMES = {
     "DualQuaternion": "algebra",
@@ -124,10 +138,14 @@ _HOMES = {
     "Run": "experiments",
     "Sample": "references",
     "Study": "experiments",
+    "calibrate": "logs",
+    "excite": "logs",
     "identify": "logs",
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "tune": "tuning",
+    "Tuning": "tuning",
 }  # of all others: robots
 
 

@@ -7,6 +7,7 @@ import yaml
 from log_files import CIRCLE, EPOCH, joint_state, numbers, pose_stamped, write_bag, write_mcap
 from page_blocks import ROOT, blocks
 from servo_simulator import answer, encoder, multisine, write_log
+from tracker_simulator import measured, spoiled, write_poses
 
 import dqcontrol as dqc
 from dqcontrol.experiments.results_folder import folder_names
@@ -94,10 +95,18 @@ def _servo_log_and_results(folder: Path) -> None:
     (folder / "examples" / "results").symlink_to(folder / "results")  # specs of pages are read in examples
 
 
+def _measured_poses(folder: Path) -> None:
+    """Fifty poses of a UR5 that a tracker measured."""
+    rng = np.random.default_rng(1)
+    write_poses(folder / "poses.csv", *measured(rng, spoiled(rng, dqc.load_robot("ur5")), 50))
+    (folder / "examples" / "results").symlink_to(folder / "results")  # specs of pages are read in examples
+
+
 _OWN_FILES = {
     "README.md": _readme,
     "reports.md": _circle_and_demo,
     "sweeps.md": _short_sweep,
     "own-data.md": _logs,
+    "calibrate.md": _measured_poses,
     "identify.md": _servo_log_and_results,
 }

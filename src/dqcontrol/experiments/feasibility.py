@@ -13,6 +13,7 @@ from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
 from dqcontrol.laws import (
     BestHeading,
+    JointMotion,
     Law,
     ManipulabilityAscent,
     OpenLoop,
@@ -120,7 +121,7 @@ def way_out(law: Law) -> str:
 def _of_singular_start(case: Combination) -> Iterator[str]:
     """Say if a law would stand still at its start, as no joint can move the hand towards the first pose beyond it."""
     scene, law = case.scene, case.variant.law
-    if isinstance(law, OpenLoop) or isinstance(law.null_space, ManipulabilityAscent):
+    if isinstance(law, OpenLoop | JointMotion) or isinstance(law.null_space, ManipulabilityAscent):
         return
     robot, desired = scene.robot, scene.samples[:, POSE]
     error = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(scene.start)), desired))
@@ -164,7 +165,7 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
 def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
     """Say if the first command is beyond the velocity limits, where that is a velocity."""
     robot, law = case.scene.robot, case.variant.law
-    if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop):
+    if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop | JointMotion):
         return
     if not np.isfinite(robot.limits.velocity).any():
         return

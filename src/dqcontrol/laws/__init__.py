@@ -15,6 +15,7 @@ from dqcontrol.laws.feedforward import ProportionalFeedforward
 from dqcontrol.laws.gains import Schedule
 from dqcontrol.laws.h_infinity import HInfinity, HInfinityTracking
 from dqcontrol.laws.inverses import DampedInverse, FilteredInverse, ManipulabilityInverse
+from dqcontrol.laws.joint_motion import JointMotion
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.linear_quadratic import LinearQuadraticDQ, LinearQuadraticR8
 from dqcontrol.laws.null_space import (
@@ -42,6 +43,7 @@ __all__ = [
     "HInfinity",
     "HInfinityTracking",
     "JointCentring",
+    "JointMotion",
     "Law",
     "LevelSolution",
     "LimitAvoidance",

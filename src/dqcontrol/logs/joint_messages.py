@@ -84,10 +84,14 @@ def read_targets(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, 
         return _series(path, topic, messages, lambda message: _in_order(message, names), increasing=True)
 
 
-def read_poses(path: Path, topic: str) -> tuple[Stamps, Array]:
-    """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`."""
+def read_poses(path: Path, topic: str | None, field: str = "reference_topic") -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and poses (K, 8) of a topic of PoseStamped; raises as `read_joint_states`.
+
+    ``field`` is the option that names the topic, for messages.
+    """
     with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "reference_topic", (POSE, JOINTS))
+        kinds = (POSE, JOINTS) if field == "reference_topic" else (POSE,)
+        topic = _choose(path, messages.types, topic, field, kinds)
         stamps, rows = _series(path, topic, messages, _position_and_quaternion, increasing=True)
     with np.errstate(over="ignore"):  # the check is for damaged numbers, too
         norms = np.linalg.norm(rows[:, 3:], axis=1)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
@@ -19,19 +17,24 @@ from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, sugge
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.logs.missing_cells import Missing, fill_missing
+from dqcontrol.logs.text_table import (
+    ANGLES,
+    DELIMITERS,
+    EMPTY,
+    LENGTHS,
+    find_columns,
+    name_and_unit,
+    table_rows,
+    unit_scale,
+)
 from dqcontrol.logs.time_stamps import TIME_NAMES, TIME_UNITS, seconds_from, time_unit, written_stamp
 from dqcontrol.robots import Robot
 
 Angles = Literal["rad", "deg"]
 
-_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
-_LENGTH = {"m": 1.0, "mm": 1e-3}
-_NUMBER = re.compile(r"[+-]?\d*\.?\d+(e[+-]?\d+)?", re.IGNORECASE)
-_SUFFIX = re.compile(r"(.+)_(s|sec|ms|us|ns|rad|deg|m|mm)")
-_DELIMITERS = ",;\t"
+DEGREES_NOTE = "angles without a unit are taken for degrees: as radians they leave the joints' limits"
 _BLOCK = 1 << 22  # bytes of lines that are read at a time
 _MANY_TURNS = 4 * math.pi  # rad; no joint turns so far, so such numbers without a unit are degrees
-_EMPTY = ("", "nan", "na", "n/a", "null", "none", "-")
 
 
 class JointTable(NamedTuple):
@@ -89,9 +92,9 @@ def read_joint_table(
         unit, said = time_unit(stamps)
         notes += said
     time = seconds_from(stamps, TIME_UNITS[unit])
-    if angles is None and _must_be_degrees(path, robot, columns, values):
+    if angles is None and must_be_degrees(path, robot, [columns.units[i] for i in columns.joints], values):
         angles = "deg"
-        notes.append("angles without a unit are taken for degrees: as radians they leave the joints' limits")
+        notes.append(DEGREES_NOTE)
     values *= _scales(columns, robot.joint_types, angles)
     n = len(joint_names)
     time, values = fill_missing(
@@ -105,7 +108,9 @@ def read_joint_table(
 def column_names(path: Path, known: Sequence[str]) -> list[str]:
     """Return the names of the columns of a table without their units; raises as `read_joint_table`."""
     with _opened(path) as stream:
-        return [_name_and_unit(cell, known)[0] for cell in next(_rows(path, _text_lines(path, stream)))[1]]
+        return [
+            name_and_unit(cell, known)[0] for cell in next(table_rows(path, _text_lines(path, stream)))[1]
+        ]
 
 
 def _read(
@@ -116,7 +121,7 @@ def _read(
     if found is not None:
         return found[0], found[1], found[2], []
     text, notes = read_text(path), list[str]()
-    header, *rows = _rows(path, text.splitlines())
+    header, *rows = table_rows(path, text.splitlines())
     columns = _chosen(path, header, joint_names, targets)
     width = len(columns.names)
     if rows and len(rows[-1][1]) < width and not text.endswith("\n"):
@@ -124,7 +129,7 @@ def _read(
     for number, cells in rows:
         if len(cells) != width:
             raise FileFormatError(f"{path}:{number}: expected {width} values, got {len(cells)}")
-    stamped = [row for row in rows if row[1][columns.time].lower() not in _EMPTY]
+    stamped = [row for row in rows if row[1][columns.time].lower() not in EMPTY]
     if len(stamped) < len(rows):
         notes.append(f"{len(rows) - len(stamped)} of {len(rows)} lines have no time and are left out")
     if not stamped:
@@ -143,13 +148,13 @@ def _chosen(
     commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
     wanted = _target_names(joint_names, targets)
     known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES}.union(*commanded, *wanted)
-    cells = [_name_and_unit(cell, known) for cell in header[1]]
+    cells = [name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
-    joints = _find(where, "joints", names, joint_names, "q")
+    joints = find_columns(where, "joints", names, joint_names, "q")
     commands = _find_commands(where, names, joint_names)
     lowered = [name.lower() for name in names]
     time = next((name for name in TIME_NAMES if name in lowered), "time")
-    place = _find(where, "column", lowered, [time], "")[0]
+    place = find_columns(where, "column", lowered, [time], "")[0]
     if units[place] and units[place] not in TIME_UNITS:
         raise FileFormatError(
             f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(TIME_UNITS)})"
@@ -160,7 +165,7 @@ def _chosen(
             f"targets or reference_joints: {where}: columns missing: {', '.join(wanted[0])}"
             f"{suggest(wanted[0][0], names)} (columns: {', '.join(names)})"
         )
-    held = _find(where, "commanded positions", names, found, "") if found else []
+    held = find_columns(where, "commanded positions", names, found, "") if found else []
     return _Columns(where, names, units, place, joints, commands, held)
 
 
@@ -189,16 +194,27 @@ def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None
     scales = []
     for chosen, per in ((columns.joints, ""), (columns.commands, "/s"), (columns.targets, "")):
         for kind, i in zip(joint_types if chosen else (), chosen, strict=True):
-            table, default = (_ANGLE, angles or "rad") if kind == "revolute" else (_LENGTH, "m")
+            table, default = (ANGLES, angles or "rad") if kind == "revolute" else (LENGTHS, "m")
             allowed = {unit + per: scale for unit, scale in table.items()}
             scales.append(
-                _scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
+                unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
             )
     return scales
 
 
-def _must_be_degrees(path: Path, robot: Robot, columns: _Columns, values: Array) -> bool:
+def must_be_degrees(path: Path, robot: Robot, units: Sequence[str], values: Array) -> bool:
     """Whether angles without a unit are degrees: no joint turns so far, and as degrees they respect the limits.
+
+    Parameters
+    ----------
+    path
+        The file, for errors.
+    robot
+        For its limits.
+    units
+        Of the columns of the joints, in the robot's order; empty where none is named.
+    values
+        Whose first columns are those, NaN where a cell is empty.
 
     Raises
     ------
@@ -206,7 +222,7 @@ def _must_be_degrees(path: Path, robot: Robot, columns: _Columns, values: Array)
         If the robot has no limits that would tell.
     """
     types, limits = robot.joint_types, robot.limits
-    unsaid = [k for k, i in enumerate(columns.joints) if types[k] == "revolute" and not columns.units[i]]
+    unsaid = [k for k, unit in enumerate(units) if types[k] == "revolute" and not unit]
     least, most = (
         getattr(np, name)(values[:, unsaid], axis=0, initial=0.0, where=~np.isnan(values[:, unsaid]))
         for name in ("min", "max")
@@ -257,7 +273,9 @@ def _plain(
                     return None
                 lines = iter(block)
                 try:
-                    header = next(_rows(path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines)))
+                    header = next(
+                        table_rows(path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines))
+                    )
                 except (StopIteration, UnicodeDecodeError, FileFormatError):
                     return None
                 columns = _chosen(path, header, joint_names, targets)
@@ -279,7 +297,7 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
         return np.zeros((0, len(columns.numbers))), []
-    delimiter = max((each.encode() for each in _DELIMITERS), key=lines[0].count)
+    delimiter = max((each.encode() for each in DELIMITERS), key=lines[0].count)
     try:
         content = b"[[" + b"],[".join(lines).replace(delimiter, b",").replace(b"nan", b"null") + b"]]"
         table = np.array(msgspec.json.decode(content, type=list[list[float | None]]), dtype=np.float64)
@@ -293,84 +311,12 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
     return None if np.isinf(values).any() else (values, stamps)
 
 
-def _rows(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield the column names, then the rows of a table, each with the number of its line."""
-    header, delimiter = None, None
-    for number, line in enumerate(lines, start=1):
-        text = line.strip(" ")
-        if header is None:
-            text = text.lstrip("# ")
-            delimiter = max(_DELIMITERS, key=text.count)
-            delimiter = delimiter if delimiter in text else None
-        if not text.strip() or text.startswith("#"):
-            continue
-        try:
-            cells = (
-                [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter))]
-                if delimiter
-                else text.split()
-            )
-        except csv.Error as error:
-            raise FileFormatError(f"{path}:{number}: {error}") from None
-        if header is not None:
-            yield number, cells
-        elif not line.lstrip().startswith("#") or any(
-            _name_and_unit(cell, TIME_NAMES)[0].lower() in TIME_NAMES for cell in cells
-        ):
-            if all(_NUMBER.fullmatch(cell) for cell in cells):
-                raise FileFormatError(
-                    f"{path}:{number}: expected a line of column names: time, q1, q2, …; got numbers"
-                )
-            header = number, cells
-            yield header
-    if header is None:
-        raise FileFormatError(f"{path}: is empty; expected a line of column names: time, q1, q2, …")
-
-
-def _name_and_unit(cell: str, known: Iterable[str] = ()) -> tuple[str, str]:
-    """Split the unit off a name: in brackets, or behind an underscore where that leaves a known name.
-
-    A number in brackets, as in ``q[0]``, is part of the name.
-    """
-    match = re.fullmatch(r"(.+?)\s*(?:\[\s*([^\]\d]*)\]|\(\s*([^)\d]*)\))", cell)
-    if match:
-        return match[1], (match[2] or match[3] or "").strip()
-    suffix = _SUFFIX.fullmatch(cell)
-    if suffix and cell not in known and (suffix[1] in known or suffix[1].lower() in known):
-        return suffix[1], suffix[2]
-    return cell, ""
-
-
-def _find(where: str, what: str, names: Sequence[str], wanted: Sequence[str], letter: str) -> list[int]:
-    """Return the columns of these names, or else of the letter with the numbers from 1."""
-    numbered = [f"{letter}{i + 1}" for i in range(len(wanted))] if letter else list(wanted)
-    by_name = [name for name in wanted if name in names]
-    chosen = numbered if not by_name and any(name in names for name in numbered) else list(wanted)
-    missing = [name for name in chosen if name not in names]
-    if missing:
-        other = f" (or {numbered[0]} … {numbered[-1]})" if letter and chosen != numbered else ""
-        raise FileFormatError(
-            f"{where}: {what} missing: {', '.join(missing)}{other}{suggest(missing[0], names)} "
-            f"(columns: {', '.join(names)})"
-        )
-    for name in chosen:
-        if names.count(name) > 1:
-            raise FileFormatError(f"{where}: column '{name}' is there {names.count(name)} times")
-    return [names.index(name) for name in chosen]
-
-
 def _find_commands(where: str, names: Sequence[str], inputs: Sequence[str]) -> list[int]:
     """Return the columns of the commands, if there are any."""
     named = [f"command.{name}" for name in inputs]
     if not any(name in names for name in (*named, *(f"u{i + 1}" for i in range(len(inputs))))):
         return []
-    return _find(where, "commands", names, named, "u")
-
-
-def _scale(where: str, unit: str, allowed: dict[str, float], default: str) -> float:
-    if unit and unit not in allowed:
-        raise FileFormatError(f"{where}: unknown unit '{unit}' (allowed: {', '.join(allowed)})")
-    return allowed[unit or default]
+    return find_columns(where, "commands", names, named, "u")
 
 
 def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:
@@ -378,7 +324,7 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
     places = columns.numbers
     try:
         table = np.array(
-            [[cells[i] if cells[i].lower() not in _EMPTY else "nan" for i in places] for _, cells in rows],
+            [[cells[i] if cells[i].lower() not in EMPTY else "nan" for i in places] for _, cells in rows],
             dtype=np.float64,
         )
     except ValueError:
@@ -386,7 +332,7 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
     if np.isinf(table).any():
         for number, cells in rows:
             for i in places:
-                if cells[i].lower() not in _EMPTY:
+                if cells[i].lower() not in EMPTY:
                     as_number(f"{path}:{number}: {columns.names[i]}", cells[i])
     return table
 

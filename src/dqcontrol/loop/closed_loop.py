@@ -28,7 +28,6 @@ from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
-from dqcontrol.robots import kinematics_kernels as kernels
 
 _PROGRESS_EVERY = 50  # steps
 _SUPERVISOR = "the supervisor"
@@ -142,7 +141,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     done, settling = np.zeros(1), np.zeros(9)
     status = compiled.rollout(
         compiled.stages(
-            kinematics=kernels.twist_kinematics.pointer,
+            kinematics=law.robot.kernels.twist_kinematics.pointer,
             supervisor=supervise.pointer if supervision else 0,
             disturbance=disturbance.kernel.pointer if disturbance else 0,
             plant=plant_pointer,
@@ -346,7 +345,7 @@ class _Steps:
         """Send the last command, and let the robot move for a period."""
         k = self.done - 1
         if self.disturbance is not None:
-            self.disturbance.step(self.law.robot.chain, k, self.plant.q, self.realised[k])
+            self.disturbance.step(self.law.robot, k, self.plant.q, self.realised[k])
         self.plant.step(self.records[2][k])
         self.is_sent = True
         if self.plant.fault and not self._fault:

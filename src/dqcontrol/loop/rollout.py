@@ -172,7 +172,7 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
     q, measured, samples, stop = plant.q, plant.measured, course.samples, course.stop
     n, m = q.shape[0], records.command.shape[1]
     prepared = unpack(law.plan, law.memory)
-    chain, pose = prepared.memory.chain, prepared.memory.kinematics[0:8]
+    table, pose = prepared.memory.table, prepared.memory.kinematics[0:8]
     supervising = supervisor.memory.shape[0] > 0
     nothing = stop[0:0]
     last_disturbance = disturbance.rows.shape[0] - 1
@@ -215,7 +215,7 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
             status = _call_disturbance(
                 stages.disturbance,
                 stages.kinematics,
-                chain,
+                table,
                 disturbance.rows[min(k, last_disturbance)],
                 disturbance.parameters,
                 disturbance.work,

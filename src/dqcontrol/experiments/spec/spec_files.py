@@ -13,26 +13,23 @@ from dqcontrol.errors import Error
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
-from dqcontrol.plants.servo.servo_file import servo_parameters
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants absolute, and put what files of servos hold in their place.
-
-    What a spec says besides ``file`` counts in place of what the file says.
-    """
-    for plant, key in _plants(data):
-        plant[key] = str((folder / plant[key]).resolve())
-    for plant in _plant_tables(data):
-        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
-            own = {key: value for key, value in plant.items() if key != "file"}
-            held = servo_parameters(folder / plant["file"])
-            plant.clear()
-            plant.update(held | own)
+    """Make the names of files of plants and laws absolute, and put what plant files hold in their place."""
+    for part, kind in _plants_and_laws(data):
+        if issubclass(kind, Plant):
+            completed = kind.complete(part, folder)
+            part.clear()
+            part.update(completed)
+        else:
+            for key in _file_keys(part, kind):
+                part[key] = str((folder / part[key]).resolve())
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -87,7 +84,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
-    yield from _plants(data)
+    yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
     )
@@ -115,23 +112,29 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
         yield from _references(part)
 
 
-def _plants(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    for plant in _plant_tables(data):
-        for key in _file_keys().get(str(plant.get("kind")), ()):
-            if isinstance(plant.get(key), str):
-                yield plant, key
+def _plants_and_laws(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], type[Law | Plant]]]:
+    """Yield what a spec says of plants and laws of known kinds, each with the class of its kind."""
+    for key in ("plant", "law"):
+        for part in _tables(data, key):
+            if kind := _kinds(key).get(str(part.get("kind"))):
+                yield part, kind
 
 
-def _plant_tables(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    several = data.get("plants")
-    plants = [data.get("plant"), *(several.values() if isinstance(several, dict) else ())]
-    yield from (plant for plant in plants if isinstance(plant, dict))
+def _file_keys(part: dict[str, Any], kind: type[Law | Plant]) -> list[str]:
+    return [key for key in kind.file_keys if isinstance(part.get(key), str)]
+
+
+def _tables(data: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
+    """Yield what a spec says under ``law`` and ``laws``, or ``plant`` and ``plants``."""
+    several = data.get(f"{key}s")
+    parts = [data.get(key), *(several.values() if isinstance(several, dict) else ())]
+    yield from (part for part in parts if isinstance(part, dict))
 
 
 @cache
-def _file_keys() -> dict[str, tuple[str, ...]]:
-    """Return by kind of plant the keys that name files."""
-    return {tag: kind.file_keys for tag, kind in by_tag(Plant, "dqcontrol.plants").items()}
+def _kinds(key: str) -> dict[str, type[Law | Plant]]:
+    base = Law if key == "law" else Plant
+    return dict(by_tag(base, f"dqcontrol.{key}s"))
 
 
 def _parts(robot: Path) -> Iterator[Path]:

@@ -77,6 +77,11 @@ class PreparedSupervisor:
         """Whether it bounds the wrench measured at the hand."""
         return bool(np.isfinite(self.bounds.head[[layout.CONTACT_FORCE, layout.CONTACT_TORQUE]]).any())
 
+    @property
+    def carries_payload(self) -> bool:
+        """Whether it takes the weight of a payload off the wrench measured at the hand."""
+        return bool(self.bounds.head[layout.PAYLOAD_WEIGHT])
+
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
 
@@ -151,7 +156,8 @@ class PreparedSupervisor:
         effort
             Measured, shape (m,), N·m or N; empty if it is not.
         wrench
-            Force and torque measured at the hand, shape (6,), N and N·m; empty if it is not.
+            Force and torque that payload and environment exert on the hand, its axes and about its origin, shape
+            (6,), N and N·m; empty if it is not measured.
         out
             Written in place and returned, if given, shape (m,).
 

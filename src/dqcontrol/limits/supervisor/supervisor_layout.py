@@ -31,11 +31,13 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     CONTACT_FORCE,
     CONTACT_TORQUE,
     CONTACT_EFFORT,
+    PAYLOAD_WEIGHT,
     BOXED,
     BOX,
-) = range(20)
-COORDINATES, INPUTS, DRIVES, POINTS = range(BOX + 6, BOX + 10)
-HEAD = BOX + 10
+) = range(21)
+PAYLOAD_CENTER = BOX + 6  # (3)
+COORDINATES, INPUTS, DRIVES, POINTS = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 7)
+HEAD = PAYLOAD_CENTER + 7
 
 # memory: single numbers of the state; the last is the commanded hand one period ago
 MODE, FAULT, SCALE, HOLDING, ENDING, BAD, NOW, INDEX, SILENT, LATENESS, STARTED, HAND_BEFORE = range(12)

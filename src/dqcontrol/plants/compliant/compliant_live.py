@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
 
+_SHAKING = 1  # marks a stream of random numbers beside that of the encoders
 _JOINT_CHANNELS = {
     "motor_angle": "rad",
     "reference": "rad",
@@ -69,6 +71,11 @@ class LiveCompliant(LivePlant):
         self.q, self.measured = data.qpos[:n], np.empty(n)
         self._arm, self._rng = arm, np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
+        self._gravity = np.array(plant.gravity)
+        self._shaking, self._shaking_rng = (
+            plant.base_shaking / math.sqrt(arm.ticks * TICK),
+            np.random.default_rng([seed, _SHAKING]),
+        )
         self._moves, self._pushed, self._touches = np.zeros(n), bool(plant.pushes), bool(plant.obstacles)
         self._plan, self._numbers, self.memory = _memory(plant, arm)
         self._physics = physics_arrays(
@@ -184,10 +191,13 @@ class LiveCompliant(LivePlant):
         if self._noise_scale:
             self._rng.standard_normal(out=self._noise)
             self._noise *= self._noise_scale
+        if self._shaking:  # gravity is what an arm in an accelerated base feels
+            shake = self._shaking * self._shaking_rng.standard_normal(3)
+            np.add(self._gravity, shake, out=self.model.opt.gravity)
 
     def _measure(self) -> None:
         memory, other = self.memory, self._other_readings
-        self.measured[:] = memory.state[:, column.ANGLE]
+        self.measured[:] = memory.state[:, column.TOLD]
         self._joint_readings[0] = self.data.qpos[self._rotors]
         self._joint_readings[1:] = memory.state.T[_JOINT_COLUMNS]
         self._wrist.read(self.time, self._rng, other[0:6])
@@ -213,6 +223,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
     shared = np.zeros(column.SHARED)
     shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
     shared[column.RAMP], shared[column.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
+    shared[column.EXCHANGE] = arm.exchange
     shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
     shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
     plan = ArmPlan(

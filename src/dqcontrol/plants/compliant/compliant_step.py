@@ -108,12 +108,15 @@ def advance(plan, memory, physics, ticks, moves, noise):
     constants, state, shared = arm.constants, arm.state, arm.shared
     n = state.shape[0]
     for i in range(n):
-        before = state[i, column.ANGLE] if numbers.from_measured != 0 else state[i, column.TARGET]
+        before = state[i, column.TOLD] if numbers.from_measured != 0 else state[i, column.ASKED]
         target = moves[i] + before
-        state[i, column.TARGET] = min(max(target, constants[i, column.LOWER]), constants[i, column.UPPER])
+        state[i, column.ASKED] = min(max(target, constants[i, column.LOWER]), constants[i, column.UPPER])
     for tick in range(ticks):
         # of the tick's middle: no doubt about what begins or ends at its edge
         time = (shared[column.TICKS] + 0.5) * TICK
+        if shared[column.TICKS] % shared[column.EXCHANGE] == 0.0:
+            for i in range(n):
+                state[i, column.TARGET] = state[i, column.ASKED]
         for i in range(n):
             arm.rotor_angles[i] = physics.positions[int(arm.rotors[i])]
             arm.rotor_velocities[i] = physics.velocities[int(arm.rotors[i])]
@@ -141,6 +144,9 @@ def advance(plan, memory, physics, ticks, moves, noise):
         if not total < FASTEST * FASTEST:
             return NOT_FINITE
         sense_arm(arm, physics, noise[tick], time)
+        if shared[column.TICKS] % shared[column.EXCHANGE] == 0.0:
+            for i in range(n):
+                state[i, column.TOLD] = state[i, column.ANGLE]
     return OK
 
 
@@ -152,7 +158,8 @@ def settle(plan, memory, physics, noise):
     for i in range(state.shape[0]):
         angle = physics.positions[i] + noise[i]
         sense(constants[i], state[i], angle, spring_torque(arm, physics, i), False)
-        state[i, column.ANGLE] = state[i, column.ENCODER]
+        state[i, column.ANGLE] = state[i, column.TOLD] = state[i, column.ENCODER]
+        state[i, column.ASKED] = state[i, column.TARGET]
         rest(
             constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
             state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],

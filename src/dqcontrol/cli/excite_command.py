@@ -1,0 +1,111 @@
+"""Write a motion that tells what the servos of a robot are."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
+from dqcontrol.cli.screen import print_table
+
+
+def excite(
+    robot: str,
+    /,
+    *,
+    start: Annotated[
+        str | None, Parameter(help="Configuration about which it moves: a,b,c in rad or m.")
+    ] = None,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    signal: Literal["zigzag", "multisine", "chirp"] = "zigzag",
+    together: Annotated[bool, Parameter(negative=())] = False,
+    duration: float = 60.0,
+    period: float = 0.008,
+    amplitude: float = 0.3,
+    speed: float = 1.0,
+    acceleration: float = 6.0,
+    workspace: Annotated[
+        str | None, Parameter(help="Box that the hand does not leave: x0,x1,y0,y1,z0,z1 in m, base frame.")
+    ] = None,
+    lag: float = 0.05,
+    delay: float = 0.02,
+    noise: float = 1e-4,
+    resolution: float = 0.0,
+    seed: int = 1,
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Write a motion of the joints from whose log identify can tell lags and delays, and say how precisely.
+
+    Parameters
+    ----------
+    robot
+        Name, .yaml or .urdf file, or example-robot-data:PATH.
+    signal
+        zigzag (tells most), multisine or chirp (smoother).
+    together
+        All joints at once, the whole time; else one after the other, then all together by a multisine.
+    duration
+        Of the motion, s.
+    period
+        Control period, s.
+    amplitude
+        Largest distance of a joint from its start, rad or m.
+    speed
+        Largest of a joint, rad/s or m/s; no more than 0.9 of the robot's limits.
+    acceleration
+        Largest of a joint, rad/s² or m/s².
+    lag
+        To expect, s: what the precision is said for; so are delay, noise and resolution.
+    delay
+        To expect, s.
+    noise
+        Of the encoders to expect, rad or m.
+    resolution
+        Of the encoders to expect, rad or m.
+    seed
+        Of turning points and phases.
+    out
+        New folder for motion.csv, hand.csv and excite.yaml, which runs them.
+    force
+        Replace these files in an existing folder.
+    """
+    from dqcontrol.experiments.results_folder import check_new
+    from dqcontrol.logs.servos import excite as design
+
+    if out is not None and not force:
+        check_new(out, force=False)
+    found = design(
+        robot,
+        _numbers("start", start),
+        base_link=base_link,
+        tip_link=tip_link,
+        signal=signal,
+        together=together,
+        duration=duration,
+        period=period,
+        amplitude=amplitude,
+        speed=speed,
+        acceleration=acceleration,
+        workspace=_numbers("workspace", workspace),
+        lag=lag,
+        delay=delay,
+        noise=noise,
+        resolution=resolution,
+        seed=seed,
+    )
+    print_table(found.table)
+    for remark in found.remarks:
+        print(remark)
+    if out is not None:
+        found.save(out, force=force)
+        print(f"run it: dqcontrol run {out / 'excite.yaml'} --out RESULTS")
+
+
+def _numbers(option: str, text: str | None) -> list[float] | None:
+    """Return the numbers of a list with commas."""
+    from dqcontrol.files.text_file import as_number
+
+    return None if text is None else [as_number(f"--{option}", word) for word in text.split(",")]

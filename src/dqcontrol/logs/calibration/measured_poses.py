@@ -1,0 +1,182 @@
+"""Poses of a hand as a camera or tracker measured them, with the joint angles at which it did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.algebra import rotation, translation
+from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.arrays import Array
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
+from dqcontrol.files.text_file import as_number, read_text
+from dqcontrol.logs.joint_messages import is_recording, read_joint_states, read_poses
+from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees
+from dqcontrol.logs.text_table import ANGLES, LENGTHS, find_columns, name_and_unit, table_rows, unit_scale
+from dqcontrol.references.points_file import POSITION, QUATERNION
+from dqcontrol.robots import Robot
+
+_FARTHEST = 20.0  # m; no tracker sees an arm so far away, so such numbers without a unit are mm
+_GAP = 0.1  # s without joint states beside a pose, at most
+_MOST = 2000  # poses of a recording that are used
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredPoses:
+    """N measured poses of what is fixed to the hand of a robot with n joints.
+
+    Attributes
+    ----------
+    path
+        The file.
+    q
+        Measured joint positions, shape (N, n), rad or m.
+    position
+        Of the target in the frame of camera or tracker, shape (N, 3), m.
+    rotation
+        Of the target, unit quaternions, shape (N, 4); None if positions alone were measured.
+    notes
+        What was recognised, a line each.
+    """
+
+    path: Path
+    q: Array
+    position: Array
+    rotation: Array | None
+    notes: tuple[str, ...] = ()
+
+    def chosen(self, rows: NDArray[np.bool_]) -> MeasuredPoses:
+        """Return it with those poses only for which ``rows`` (N,) is True."""
+        turned = self.rotation[rows] if self.rotation is not None else None
+        return MeasuredPoses(self.path, self.q[rows], self.position[rows], turned, self.notes)
+
+
+def read_measured_poses(
+    path: str | Path,
+    robot: Robot,
+    *,
+    joints: Sequence[str] | None = None,
+    angles: Angles | None = None,
+    joint_topic: str | None = None,
+    pose_topic: str | None = None,
+) -> MeasuredPoses:
+    r"""Read joint positions and measured poses of the hand: a table, an MCAP file, a ROS 1 or ROS 2 bag.
+
+    A table is a text file with a line of column names and one line a pose. Its columns, in any order: one for each
+    joint, by the robot's joint names or ``q1`` … ``qn``; ``x``, ``y``, ``z``; and, if orientations were measured, the
+    unit quaternion ``qw``, ``qx``, ``qy``, ``qz``. Units may stand behind names, as ``q1 [deg]`` or ``x [mm]``; without
+    one, rad and m, unless that cannot be, which is said. Other columns are left out.
+
+    In recordings, poses come from a topic of type geometry_msgs/PoseStamped, joint positions from one of type
+    sensor_msgs/JointState, joined linearly at the times of the poses.
+
+    Parameters
+    ----------
+    path
+        The file.
+    robot
+        Whose joints to look for.
+    joints
+        Their names in the file, if it has others, in the robot's order.
+    angles
+        Unit of the joints' columns that do not name theirs: ``"rad"`` (default) or ``"deg"``.
+    joint_topic, pose_topic
+        Of a recording; by default ``/joint_states`` or the only ones of their types.
+
+    Raises
+    ------
+    ShapeError
+        If ``joints`` does not fit the robot, or an option does not apply to this kind of file.
+    FileFormatError
+        If the file is missing or malformed; the message begins with the file and its line.
+    ValueRangeError
+        If numbers without a unit must be degrees.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "poses.csv"
+    >>> _ = file.write_text("q1 [deg],q2 [deg],x [mm],y [mm],z [mm]\n0,0,2000,0,0\n90,0,0,2000,0\n")
+    >>> arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0])
+    >>> read_measured_poses(file, arm).position.tolist()
+    [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]
+    """
+    path, names = Path(path), tuple(joints if joints is not None else robot.joint_names)
+    if len(names) != robot.configuration_size or len(set(names)) != len(names):
+        raise ShapeError(
+            f"joints: {robot.name} has {robot.configuration_size} joints; "
+            f"expected as many different names, got {', '.join(names) or 'none'}"
+        )
+    if not is_recording(path):
+        for field, topic in (("joint_topic", joint_topic), ("pose_topic", pose_topic)):
+            if topic is not None:
+                raise ShapeError(f"{field}: {path} is a table and has no topics, got '{topic}'")
+        return _read_table(path, robot, names, angles)
+    if angles is not None:
+        raise ShapeError(f"angles: {path} is a recording, and its messages are in rad; leave it out")
+    return _read_recording(path, names, joint_topic, pose_topic)
+
+
+def _read_table(path: Path, robot: Robot, names: Sequence[str], angles: Angles | None) -> MeasuredPoses:
+    (line, header), *rows = table_rows(path, read_text(path).splitlines())
+    where, n = f"{path}:{line}", len(names)
+    known = {*names, *(f"q{i + 1}" for i in range(n)), *POSITION, *QUATERNION}
+    cells = [name_and_unit(cell, known) for cell in header]
+    columns, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
+    places = find_columns(where, "joints", columns, names, "q")
+    places += find_columns(where, "measured positions", columns, POSITION, "")
+    turned = any(name in columns for name in QUATERNION)
+    if turned:
+        places += find_columns(where, "measured quaternion", columns, QUATERNION, "")
+    if not rows:
+        raise FileFormatError(f"{path}: has no poses below the column names")
+    values = np.empty((len(rows), len(places)))
+    for k, (number, row) in enumerate(rows):
+        if len(row) != len(columns):
+            raise FileFormatError(f"{path}:{number}: expected {len(columns)} values, got {len(row)}")
+        values[k] = [as_number(f"{path}:{number}: {columns[i]}", row[i]) for i in places]
+    notes = []
+    if angles is None and must_be_degrees(path, robot, [units[i] for i in places[:n]], values):
+        angles = "deg"
+        notes.append(DEGREES_NOTE)
+    far = np.abs(values[:, n : n + 3]).max() > _FARTHEST
+    length = "mm" if far and not any(units[i] for i in places[n : n + 3]) else "m"
+    if length == "mm":
+        notes.append("x, y and z without a unit are taken for mm: as metres they are too far away")
+    for column, i in enumerate(places[: n + 3]):
+        turns = column < n and robot.joint_types[column] == "revolute"
+        allowed, default = (ANGLES, angles or "rad") if turns else (LENGTHS, length if column >= n else "m")
+        values[:, column] *= unit_scale(f"{where}: {columns[i]}", units[i], allowed, default)
+    quaternions = None
+    if turned:
+        quaternions = values[:, n + 3 :]
+        norms = np.linalg.norm(quaternions, axis=1)
+        for k in np.flatnonzero(np.abs(norms - 1) > WRITTEN_TOLERANCE)[:1]:
+            raise FileFormatError(f"{path}:{rows[k][0]}: qw … qz: must have norm 1, got {norms[k]:.9g}")
+        quaternions = quaternions / norms[:, None]
+    return MeasuredPoses(path, values[:, :n], values[:, n : n + 3], quaternions, tuple(notes))
+
+
+def _read_recording(
+    path: Path, names: Sequence[str], joint_topic: str | None, pose_topic: str | None
+) -> MeasuredPoses:
+    joint_stamps, q = read_joint_states(path, names, joint_topic)
+    stamps, poses = read_poses(path, pose_topic, field="pose_topic")
+    after = np.searchsorted(joint_stamps, stamps)
+    beside = np.clip(after, 1, len(joint_stamps) - 1)
+    known = (after > 0) & (after < len(joint_stamps))
+    known &= joint_stamps[beside] - joint_stamps[beside - 1] < _GAP * 1e9
+    if not known.any():
+        raise ValueRangeError(f"{path}: no pose was measured while joint states came")
+    chosen = np.flatnonzero(known)
+    notes = []
+    if len(chosen) < len(stamps):
+        notes.append(f"{len(stamps) - len(chosen)} of {len(stamps)} poses have no joint states beside them")
+    chosen = chosen[:: max(1, -(-len(chosen) // _MOST))]
+    seconds, times = (joint_stamps - joint_stamps[0]) / 1e9, (stamps[chosen] - joint_stamps[0]) / 1e9
+    joined = np.column_stack([np.interp(times, seconds, each) for each in q.T])
+    return MeasuredPoses(path, joined, translation(poses[chosen]), rotation(poses[chosen]), tuple(notes))
