@@ -16,7 +16,6 @@ from dqcontrol import cli
 from dqcontrol.compiled import compile
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
-from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.measures.task_range import RANGE
@@ -105,8 +104,7 @@ def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
     assert (tmp_path / "out/spec.yaml").is_file()
 
 
-def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path, monkeypatch):
-    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
+def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path):
     circle = SPEC["reference"] | {"duration": 0.1}
     mobile = SPEC | {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], "reference": circle}
     run_in_real_time(mobile | {"plant": {"kind": "integrator"}}, tmp_path / "out", figures=False)
@@ -129,7 +127,6 @@ class Watching(Clock):
 @pytest.mark.parametrize("plant", ["servo", "compliant", "mobile"])
 def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypatch, plant):
     """As in a process that has used no kernel yet; compiling one takes a second, even loading one is several ms."""
-    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
     for kernel in [thing for thing in gc.get_objects() if type(thing) is compile.Kernel]:
         for made in ("compiled", "pointer"):
             monkeypatch.delitem(kernel.__dict__, made, raising=False)
