@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import dqrobotics as dqr
 import mujoco
 import numpy as np
 import pinocchio
-from dqrobotics.robot_modeling import DQ_SerialManipulatorDH
+from dqrobotics.robot_modeling import DQ_CooperativeDualTaskSpace, DQ_SerialManipulatorDH
 from measure import Ratio, medians
 
 import dqcontrol as dqc
@@ -126,6 +127,22 @@ def against_dq_robotics(rounds: int) -> list[Ratio]:
     ]
 
 
+def two_arms_against_dq_robotics(rounds: int) -> list[Ratio]:
+    arms = dq_robotics_arm(), dq_robotics_arm()  # what takes them does not keep them
+    ours, theirs = dqc.TwoArms(our_arm(), our_arm()), DQ_CooperativeDualTaskSpace(*arms)
+    q = np.concatenate([Q, Q + 0.1])
+    check(theirs.relative_pose_jacobian(q), ours.relative_pose_jacobian(q))
+    check(dqr.vec8(theirs.absolute_pose(q)), ours.absolute_pose(q, sign=1))
+    names = "relative_pose_jacobian", "absolute_pose_jacobian"  # theirs of the absolute pose is wrong
+    functions = {name: partial(getattr(ours, name), q) for name in names}
+    functions |= {f"their {name}": partial(getattr(theirs, name), q) for name in names}
+    t = medians(functions, 3000, rounds)
+    return [
+        Ratio(f"TwoArms.{name}", t[name], "µs", "DQ Robotics, the same", t[f"their {name}"], "≤ 0.15")
+        for name in names
+    ]
+
+
 def check(theirs: Any, ours: Any) -> None:
     """Stop unless the results agree: what differs may not be timed."""
     difference = np.abs(np.asarray(theirs, dtype=np.float64) - ours).max()
@@ -151,4 +168,8 @@ def as_mjcf(arm: dqc.Robot, limited: bool = False) -> str:
 def ratios(short: bool) -> list[Ratio]:
     """Return all lines."""
     rounds = 3 if short else 15
-    return against_pinocchio_and_mujoco(rounds) + against_dq_robotics(rounds)
+    return (
+        against_pinocchio_and_mujoco(rounds)
+        + against_dq_robotics(rounds)
+        + two_arms_against_dq_robotics(rounds)
+    )

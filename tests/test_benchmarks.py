@@ -24,7 +24,7 @@ def shown(module):
 
 def test_one_configuration_against_its_peers():
     table = shown("kinematics")
-    assert table.count("DQ Robotics") == 6
+    assert table.count("DQ Robotics") == 8
     assert "MuJoCo" in table
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         reports,
         reproductions,
         robots,
+        tuning,
     )
     from dqcontrol.algebra import DualQuaternion
     from dqcontrol.errors import Error
@@ -49,10 +50,13 @@ if TYPE_CHECKING:
         Robot,
         SerialArm,
         Solution,
+        TreeRobot,
+        TwoArms,
         WholeBody,
         load_robot,
         robot_names,
     )
+    from dqcontrol.tuning import Tuning, tune
 
 __version__ = "0.1.0"
 
@@ -72,6 +76,9 @@ __all__ = [
     "SerialArm",
     "Solution",
     "Study",
+    "TreeRobot",
+    "Tuning",
+    "TwoArms",
     "WholeBody",
     "algebra",
     "browser",
@@ -99,6 +106,8 @@ __all__ = [
     "run",
     "run_study",
     "simulate",
+    "tune",
+    "tuning",
 ]
 
 _ROOMS = (
@@ -120,6 +129,7 @@ _ROOMS = (
     "reports",
     "reproductions",
     "robots",
+    "tuning",
 )
 _HOMES = {
     "DualQuaternion": "algebra",
@@ -134,6 +144,8 @@ _HOMES = {
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "tune": "tuning",
+    "Tuning": "tuning",
 }  # of all others: robots
 
 

@@ -44,6 +44,7 @@ SLOW = {  # parts of commands and of Python
     "real-time.md": ("run examples/",),
     "reports.md": ("results/demo", "write_report", "column_width"),
     "silva2017.md": ("reproduce",),
+    "tune.md": ("tune examples/",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
     "view.md": ("run examples/", "clip"),
 }

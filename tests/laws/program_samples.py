@@ -3,6 +3,7 @@
 import numpy as np
 
 from dqcontrol.laws.constrained import active_set
+from dqcontrol.laws.constrained import levels as levels_code
 
 
 def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, rank=None):
@@ -93,13 +94,9 @@ def packed_levels(levels, rows, bounds, equations, upto, side=1.0):
 
 def solve_levels(flat, levels, n, m):
     """Return u and the status."""
-    room = active_set.room_for(n, m, soft=True)
-    u, scratch = np.zeros(n), np.empty(active_set.scratch_size(n, m, room))
-    chosen = np.zeros(room + 2, np.intp)
-    count = int(levels.max(initial=-1)) + 1
-    status = active_set.solve_levels(flat, levels, count, n, m, 500, np.empty_like(flat), u, chosen, scratch)
-    program = active_set.unpack_program(flat, n, m)
-    return np.clip(u, program.lower, program.upper), status  # rounding of 2e-8 in one case of 500
+    u, chosen = np.zeros(n), np.zeros(levels_code.room_for_levels(n, m) + 2, np.intp)
+    count, memory = int(levels.max(initial=-1)) + 1, np.empty(levels_code.levels_size(n, m))
+    return u, levels_code.solve_levels(flat, levels, count, n, m, 500, memory, u, chosen)
 
 
 def squares_by_level(levels, rows, bounds, equations, u):

@@ -167,13 +167,21 @@ def test_upper_levels_lose_nothing():
     assert max(losses) < 1e-9
 
 
+def test_levels_that_depend_on_those_before_are_solved():
+    """Rows that are within rounding of what upper levels have fixed were taken for contradictions."""
+    rng = np.random.default_rng(7)
+    loss, status = lost([degenerate_levels(rng) for _ in range(680)][-1])
+    assert status == active_set.SOLVED
+    assert loss < 1e-9
+
+
 @pytest.mark.slow
 def test_a_hundred_thousand_degenerate_levels():
     rng = np.random.default_rng(7)
-    for _ in range(100_000):
-        loss, status = lost(degenerate_levels(rng))
-        assert status == active_set.SOLVED
-        assert loss < 1e-8  # 1e-9 in all but one of 1300
+    losses, statuses = zip(*(lost(degenerate_levels(rng)) for _ in range(100_000)), strict=True)
+    assert set(statuses) == {active_set.SOLVED}
+    assert max(losses) < 4e-9
+    assert sum(loss > 1e-9 for loss in losses) <= 2
 
 
 def test_rows_that_gave_way_are_named():

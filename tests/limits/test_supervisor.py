@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.limits import LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.limits import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.limits.supervisor.braking import fastest_stoppable
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
 from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, RESET, STOP
@@ -281,6 +281,11 @@ def test_an_unlimited_command_passes_unchanged(arm):
         ({"frozen_after": 0.0}, "supervisor.frozen_after: must be > 0, got 0"),
         ({"effort": [1.0, 2.0]}, r"supervisor.effort: expected one number or 7, got shape \(2,\)"),
         ({"contact_force": -1.0}, "supervisor.contact_force: must be > 0, got -1"),
+        ({"payload": DeclaredPayload(mass=-1.0)}, "supervisor.payload.mass: must be ≥ 0, got -1"),
+        (
+            {"payload": DeclaredPayload(mass=1.0, center=(0.0, np.nan, 0.0))},
+            "supervisor.payload.center: must be finite",
+        ),
         (
             {"workspace": WorkspaceBox(lower=(0, 0, 0), upper=(1, 1, 1), points=[LinkPoint(joint="elbo")])},
             r"supervisor.workspace.points\[0\].joint: unknown name 'elbo'",
@@ -573,3 +578,30 @@ def test_the_hand_stays_in_its_box_with_jerk(jerk):
             assert (hands >= lower - 1e-9).all()
             assert (hands <= upper + 1e-9).all()
             assert "limits that cannot be kept together" not in reasons
+
+
+def test_the_weight_of_a_declared_payload_is_no_contact(arm):
+    """Held still however it is turned, it is felt as nothing; a push of 10 N on top as 10 N."""
+    rng, mass, center = np.random.default_rng(SEED), 3.0, np.array([0.02, -0.03, 0.15])
+    print(f"seed {SEED}")
+    payload = DeclaredPayload(mass=mass, center=tuple(center))
+    bounds = {"contact_force": 10.0, "contact_torque": 1.0, "payload": payload}
+    supervisor = Supervisor(**bounds, **FREE).prepare(arm, T)
+    bare = Supervisor(**bounds | {"payload": None}, **FREE).prepare(arm, T)
+
+    def feels(one, q, wrench):
+        state = one.start(q)
+        one.command(q, np.zeros(7), state, wrench=wrench)
+        return one.describe_stop(state) == "stop category 1: contact"
+
+    for q in rng.uniform(0.9 * arm.limits.lower, 0.9 * arm.limits.upper, (10, 7)):
+        turned = algebra.matrix_from_rotation(algebra.rotation(arm.fkm(q)))
+        weight = turned.T @ [0.0, 0.0, -9.81 * mass]
+        held = np.concatenate([weight, np.cross(center, weight)])
+        push = rng.standard_normal(3)
+        push /= np.linalg.norm(push)
+        assert feels(bare, q, held)
+        for size, is_felt in ((0.0, False), (9.999, False), (10.001, True)):
+            assert feels(supervisor, q, held + np.append(size * push, np.zeros(3))) == is_felt
+        for size, is_felt in ((0.999, False), (1.001, True)):
+            assert feels(supervisor, q, held + np.append(np.zeros(3), size * push)) == is_felt

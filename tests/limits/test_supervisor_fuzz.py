@@ -20,23 +20,7 @@ _call = caller(SUPERVISOR)
 
 
 @numba.njit
-def drive(
-    step,
-    kinematics,
-    chain,
-    q,
-    moved,
-    parameters,
-    state,
-    work,
-    wanted,
-    ages,
-    elapsed,
-    requests,
-    measured,
-    noise,
-    out,
-):
+def drive(step, kinematics, memory, q, moved, state, wanted, moments, measured, noise, out):
     """Step through rows of events; write position command, rate, code and whether it rests of each step."""
     n, m = q.shape[0], wanted.shape[1]
     base = layout.MEMORY + n
@@ -49,9 +33,8 @@ def drive(
             for i in range(n):
                 q[i] = noise[k, i % m] * 1e6
         status = _call(
-            step, kinematics, chain, q, ages[k], elapsed[k], requests[k], wanted[k], nothing, nothing,
-            parameters, state, work, out[k, 0:m],
-        )  # fmt: skip
+            step, kinematics, memory, moments[k], q, wanted[k], nothing, nothing, state, out[k, 0:m]
+        )
         if status != 0 and status != layout.AT_REST:
             return status
         for i in range(m):
@@ -172,10 +155,10 @@ class Episode:
         """Step through events, and look at all that leaves."""
         m, count = self.m, len(wanted)
         out = np.zeros((count, 3 * m + 3))
+        moments = layout.moment_layout.pack(age=ages, elapsed=elapsed, request=requests)
         status = drive(
-            supervise.pointer, kernels.twist_kinematics.pointer, self.robot.chain, self.q, self.moved,
-            self.supervisor.parameters, self.state, self.supervisor.work, np.ascontiguousarray(wanted), ages, elapsed,
-            requests.astype(np.int64), measured, noise, out,
+            supervise.pointer, kernels.twist_kinematics.pointer, self.supervisor.memory, self.q, self.moved,
+            self.state, np.ascontiguousarray(wanted), moments, measured, noise, out,
         )  # fmt: skip
         assert status == 0
         inputs, positions, rates = out[:, :m], out[:, m : 2 * m], out[:, 2 * m : 3 * m]
@@ -225,7 +208,7 @@ class Episode:
     def come_to_rest(self):
         """End in one of the ways, and see that it rests."""
         request = self.rng.choice([STOP, FINISH, END]) if self.ramp else self.rng.choice([STOP, FINISH])
-        rate = np.abs(layout.unpack_state(self.state, self.n, self.m, self.window).rate)
+        rate = np.abs(layout.state_layout(self.state, self.n, self.m).rate)
         if request == END:  # which may become faster before it slows down
             rate = rate + np.minimum(self.bounds.velocity, self.acceleration * self.ramp)
         count = int((rate / (self.acceleration * self.dt)).max() + self.window + 2 * self.ramp / self.dt + 20)

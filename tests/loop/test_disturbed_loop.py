@@ -112,7 +112,7 @@ def test_a_pose_disturbance_is_the_real_hand_off_by_c(arm, command):
             moved = 0.5 * period * (arm.twist_jacobian(q) @ u)
             hand = algebra.multiply(algebra.exp_screw(moved), hand)
             wander = algebra.multiply(wander, algebra.exp_screw(half))
-            live.step(arm.chain, k, q, realised)
+            live.step(arm, k, q, realised)
             q += period * u
         gaps.append(np.linalg.norm(arm.fkm(q) - algebra.multiply(hand, wander)))
     assert gaps[0] < 2e-3

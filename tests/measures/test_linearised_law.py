@@ -1,5 +1,7 @@
 """Laws of unknown loop gains: the turning point of finite differences against closed loops at both sides."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, MujocoPlant, OwnPlant, Servo
 from dqcontrol.references import SetPoint
 
+DAMPED_TRANSPOSE = f"{Path(__file__).parents[2] / 'examples/my_motion.py'}:damped_transpose"
 T = 0.01
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 FREE = dqc.limits.CommandLimits(velocity=False)
@@ -25,16 +28,6 @@ PLANTS = {
 @pytest.fixture(scope="module")
 def arm():
     return dqc.load_robot("iiwa7")
-
-
-def damped_transpose(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """q̇ = k Jᵀ vec8(x_d − x), its changes smoothed over some samples, as in docs/own-law.md."""
-    for i in range(out.shape[0]):
-        wanted = 0.0
-        for k in range(8):
-            wanted += parameters[0] * pose_jacobian[k, i] * (sample[k] - pose[k])
-        state[i] += parameters[1] * (wanted - state[i])
-        out[i] = state[i]
 
 
 def jump(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
@@ -83,7 +76,7 @@ def errors_at_both_ends(robot, law, plant, start, steps, factor=1.0):
 @pytest.mark.parametrize("smoothing", [1.0, 0.2])
 def test_an_own_law_turns_unstable_where_it_is_said_to(arm, plant, smoothing):
     def law(gain):
-        return OwnLaw(function=damped_transpose, parameters=[gain, smoothing], memory=7)
+        return OwnLaw(function=DAMPED_TRANSPOSE, parameters=[gain, smoothing], memory=7)
 
     model = PLANTS[plant].linear_model(arm, Q0, T)
     loop = NumericLoop(linearise_law(law(10.0).prepare(arm, None, T), Q0), model)
@@ -139,9 +132,8 @@ def spec(**changed):
 
 
 def test_a_check_judges_an_own_law_and_a_run_warns():
-    place = f"{__file__}:damped_transpose"
     laws = {
-        name: {"kind": "own", "function": place, "parameters": [gain, 0.5], "memory": 7}
+        name: {"kind": "own", "function": DAMPED_TRANSPOSE, "parameters": [gain, 0.5], "memory": 7}
         for name, gain in (("slow", 2.0), ("fast", 500.0))
     }
     checks = check(spec(laws=laws))

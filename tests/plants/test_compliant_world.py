@@ -9,6 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, SafetyWarning, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
+from dqcontrol.limits import DeclaredPayload, Supervisor
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Payload, Push
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.robots.load import load_robot
@@ -116,6 +117,21 @@ def test_the_wrist_feels_the_hand_the_payload_and_the_push():
     spread = np.std(rows, axis=0)
     np.testing.assert_allclose(spread[:3], 0.1, rtol=0.12)
     np.testing.assert_allclose(spread[3:], 0.005, rtol=0.12)
+
+
+def test_a_wrist_that_holds_still_feels_the_declared_payload_alone():
+    """Its sign and its frame are those that the supervisor takes the weight off in."""
+    body = load_controllers(MEKA).hand(True)
+    assert body is not None
+    payload = DeclaredPayload(mass=body.mass, center=tuple(body.center))
+    live = CompliantPlant(mode="THETA", hand=True).start(MEKA, Q0, T, 0, SEED)
+    rest(live, 2.0)
+    for carried, told in ((payload, ""), (None, "stop category 1: contact")):
+        bounds = Supervisor(contact_force=1.0, contact_torque=0.05, payload=carried)
+        supervisor = bounds.prepare(MEKA, T)
+        state = supervisor.start(live.measured)
+        supervisor.command(live.measured, np.zeros(7), state, wrench=live.wrench)
+        assert supervisor.describe_stop(state) == told
 
 
 def test_a_command_too_old_switches_the_motors_off():

@@ -26,7 +26,7 @@ def pushed(arm, q, dt, **sources):
     """Return the pose after one period of a disturbance, and the twist that the hand got."""
     live = Disturbance(**sources).start(arm, dt, 1, 0)
     moved, realised = np.array(q, dtype=float), np.zeros(6)
-    live.step(arm.chain, 0, moved, realised)
+    live.step(arm, 0, moved, realised)
     return moved, realised
 
 

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from dqcontrol.plants.compliant import joint_columns as column
+from dqcontrol.plants.compliant.arm_memory import arm_memory
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import butterworth
 from dqcontrol.plants.compliant.joint_controller import control, drive, integrated, sense
 from dqcontrol.plants.compliant.joint_reference import step_reference
-from dqcontrol.robots.gravity import WORK
-from dqcontrol.robots.load import load_robot
-
-MEKA = load_robot("meka-a2")
 
 
 def joint(**values):
@@ -180,20 +177,16 @@ def test_minimum_jerk_reference_is_planned_anew_without_a_jump():
 
 
 def test_a_switch_starts_at_what_is_measured_and_takes_a_second():
-    n = 7
-    constants = np.array([joint(TORQUE_ASKED=2.0, FEEDFORWARD=1.0)] * n)
-    state = np.array([at(SENSED=0.5, ANGLE=0.2, TORQUE_INTEGRAL=3.0, REFERENCE=0.9)] * n)
-    shared = np.zeros(column.SHARED)
+    sizes = 7, 0, 0, 0, 0
+    arm = arm_memory(np.zeros(arm_memory.size(*sizes)), *sizes)
+    arm.constants[:] = joint(TORQUE_ASKED=2.0, FEEDFORWARD=1.0)
+    arm.state[:] = at(SENSED=0.5, ANGLE=0.2, TORQUE_INTEGRAL=3.0, REFERENCE=0.9)
+    state, shared = arm.state, arm.shared
     shared[column.MODE], shared[column.ASKED_MODE] = column.MODES["THETA"], column.MODES["TORQUE"]
-    shared[column.RAMP], shared[column.RAMP_STEP], shared[column.MOST_AGE], shared[column.MOST_LOST] = (
-        1.0,
-        1e-3,
-        1e9,
-        1e9,
-    )
-    rest, scratch, bodies, work = np.zeros(n), np.zeros((2, n)), np.zeros((n, 4)), np.zeros(WORK * n)
+    shared[column.RAMP], shared[column.RAMP_STEP] = 1.0, 1e-3
+    shared[column.MOST_AGE], shared[column.MOST_LOST] = 1e9, 1e9
     for k in range(1, 1500):
-        control(constants, state, shared, MEKA.chain, bodies, np.zeros(3), 1.0, *scratch, work, rest, rest)
+        control(arm)
         s = min(1.0, k * 1e-3)
         np.testing.assert_allclose(state[:, column.DESIRED_TORQUE], s * 2 + (1 - s) * 0.5, atol=1e-12)
     assert (state[:, column.REFERENCE] == 0.2).all()

@@ -71,9 +71,12 @@ def test_wrong_ones_at_the_start_end_it_in_one_line(spec, made, build, given, me
 
 def test_a_number_that_the_spec_does_not_have_counts_at_the_start_and_later(spec, made):
     """Of a supervisor's velocity the spec says nothing: the robot's own limits count."""
-    node = made(lambda: controller(spec()), "-p", "supervisor.velocity:=0.2", "-p", "linear_speed:=1")
+    given = ("supervisor.velocity:=0.2", "linear_speed:=1", "supervisor.payload.mass:=1.5")
+    node = made(lambda: controller(spec()), *(word for one in given for word in ("-p", one)))
     loaded = node.following.loaded
     assert (loaded.supervisor.velocity, loaded.speeds.linear) == (0.2, 1.0)
+    assert node.set_parameters([Parameter("supervisor.payload.center.z", value=-0.1)])[0].successful
+    assert (loaded.payload.mass, tuple(loaded.payload.center)) == (1.5, (0.0, 0.0, -0.1))
     assert loaded.supervisor.jerk is None
     for name, value, success in (
         ("supervisor.jerk", 40, True),

@@ -25,6 +25,7 @@ from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.clock import allows_real_time
 from dqcontrol.loop.control import Phase
+from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, WRENCH
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS
@@ -157,6 +158,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
 
     monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
     bounds = {"effort": 50.0, "contact_force": 20.0, **{k.partition(".")[2]: v for k, v in UNHURRIED.items()}}
+    bounds["payload"] = {"mass": 3.0, "center": [0.0, 0.0, 0.1]}
     path, out = spec(supervisor=bounds), tmp_path / "out"
     controller = ControllerNode(path, source="twist", out=out)
     controller.configure()
@@ -187,14 +189,19 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
     assert node.serve(lambda: following.age < 0.5)
     with pytest.raises(Error, match=r"activate: no wrench on /force_torque_sensor_broadcaster/wrench"):
         following.activate()
+    hand = dqc.algebra.rotation(IIWA.fkm(following.loaded.case.scene.start))
+    weight = dqc.algebra.matrix_from_rotation(hand).T @ [0.0, 0.0, -3.0 * 9.81]
+    wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z = weight.tolist()
+    wrench.header.frame_id = "wrist"
+    assert node.serve(lambda: "wrench: in frame 'wrist', but the payload is" in last_refused(diagnostics))
     wrench.header.frame_id = "tool0"
     assert node.serve(is_active)
-    wrench.wrench.force.z = 30.0
+    wrench.wrench.force.z += 30.0
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
     assert controller.outcome == "stop category 1: contact"
     assert node.serve(lambda: diagnostics["/dqcontrol"][1]["stop category"].startswith("1: "))
-    wrench.wrench.force.z = 0.0
-    assert node.serve(lambda: following._felt.wrench[2] == 0.0)
+    wrench.wrench.force.z -= 30.0
+    assert node.serve(lambda: following._felt.wrench[2] == pytest.approx(weight[2]))
     following.control.reset()
     assert node.serve(is_active)
     told.effort = [10.0] * 6 + [60.0]
@@ -220,6 +227,24 @@ def test_gains_that_would_make_it_unstable_are_refused_while_it_moves(pair, node
     (done,) = controller.set_parameters([Parameter("law.gain", value=6.0)])
     assert done.successful
     assert controller.phase is Phase.ACTIVE
+
+
+def test_whatever_breaks_its_loop_off_the_last_command_is_rest(pair, node, monkeypatch):
+    controller, _ = pair[0]()
+    topic, message_type = COMMANDS["velocity"]
+    rates = []
+    node.create_subscription(message_type, topic, lambda m: rates.append(np.abs(m.data).max()), 1000)
+    activated(node, controller)
+    assert node.serve(lambda: rates and rates[-1] > 0.05)
+
+    def breaks(*_, **__):
+        raise RuntimeError("what nobody thought of")
+
+    monkeypatch.setattr(controller.following.control, "step", breaks)
+    with pytest.raises(RuntimeError, match="what nobody thought of"):
+        controller.serve(Interrupts())
+    assert node.serve(lambda: rates[-1] == 0.0)
+    assert controller.outcome == "broken off while it moved"
 
 
 @pytest.mark.slow

@@ -46,7 +46,9 @@ def _what_is_here(folder: Path) -> Iterator[tuple[str, str]]:
     """Give a command for each file and folder of results here, and what it does."""
     for path in sorted(folder.glob("*.y*ml")):
         keys = set(_KEY.findall(_beginning(path)))
-        if "sweep" in keys:
+        if "tune" in keys:
+            yield f"dqcontrol tune {path}", "find each law's best parameters"
+        elif "sweep" in keys:
             yield f"dqcontrol sweep {path}", "run this parameter study"
         elif len(keys & _SPEC) > 1:
             yield f"dqcontrol run {path}", "run this experiment (check: before it moves)"

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, StabilityWarning
 from dqcontrol.experiments.feasibility import task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
+from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.limits import CommandLimits
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
@@ -32,6 +34,7 @@ from dqcontrol.measures.table_cells import VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
+from dqcontrol.robots import Robot
 
 _FREE = CommandLimits(velocity=False)
 _LEAST_OVERSHOOT = 0.05  # %; less is none
@@ -364,7 +367,7 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
     for case in setting.cases:
         place = case.names.robot, case.names.plant
         if place not in plants:
-            plants[place] = *_driven(setting, case), {}
+            plants[place] = *driven_model(setting.spec, case.plant, case.scene.robot, case.scene.start), {}
         model, acceleration, limits = plants[place]
         if model is None:
             yield LoopCheck(case.names, period, (), "the plant has no linear model")
@@ -396,14 +399,14 @@ def _numeric_check(setting: PreparedExperiment, case: Combination, model: Linear
     return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop)
 
 
-def _driven(setting: PreparedExperiment, case: Combination) -> tuple[LinearModel | None, float]:
+def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tuple[LinearModel | None, float]:
     """Return what a law drives, plant and supervisor, and the least acceleration that the latter allows."""
-    robot, period = case.scene.robot, setting.spec.period
-    model = case.plant.linear_model(robot, case.scene.start, period)
-    supervisor = setting.spec.supervisor_of(case.plant)
+    period = spec.period
+    model = plant.linear_model(robot, start, period)
+    supervisor = spec.supervisor_of(plant)
     if model is None or supervisor is None:
         return model, math.inf
-    mode = command_mode(case.plant)
+    mode = command_mode(plant)
     prepared = supervisor.prepare(robot, period, mode)
     window = prepared.window
     return with_mean(model, window, period, from_measured=mode == "measured"), float(

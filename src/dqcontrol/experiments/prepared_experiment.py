@@ -164,7 +164,7 @@ class PreparedExperiment:
             robot = scene.robot
             limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
             masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
-            for array in (robot.chain, *limits, *masses, scene.samples):
+            for array in (robot.chain, robot.table, *limits, *masses, scene.samples):
                 digest.update(np.ascontiguousarray(array).data)
             digest.update(repr((robot.joint_names, _bases(robot))).encode())
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
@@ -256,6 +256,7 @@ def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
 def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> PreparedRobot:
     robot = _once(known, [str(folder), chosen.without_start()], lambda: chosen.load(folder))
     start = _start(chosen.start, robot)
+    robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
     reference = spec.reference.of_robot(reference, robot, start)
     samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))

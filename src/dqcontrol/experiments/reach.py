@@ -11,7 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.references.sample import POSE, TIME
-from dqcontrol.robots import Robot, WholeBody, describe
+from dqcontrol.robots import Robot, TreeRobot, WholeBody, describe
 from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
 _POSES = 200  # of the reference, evenly spaced
@@ -42,7 +42,7 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
         With the time and the distance missing.
     """
     drives = bool(base_coordinates(robot).any())
-    if not drives and robot.joint_types[0] == "revolute":
+    if not drives and robot.joint_types[0] == "revolute" and not isinstance(robot, TreeRobot):
         _check_length(robot, samples)
     chosen = samples[np.unique(np.linspace(0, len(samples) - 1, _POSES).astype(int))]
     found = robot.solve(

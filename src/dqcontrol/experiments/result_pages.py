@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.ranking import Ranking
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.study import Study
+    from dqcontrol.tuning import Tuning
 
 
 class ResultPages(Protocol):
@@ -42,6 +43,10 @@ class ResultPages(Protocol):
 
     def write_sweep(self, ranking: Ranking, spec: str, folder: Path) -> None:
         """Write those of a parameter study."""
+        ...
+
+    def write_tuning(self, tuning: Tuning, spec: str, folder: Path) -> None:
+        """Write those of a search."""
         ...
 
     def path_picture(self, record: Record) -> bytes:

@@ -40,7 +40,7 @@ class Plan(NamedTuple):
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
-    coordinates, rows, columns, work, inputs, preferring, position_limiting, limiting
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -52,7 +52,8 @@ class Plan(NamedTuple):
     delivered_at: int
     sent_at: int
     state: int
-    coordinates: int
+    table_rows: int
+    table_columns: int
     inputs: int
     preferring: int
     rows: int
@@ -67,8 +68,8 @@ class PreparedMemory(NamedTuple):
 
     Attributes
     ----------
-    chain
-        Of the robot.
+    table
+        What the robot's kinematics read: its chain, or what of a tree is driven.
     preferring, preference_work
         Parameters and scratch of the preferred motion.
     parameters
@@ -83,7 +84,7 @@ class PreparedMemory(NamedTuple):
         Parameters of the limit on velocities.
     """
 
-    chain: Annotated[Array, "coordinates + 1", 8]
+    table: Annotated[Array, "table_rows", "table_columns"]
     preferring: Annotated[Array, "preferring"]
     preference_work: Annotated[Array, WORK_SIZE]
     parameters: Annotated[Array, "rows", "columns"]
@@ -118,7 +119,7 @@ def compute_command(prepared, q, sample, k, state, out):
     """Write the command for sample number k."""
     plan, memory = prepared.plan, prepared.memory
     pose, pose_jacobian, twist_jacobian = split(memory.kinematics)
-    status = call_chain(plan.kinematics, memory.chain, q, memory.kinematics)
+    status = call_chain(plan.kinematics, memory.table, q, memory.kinematics)
     if status != OK:
         return status
     work = memory.work

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -290,6 +291,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     True
     """
 
+    gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1}
     part: Literal["position", "rotation", "axis"]
     gain: Annotated[float | Schedule, Meta(description="1/s")]
     axis: Annotated[tuple[float, float, float], Meta(description="in the hand's frame")] = (0.0, 0.0, 1.0)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, get_args
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
 
 import numpy as np
 from msgspec import Meta
@@ -124,6 +125,7 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     """
 
     kernel = feedback_linearization
+    gain_powers: ClassVar[Mapping[str, float]] = {"stiffness": 2, "damping": 1}
     stiffness: Annotated[float, Meta(gt=0, description="k̄, 1/s²")]
     damping: Annotated[float, Meta(gt=0, description="k_v, 1/s")]
     inverse: Inverse = IN_BODY_TWISTS

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -143,6 +144,12 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     True
     """
 
+    gain_powers: ClassVar[Mapping[str, float]] = {
+        "orientation_gain": 1,
+        "translation_gain": 1,
+        "orientation_gamma": -1,
+        "translation_gamma": -1,
+    }
     orientation_gain: Annotated[float | Schedule | None, Meta(description="k_O, 1/s")] = None
     translation_gain: Annotated[float | Schedule | None, Meta(description="k_T, 1/s")] = None
     orientation_gamma: Annotated[float | None, Meta(description="γ_O, s")] = None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -133,6 +134,7 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
     it holds otherwise it keeps until the error changes sign. Its part of the hand's speed is bounded, too.
     """
 
+    gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1, "integral_gain": 2}
     integral_gain: Annotated[float, Meta(ge=0, le=1e6, description="k_I, 1/s²")] = 0.0
     integral_position_limit: Annotated[
         float,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
@@ -31,7 +32,7 @@ from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.kinematics_kernels import split, twist_kinematics
+from dqcontrol.robots.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -59,11 +60,14 @@ class Law(
     ----------
     file_keys
         Its parameters that name files, relative to the spec.
+    gain_powers
+        By name the parameters that make its loop gain: each grows with this power of it.
     """
 
     file_keys: ClassVar[tuple[str, ...]] = ()
     kernel: ClassVar[Kernel]
     work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
+    gain_powers: ClassVar[Mapping[str, float]] = {}
     null_space: AnyNullSpace | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
@@ -94,6 +98,21 @@ class Law(
     def loop_rates(self, parameters: Array) -> LoopRates | None:
         """Return how fast small errors decay at each of the rows of a prepared law; None if that is unknown."""
         return None
+
+    def scaled(self, factor: float) -> Self:
+        """Return the law with all its loop gains multiplied by a factor; what has no loop gain stays as it is.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> law = dqc.laws.Proportional(gain=5.0, integral_gain=4.0).scaled(2.0)
+        >>> law.gain, law.integral_gain
+        (10.0, 16.0)
+        """
+        values = {name: (getattr(self, name), factor**power) for name, power in self.gain_powers.items()}
+        return replace(
+            self, **{name: _multiplied(*each) for name, each in values.items() if each[0] is not None}
+        )
 
     def prepare(
         self,
@@ -186,7 +205,7 @@ class PreparedLaw:
         limit, limit_parameters = limits.prepare(robot)
         self._limit = limit if limit is not unlimited else None
         parts = PreparedMemory(
-            chain=robot.chain,
+            table=robot.table,
             preferring=law.null_space.parameters(robot) if law.null_space else empty,
             preference_work=np.zeros(WORK_SIZE),
             parameters=parameters,
@@ -201,7 +220,8 @@ class PreparedLaw:
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
             "state": self.state_size,
-            "coordinates": robot.configuration_size,
+            "table_rows": robot.table.shape[0],
+            "table_columns": robot.table.shape[1],
             "inputs": m,
             "preferring": parts.preferring.size,
             "rows": len(parameters),
@@ -244,7 +264,8 @@ class PreparedLaw:
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
-        stages = twist_kinematics, self._preference, self.kernel, self._position_limit, self._limit
+        kinematics = self.robot.kernels.twist_kinematics
+        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
@@ -351,7 +372,7 @@ class PreparedLaw:
         """Do in Python, for a law that is not compiled, what `compute_command` does."""
         self._check(state, out)
         parts, buffer = self._parts, self._parts.kinematics
-        if status := twist_kinematics(self.robot.chain, q, buffer):
+        if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
             return status
         pose, pose_jacobian, twist_jacobian = split(buffer)
         if self._preference:
@@ -385,6 +406,15 @@ class PreparedLaw:
         if at:
             state[at:] = command
         return OK
+
+
+def _multiplied(value: Any, factor: float) -> Any:
+    """Return a number, all numbers of a list, or the values of what changes with time, times a factor."""
+    if isinstance(value, list | tuple):
+        return [_multiplied(each, factor) for each in value]
+    if isinstance(value, Struct):
+        return replace(value, values=_multiplied(value.values, factor))  # type: ignore[attr-defined]
+    return value * factor
 
 
 _STATUS = {

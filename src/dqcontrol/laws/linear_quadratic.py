@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -40,6 +41,7 @@ Weight = Annotated[
     float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),
 ]
+_RICCATI_STEPS = ("accurate", "euler")
 _MOST_SUBSTEPS = 500_000  # a few seconds
 
 
@@ -84,6 +86,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
 
     work = linear_quadratic_work
     feedback: ClassVar[MemoryLayout[Any]]
+    gain_powers: ClassVar[Mapping[str, float]] = {"error_weight": 2, "final_weight": 1}
     error_weight: Weight
     control_weight: Weight
     final_weight: Annotated[
@@ -190,7 +193,9 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     The error e = vec8(1 − x*x_d) obeys ė = A e + u + c with A = H⁻(x_d*ẋ_d), c = −vec8(x_d*ẋ_d), u = −N q̇, and
     Ṗ = −PA − AᵀP + P R⁻¹P − Q, ξ̇ = −Aᵀξ + P R⁻¹ξ − Pc backwards from S and 0, solved by Runge–Kutta steps that resolve
-    their decay. Because N N⁺ projects u, an arm pays more than the optimum of the linear model: for a turn θ by about
+    their decay. ``riccati_steps="euler"`` takes one explicit Euler step a period, as P16's program seems to have done:
+    it swings where √(q/r) T > 1, so that the gain is another one in every period, and diverges from 1.5 on.
+    Because N N⁺ projects u, an arm pays more than the optimum of the linear model: for a turn θ by about
     θ²/64 of it (0.4 % for 0.5 rad, 1.6 % for 1 rad), for a translation nothing. Away from the end of the horizon,
     Q = qI and R = rI give nearly the law K+FF with k = √(q/r) (P is not quite scalar while the target translates), and
     at a resting target without horizon exactly K; q = 0 is refused there.
@@ -210,6 +215,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         S.
     horizon_time
         t_f, s; the reference's duration if omitted, infinite for a set-point.
+    riccati_steps
+        ``"accurate"``, or ``"euler"``; of no matter without a horizon, where the solution is the steady one.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis
@@ -227,6 +234,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     True
     """
 
+    riccati_steps: Literal["accurate", "euler"] = "accurate"
     kernel = linear_quadratic_r8
     feedback = pose_feedback
 
@@ -237,7 +245,24 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         return {"gain": gains.reshape(len(gains), -1), "offset": offsets}
 
     def _solve(self, weights, controls, final, times, end, reference):
+        if self.riccati_steps not in _RICCATI_STEPS:
+            raise unknown_name("riccati_steps", str(self.riccati_steps), _RICCATI_STEPS)
         dt = times[1] - times[0]
+        at_samples = (
+            riccati.at_times(weights, times),
+            riccati.at_times((controls[0], np.linalg.inv(controls[1])), times),
+        )
+        solution, offset = np.empty((len(times), 8, 8)), np.empty((len(times), 8))
+        work = np.zeros(riccati.WORK_SIZE)  # finite: the first stage takes 0 × a slope
+        if self.riccati_steps == "euler":
+            drifts, offsets = _moving_target(reference, times.copy())
+            riccati.sweep_by_euler(drifts, offsets, *at_samples, final, dt, solution, offset, work)
+            if not (np.isfinite(solution).all() and np.isfinite(offset).all()):
+                raise ValueRangeError(
+                    "riccati_steps: one explicit Euler step in each period diverges with these weights; "
+                    f"√(q/r) T must stay below 1.5 (T = {dt:g} s), or take 'accurate'"
+                )
+            return solution, offset
         starts = np.union1d(weights[0], controls[0])
         starts = starts[starts <= times[-1]]
         pieces = riccati.at_times(weights, starts), riccati.at_times(controls, starts)
@@ -248,30 +273,24 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
                 f"at most {_MOST_SUBSTEPS // len(times):,} for {len(times):,} periods (√(q/r) T must stay below 2)"
             )
         fine = np.clip(dt / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1])
-        fine[-1] -= (
-            1e-8  # a reference that ends at speed is at rest from its end on, but the horizon is before it
-        )
-        if reference is None:
-            velocity = np.zeros((len(fine), 8))
-        else:
-            samples = reference.samples(fine)
-            pose = samples[:, POSE]
-            twist = np.insert(samples[:, TWIST], [0, 3], 0.0, axis=1)
-            velocity = algebra.multiply(algebra.conjugate(pose), 0.5 * algebra.multiply(twist, pose))
-        solution, offset = np.empty((len(times), 8, 8)), np.empty((len(times), 8))
-        riccati.sweep(
-            np.ascontiguousarray(algebra.hamilton_minus(velocity)),
-            np.ascontiguousarray(-velocity),
-            riccati.at_times(weights, times),
-            riccati.at_times((controls[0], np.linalg.inv(controls[1])), times),
-            final,
-            dt,
-            substeps,
-            solution,
-            offset,
-            np.zeros(riccati.WORK_SIZE),  # finite: the first stage takes 0 × a slope
-        )
+        drifts, offsets = _moving_target(reference, fine)
+        riccati.sweep(drifts, offsets, *at_samples, final, dt, substeps, solution, offset, work)
         return solution, offset
+
+
+def _moving_target(reference: Reference | None, times: Array) -> tuple[Array, Array]:
+    """Return the drift A and the offset c of the error dynamics at the given times, which are changed."""
+    times[-1] -= (
+        1e-8  # a reference that ends at speed is at rest from its end on, but the horizon is before it
+    )
+    if reference is None:
+        velocity = np.zeros((len(times), 8))
+    else:
+        samples = reference.samples(times)
+        pose = samples[:, POSE]
+        twist = np.insert(samples[:, TWIST], [0, 3], 0.0, axis=1)
+        velocity = algebra.multiply(algebra.conjugate(pose), 0.5 * algebra.multiply(twist, pose))
+    return np.ascontiguousarray(algebra.hamilton_minus(velocity)), np.ascontiguousarray(-velocity)
 
 
 @inline

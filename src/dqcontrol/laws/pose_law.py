@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -42,6 +43,7 @@ def checked_hysteresis(hysteresis: float) -> float:
 class PoseLaw(Law, frozen=True, kw_only=True):
     """A law that feeds back a pose error of eight numbers with a gain each."""
 
+    gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1}
     gain: Annotated[
         float | list[float] | Schedule, Meta(description="K in 1/s: k, its diagonal (8), or k over time")
     ]

@@ -258,6 +258,40 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
     return OK
 
 
+@kernel(STATUS(MATRICES, READ2, MATRICES, MATRICES, READ2, types.float64, MATRICES_OUT, WRITE2, WRITE))
+def sweep_by_euler(drifts, offsets, weights, control_inverses, final, period, out_p, out_xi, work):
+    """Integrate the tracking Riccati equations backwards by one explicit Euler step a period, from its late end.
+
+    So does a program that writes the equation as a difference; drifts, offsets and weights are given at every period.
+    """
+    square = SIZE * SIZE
+    scratch, slope = work[0:square].reshape(SIZE, SIZE), work[square : 2 * square].reshape(SIZE, SIZE)
+    slope_xi = work[2 * square : 2 * square + SIZE]
+    count = out_p.shape[0]
+    for i in range(SIZE):
+        out_xi[count - 1, i] = 0.0
+        for j in range(SIZE):
+            out_p[count - 1, i, j] = final[i, j]
+    for sample in range(count - 2, -1, -1):
+        late = sample + 1
+        _slope(
+            out_p[late],
+            out_xi[late],
+            drifts[late],
+            offsets[late],
+            weights[late],
+            control_inverses[late],
+            scratch,
+            slope,
+            slope_xi,
+        )
+        for i in range(SIZE):
+            out_xi[sample, i] = out_xi[late, i] + period * slope_xi[i]
+            for j in range(SIZE):
+                out_p[sample, i, j] = out_p[late, i, j] + period * slope[i, j]
+    return OK
+
+
 def substeps_for(weights: Array, controls: Array, final: Array, period: float) -> int:
     """Return how many Runge–Kutta steps a period needs: κh stays below its largest phase, κ² the top of R⁻¹Q."""
     fastest = 0.0

@@ -2,7 +2,7 @@
 
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.command_limits import CommandLimits
-from dqcontrol.limits.supervisor import LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.limits.supervisor import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.limits.supervisor.interventions import (
     Intervention,
     describe_stop,
@@ -14,6 +14,7 @@ from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 
 __all__ = [
     "CommandLimits",
+    "DeclaredPayload",
     "Intervention",
     "LinkPoint",
     "ModifiedClamping",

@@ -42,7 +42,7 @@ class ClampingParameters(NamedTuple):
     longest
         Lag of each joint.
     velocity
-        Velocity limits, as `velocity_scale` takes them; none if velocities are not limited.
+        Velocity limits, as `speed_limits` has them; none if velocities are not limited.
     """
 
     period: float

@@ -30,10 +30,10 @@ def unlimited(q, parameters, command):
 
 
 @inline
-def velocity_scale(q, parameters, command):
-    """Return min(1, min u_max/|u|), wheel rims among the u, for the numbers of `speed_limits`."""
+def velocity_scale(q, speed_limits, command):
+    """Return min(1, min u_max/|u|), wheel rims among the u, for `SpeedLimits`."""
     m = command.shape[0]
-    limits, drives = speed_limits(parameters, m)
+    limits, drives = speed_limits
     scale = 1.0
     for i in range(m):
         if abs(command[i]) * scale > limits[i]:
@@ -48,9 +48,9 @@ def velocity_scale(q, parameters, command):
 
 
 @inline
-def scale_down(q, parameters, command):
+def scale_down(q, speed_limits, command):
     """Scale the whole command to its limits: it keeps its direction."""
-    scale = velocity_scale(q, parameters, command)
+    scale = velocity_scale(q, speed_limits, command)
     for i in range(command.shape[0]):
         command[i] *= scale
 
@@ -58,5 +58,5 @@ def scale_down(q, parameters, command):
 @kernel(LIMIT)
 def scale_velocity(q, parameters, command):
     """Scale the command to the velocity limits."""
-    scale_down(q, parameters, command)
+    scale_down(q, speed_limits(parameters, command.shape[0]), command)
     return OK

@@ -13,6 +13,8 @@ from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw, status_text
+from dqcontrol.limits.supervisor.prepared_supervisor import GO
+from dqcontrol.limits.supervisor.supervisor_layout import moment_layout
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
@@ -26,7 +28,6 @@ from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
-from dqcontrol.robots import kinematics_kernels as kernels
 
 _PROGRESS_EVERY = 50  # steps
 _SUPERVISOR = "the supervisor"
@@ -140,7 +141,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     done, settling = np.zeros(1), np.zeros(9)
     status = compiled.rollout(
         compiled.stages(
-            kinematics=kernels.twist_kinematics.pointer,
+            kinematics=law.robot.kernels.twist_kinematics.pointer,
             supervisor=supervise.pointer if supervision else 0,
             disturbance=disturbance.kernel.pointer if disturbance else 0,
             plant=plant_pointer,
@@ -148,9 +149,11 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         ),
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
-            parameters=supervision.supervisor.parameters if supervision else empty,
+            memory=supervision.supervisor.memory if supervision else empty,
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO)
+            if supervision
+            else empty,
             state=supervision.state if supervision else empty,
-            work=supervision.supervisor.work if supervision else empty,
             codes=supervision.codes[:count] if supervision else empty,
         ),
         compiled.disturbance_arrays(
@@ -342,7 +345,7 @@ class _Steps:
         """Send the last command, and let the robot move for a period."""
         k = self.done - 1
         if self.disturbance is not None:
-            self.disturbance.step(self.law.robot.chain, k, self.plant.q, self.realised[k])
+            self.disturbance.step(self.law.robot, k, self.plant.q, self.realised[k])
         self.plant.step(self.records[2][k])
         self.is_sent = True
         if self.plant.fault and not self._fault:

@@ -11,7 +11,7 @@ from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, DT, GO, NOW
+from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, NOW
 from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
@@ -58,15 +58,19 @@ class SupervisorArrays(NamedTuple):
 
     Attributes
     ----------
-    parameters, state, work
-        Of its kernel.
+    memory
+        See `SupervisorMemory`.
+    moment
+        See `Moment`.
+    state
+        See `supervisor_layout.Memory`.
     codes
         Its interventions, one number a sample.
     """
 
-    parameters: Annotated[Array, READ]
+    memory: Annotated[Array, WRITE]
+    moment: Annotated[Array, READ]
     state: Annotated[Array, WRITE]
-    work: Annotated[Array, WRITE]
     codes: Annotated[Array, WRITE]
 
 
@@ -168,9 +172,9 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
     q, measured, samples, stop = plant.q, plant.measured, course.samples, course.stop
     n, m = q.shape[0], records.command.shape[1]
     prepared = unpack(law.plan, law.memory)
-    chain, pose = prepared.memory.chain, prepared.memory.kinematics[0:8]
-    supervising = supervisor.parameters.shape[0] > 0
-    nothing = supervisor.parameters[0:0]
+    table, pose = prepared.memory.table, prepared.memory.kinematics[0:8]
+    supervising = supervisor.memory.shape[0] > 0
+    nothing = stop[0:0]
     last_disturbance = disturbance.rows.shape[0] - 1
     for k in range(samples.shape[0]):
         command = records.command[k]
@@ -188,17 +192,13 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
             supervised = _call_supervisor(
                 stages.supervisor,
                 stages.kinematics,
-                chain,
+                supervisor.memory,
+                supervisor.moment,
                 measured,
-                0.0,
-                supervisor.parameters[DT],
-                GO,
                 command,
                 nothing,
                 nothing,
-                supervisor.parameters,
                 supervisor.state,
-                supervisor.work,
                 command,
             )
             supervisor.codes[k] = supervisor.state[NOW]
@@ -215,7 +215,7 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
             status = _call_disturbance(
                 stages.disturbance,
                 stages.kinematics,
-                chain,
+                table,
                 disturbance.rows[min(k, last_disturbance)],
                 disturbance.parameters,
                 disturbance.work,

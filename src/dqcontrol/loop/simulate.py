@@ -107,6 +107,7 @@ def simulate(
             raise ShapeError(f"{field}: expected a {kind.__name__}, got {value!r:.80}")
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
+    robot = robot.from_start(q0)
     samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
     return simulate_prepared(
         law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),

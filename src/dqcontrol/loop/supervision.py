@@ -87,7 +87,7 @@ class Supervision:
         self.state: Array = supervisor.start(q)
         self.request: int = GO
         self.codes: Array = np.zeros(0)
-        self.period = float(supervisor.parameters[layout.DT])
+        self.period = supervisor.period
         self.black_box = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
 

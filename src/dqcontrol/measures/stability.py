@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ Verdict = Literal[
 MOST_STATES = 200  # of a model: eigenvalues of more take too long
 _GAINS = np.geomspace(1e-4, 1e6, 134)  # k T that are tried until one fails
 _DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
+_AT_ONCE = 32  # gains
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
 _ROUNDING = 1e-12
@@ -153,11 +154,65 @@ def gain_limits(
         gain = product / period
         return with_integral(model, integral_share * gain, period).poles(gain * direction)
 
-    stable = first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
+    stable = first_failure(lambda product: is_stable(poles(product)))
     monotone = first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
     damped = first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
     large = large_error_limit(model, period) if accelerations_limited else math.inf
     return GainLimits(stable, min(monotone, stable), min(damped, stable / 2, large), large)
+
+
+def is_stable(poles: NDArray[np.complex128]) -> bool:
+    """Return whether all poles lie inside the unit circle."""
+    return spectral_radius(poles) < 1 - _ROUNDING
+
+
+def stability_limit(
+    model: LinearModel, period: float, direction: complex = 1.0, integral_share: float = 0.0
+) -> float:
+    """Return `GainLimits.stable` alone; many gains at once, which is several times faster. See `gain_limits`."""
+
+    def stable(products: NDArray[np.float64]) -> NDArray[np.bool_]:
+        gains = products / period
+        loops = _closed_loops(model, gains * direction, integral_share * gains * period)
+        return np.abs(np.linalg.eigvals(loops)).max(axis=-1) < 1 - _ROUNDING
+
+    below, above = 0.0, math.inf
+    for some in np.array_split(_GAINS, len(_GAINS) // _AT_ONCE + 1):
+        failed = np.flatnonzero(~stable(some))
+        if len(failed):
+            below = float(some[failed[0] - 1]) if failed[0] else below
+            above = float(some[failed[0]])
+            break
+        below = float(some[-1])
+    else:
+        return math.inf
+    while above - below > 1e-7 * above and below > 0:
+        inside = np.linspace(below, above, _AT_ONCE // 2 + 2)[1:-1]
+        failed = np.flatnonzero(~stable(inside))
+        first = int(failed[0]) if len(failed) else len(inside)
+        below, above = (
+            float(inside[first - 1]) if first else below,
+            float(inside[first]) if first < len(inside) else above,
+        )
+    return below
+
+
+def _closed_loops(model: LinearModel, gains: NDArray[Any], resets: NDArray[np.float64]) -> NDArray[Any]:
+    """Return the transitions of u = −k w for each gain, with w of `with_integral` for each ρT, shape (g, s, s)."""
+    transition, inputs = model.transition, model.inputs
+    size, m = len(transition), inputs.shape[1]
+    if not resets.any():
+        feedback = np.zeros((size, size))
+        feedback[:, :m] = inputs
+        return transition - gains[:, None, None] * feedback
+    loops = np.zeros((len(gains), size + m, size + m), dtype=gains.dtype)
+    weight = 1 + resets[:, None, None]
+    loops[:, :m, :m] = np.eye(m) - gains[:, None, None] * weight * inputs[:m]
+    loops[:, :m, m:] = weight * transition[:m]
+    loops[:, :m, m : 2 * m] -= np.eye(m)
+    loops[:, m:, :m] = -gains[:, None, None] * inputs
+    loops[:, m:, m:] = transition
+    return loops
 
 
 def large_error_limit(model: LinearModel, period: float) -> float:

@@ -14,9 +14,9 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import DivergedError
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
-from dqcontrol.robots import kinematics_kernels as kernels
 from dqcontrol.robots.driving import advance
 from dqcontrol.robots.kinematics_kernels import call_chain, split
+from dqcontrol.robots.robot import Robot
 
 # A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds.
 _INVERSE = FilteredInverse(threshold=0.02, damping=0.05, characteristic_length=1.0)
@@ -96,7 +96,7 @@ class LiveDisturbance:
         )
         self.work: Array = np.zeros(disturbance_work.size(input_size))
 
-    def step(self, chain: Array, k: int, q: Array, realised: Array) -> None:
+    def step(self, robot: Robot, k: int, q: Array, realised: Array) -> None:
         """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).
 
         Raises
@@ -105,5 +105,6 @@ class LiveDisturbance:
             If q is not finite.
         """
         row = self.rows[min(k, len(self.rows) - 1)]
-        if self.kernel(kernels.twist_kinematics.pointer, chain, row, self.parameters, self.work, q, realised):
+        kinematics = robot.kernels.twist_kinematics.pointer
+        if self.kernel(kinematics, robot.table, row, self.parameters, self.work, q, realised):
             raise DivergedError("the plant produced NaN or infinity")

@@ -94,6 +94,24 @@ class Plant(
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
         return None
 
+    @classmethod
+    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        """Return what a spec in a folder says of such a plant so that it needs no folder: names of files absolute."""
+        names = {key: data[key] for key in cls.file_keys if isinstance(data.get(key), str)}
+        return {**data, **{key: str((folder / name).resolve()) for key, name in names.items()}}
+
+    def varied(self, lag: float, delay: float) -> Plant | None:
+        """Return the same plant with other joints, for what is uncertain of them; None if it has no such parameters.
+
+        Parameters
+        ----------
+        lag
+            By what share the time constants are larger.
+        delay
+            By how much the delays are longer, s; they do not become negative.
+        """
+        return None
+
     def files(self) -> list[Path]:
         """Return the files that it reads, for lists of what results depend on."""
         return [Path(file) for key in self.file_keys if (file := getattr(self, key))]

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dqcontrol.measures.table_cells import VerdictCell
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.printed import Claim
+
+DID_NOT_FOLLOW = "the law did not follow"
+ABOUT_THE_ROBOT = "it is about the robot"
 
 
 @dataclass(frozen=True)
@@ -20,20 +23,27 @@ class Judgement:
         None if our numbers cannot decide it.
     number
         What was found.
+    why_not
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW` or `ABOUT_THE_ROBOT`; empty if the number says it.
     """
 
     holds: bool | None
     number: str
+    why_not: str = ""
 
     @property
     def verdict(self) -> VerdictCell:
         """In words."""
-        words = {True: "supported", False: "not supported", None: "cannot be decided"}
-        return VerdictCell(words[self.holds], self.holds)
+        words = {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
+        return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
 
 
 def verdict_table(
-    claims: Sequence[Claim], judgements: Mapping[str, Judgement], source: str, title: str
+    claims: Sequence[Claim],
+    judgements: Mapping[str, Judgement],
+    source: str,
+    title: str,
+    ours: Mapping[str, Judgement] | None = None,
 ) -> Table:
     """Return one row a claim: where it stands, what it says, the verdict, our number, and the source's own.
 
@@ -47,20 +57,27 @@ def verdict_table(
         Short name, as ``"P16"``.
     title
         Caption.
+    ours
+        Judgements on what our own law does in place of the printed one, as two more columns.
     """
-    rows = [
-        [claim.source, claim.quotation, judgements[claim.id].verdict, judgements[claim.id].number, claim.note]
-        for claim in claims
-        if claim.id in judgements
-    ]
-    columns = [
-        Column(source),
-        Column("Claim"),
-        Column("Verdict"),
-        Column("Our number"),
-        Column(f"{source}'s own numbers"),
-    ]
-    return Table(columns, rows, title)
+    rows: list[list[Cell]] = []
+    for claim in claims:
+        if claim.id in judgements:
+            found = judgements[claim.id]
+            row: list[Cell] = [claim.source, claim.quotation, found.verdict, found.number]
+            if ours is not None:
+                second = ours.get(claim.id)
+                row += [second.verdict, second.number] if second else ["", ""]
+            rows.append([*row, claim.note])
+    columns = [Column(source), Column("Claim"), Column("Verdict"), Column("Our number")]
+    if ours is not None:
+        columns[2:] = [
+            Column("Verdict, as printed"),
+            Column("Number"),
+            Column("Verdict, our law and stop"),
+            Column("Number"),
+        ]
+    return Table([*columns, Column(f"{source}'s own numbers")], rows, title)
 
 
 def listed(values: Sequence[float], form: str = ".3f") -> str:

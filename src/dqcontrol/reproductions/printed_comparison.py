@@ -30,7 +30,12 @@ _COLUMNS = (
 
 
 def comparison_tables(
-    cells: Sequence[PublishedCell], results: Results, source: str, *, suffix: str = "", title: str = ""
+    cells: Sequence[PublishedCell],
+    results: Results,
+    source: str,
+    *,
+    suffixes: Sequence[str] = ("",),
+    title: str = "",
 ) -> list[Table]:
     """Return one table for each published table and experiment.
 
@@ -42,22 +47,21 @@ def comparison_tables(
         Ours.
     source
         Its short name, as ``"P16"``; the captions begin with it.
-    suffix
-        Appended to the law's label to find it in ours: a law that stands in for the published one. Only those
-        laws are listed then.
+    suffixes
+        Appended to the law's label to find it in ours: the law as printed, and those that stand beside it.
     title
         Appended to the captions.
     """
     tables = []
     for (name, experiment), group in _grouped(cells).items():
         rows = [
-            row
+            _row(cell, results, suffix)
             for cell in group
-            if (results.group(cell.law + suffix, cell.set, experiment))
-            and (row := _row(cell, results, suffix))
+            for suffix in suffixes
+            if results.group(cell.law + suffix, cell.set, experiment)
         ]
         if rows:
-            caption = " · ".join(part for part in (f"{source} {name}", experiment, title) if part)
+            caption = " · ".join(part for part in (f"{source} Table {name}", experiment, title) if part)
             tables.append(Table(_COLUMNS, rows, caption))
     return tables
 
@@ -67,6 +71,8 @@ def command_table(
     results: Results,
     settings: Mapping[str, PreparedExperiment],
     title: str = "",
+    *,
+    suffixes: Sequence[str] = ("",),
 ) -> Table:
     """Return the mean of T |u|, one row a law and set: on an arm that gives way at each sample, by how much it does.
 
@@ -80,14 +86,18 @@ def command_table(
         The specs made ready, by the experiment's name in the published tables.
     title
         Appended to the caption.
+    suffixes
+        As for `comparison_tables`.
     """
     rows: list[list[Cell]] = []
     for cell in cells:
         if cell.metric == "control":
             setting = settings[cell.experiment]
             unit = setting.spec.period / (results.control_unit * setting.scene.samples[-1, -1])
-            ours = results.mean(cell.law, cell.set, cell.metric, cell.experiment)
-            rows.append([cell.experiment, cell.law, cell.set, unit * cell.mean, unit * ours])
+            for law in (cell.law + suffix for suffix in suffixes):
+                if results.group(law, cell.set, cell.experiment):
+                    ours = results.mean(law, cell.set, cell.metric, cell.experiment)
+                    rows.append([cell.experiment, law, cell.set, unit * cell.mean, unit * ours])
     columns = [
         Column("Experiment"),
         Column("Law"),

@@ -10,6 +10,8 @@ from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
+from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, TreeJoints, TreeRobot
+from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.urdf import load_urdf
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.robots.whole_body_file import WholeBodyFile
@@ -23,11 +25,16 @@ __all__ = [
     "JointRow",
     "Kinematics",
     "Limits",
+    "NamedFrame",
+    "PoseTask",
     "ReachingPosture",
     "Robot",
     "RobotFile",
     "SerialArm",
     "Solution",
+    "TreeJoints",
+    "TreeRobot",
+    "TwoArms",
     "WholeBody",
     "WholeBodyFile",
     "describe",

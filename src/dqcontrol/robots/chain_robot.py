@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots import kinematics_kernels as kernels
+from dqcontrol.robots import kinematics_kernels as chain_kernels
 from dqcontrol.robots.jacobian_rates import batch as rates_batch
 from dqcontrol.robots.jacobian_rates import jacobian_rates
 from dqcontrol.robots.poses import positions
@@ -39,6 +39,16 @@ class Kinematics:
         self.twist_jacobian: Array = np.empty((6, input_size))
 
 
+class RobotKernels(NamedTuple):
+    """What compiled code computes from a robot's table: see the functions of these names in `kinematics_kernels`."""
+
+    forward: Kernel
+    kinematics: Kernel
+    twist_kinematics: Kernel
+    hand_kinematics: Kernel
+    kinematics_apart: Kernel
+
+
 class ChainRobot:
     """Poses and Jacobians of a chain table.
 
@@ -47,20 +57,32 @@ class ChainRobot:
     `ValueRangeError` for a number that is not finite.
     """
 
+    kernels: ClassVar[RobotKernels] = RobotKernels(
+        chain_kernels.forward,
+        chain_kernels.kinematics,
+        chain_kernels.twist_kinematics,
+        chain_kernels.hand_kinematics,
+        chain_kernels.kinematics_apart,
+    )
     name: str
     chain: Array  # may not be written
-    _chain: Array  # the same, as compiled code takes it at once: an array that may not be written costs 0.3 µs more
+    table: Array  # what the kernels read: the chain
+    _table: Array  # the same, as compiled code takes it at once: an array that may not be written costs 0.3 µs more
     configuration_size: int
     input_size: int
 
     def _keep_chain(self, chain: Array) -> None:
         """Keep the table (n + 1, 8); its owner may not write it any more."""
-        self._chain, self.chain = chain, chain.view()
-        self.chain.flags.writeable = False
+        self._keep_table(chain)
+        self.chain = self.table
+
+    def _keep_table(self, table: Array) -> None:
+        self._table, self.table = table, table.view()
+        self.table.flags.writeable = False
 
     def fkm(self, q: ArrayLike) -> Array:
         """Return the end pose, shape (…, 8), inertial frame. [P16 3.13]."""
-        return self._map(kernels.forward, q, self.configuration_size, 8)
+        return self._map(self.kernels.forward, q, self.configuration_size, 8)
 
     def frames(self, q: ArrayLike) -> Array:
         """Return the poses of all joint frames after their screws, then the end pose: shape (…, n + 1, 8).
@@ -68,7 +90,7 @@ class ChainRobot:
         The axis of each joint is the z axis of its frame; the frame of a base is that of its last coordinate, φ.
         """
         n = self.configuration_size
-        flat = self._map(kernels.forward, q, n, 8 * (n + 1))
+        flat = self._map(chain_kernels.forward, q, n, 8 * (n + 1))
         return flat.reshape(*flat.shape[:-1], n + 1, 8)
 
     def kinematics(self, q: Array, out: Kinematics | None = None) -> Kinematics:
@@ -96,13 +118,13 @@ class ChainRobot:
         if out is None:
             out, m = _new(Kinematics), self.input_size
             out.pose, out.pose_jacobian, out.twist_jacobian = _empty(8), _empty((8, m)), _empty((6, m))
-        compute = kernels.kinematics_apart.compiled
+        compute = self.kernels.kinematics_apart.compiled
         try:
-            status = compute(self._chain, q, out.pose, out.pose_jacobian, out.twist_jacobian)
+            status = compute(self._table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
         except TypeError:  # a list, integers, several configurations
             values, status = as_array("q", q), WRONG_SIZE
             if values.ndim == 1:
-                status = compute(self._chain, values, out.pose, out.pose_jacobian, out.twist_jacobian)
+                status = compute(self._table, values, out.pose, out.pose_jacobian, out.twist_jacobian)
         if status:
             size = out.pose_jacobian.shape[1]
             if size != self.input_size:
@@ -112,23 +134,23 @@ class ChainRobot:
 
     def pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J, shape (…, 8, m), with vec8(ẋ) = J u. [P16 3.1; S17 4.3]."""
-        return self._columns(q, kernels.kinematics, 0, 8)
+        return self._columns(q, self.kernels.kinematics, 0, 8)
 
     def twist_jacobian(self, q: ArrayLike) -> Array:
         """Return J_w, shape (…, 6, m), with vec6(ξ) = J_w u, ξ the inertial twist. [P16 3.14, 3.51]."""
-        return self._columns(q, kernels.kinematics, 8, 6)
+        return self._columns(q, self.kernels.kinematics, 8, 6)
 
     def translation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_p, shape (…, 3, m), with ṗ = J_p u in m/s, inertial frame."""
-        return self._columns(q, kernels.hand_kinematics, 11, 3)
+        return self._columns(q, self.kernels.hand_kinematics, 11, 3)
 
     def rotation_jacobian(self, q: ArrayLike) -> Array:
         """Return J_r, shape (…, 4, m), with vec4(ṙ) = J_r u."""
-        return self._columns(q, kernels.kinematics, 0, 4)
+        return self._columns(q, self.kernels.kinematics, 0, 4)
 
     def hand_jacobian(self, q: ArrayLike) -> Array:
         """Return the Jacobian of [ω ; ṗ], shape (…, 6, m): rad/s and m/s of the end, inertial axes."""
-        return self._columns(q, kernels.hand_kinematics, 8, 6)
+        return self._columns(q, self.kernels.hand_kinematics, 8, 6)
 
     def pose_jacobian_derivative(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return dJ/dt, shape (…, 8, m), so that vec8(ẍ) = J u̇ + (dJ/dt) u.
@@ -160,10 +182,12 @@ class ChainRobot:
         """Return dJ_r/dt, shape (…, 4, m), so that vec4(r̈) = J_r u̇ + (dJ_r/dt) u."""
         return _matrix(self._rates(q, u), 8 + 14 * self.input_size, 4, self.input_size)
 
-    def _columns(self, q: ArrayLike, function: Kernel, first: int, rows: int) -> Array:
+    def _columns(
+        self, q: ArrayLike, function: Kernel, first: int, rows: int, table: Array | None = None
+    ) -> Array:
         """Return some of the 14 rows of both Jacobians."""
         m = self.input_size
-        flat = self._map(function, q, self.configuration_size, 8 + 14 * m)
+        flat = self._map(function, q, self.configuration_size, 8 + 14 * m, table)
         return _matrix(flat, 8 + first * m, rows, m)
 
     def _rates(self, q: ArrayLike, u: ArrayLike) -> Array:
@@ -172,7 +196,7 @@ class ChainRobot:
         if _is_row(q) and _is_row(u):
             out = _empty(8 + 28 * m)
             try:
-                if jacobian_rates.compiled(self._chain, q, u, out) == OK:
+                if jacobian_rates.compiled(self._table, q, u, out) == OK:
                     return out
             except TypeError:  # integers
                 pass
@@ -191,19 +215,23 @@ class ChainRobot:
     def _inputs(self, field: str, value: ArrayLike) -> Array:
         return as_array(field, value, (self.input_size,))
 
-    def _map(self, function: Kernel, values: ArrayLike, columns: int, size: int) -> Array:
-        """Return what a chain function makes of each row, shape (…, size)."""
+    def _map(
+        self, function: Kernel, values: ArrayLike, columns: int, size: int, table: Array | None = None
+    ) -> Array:
+        """Return what a function of the robot's table, or of another one, makes of each row, shape (…, size)."""
+        if table is None:
+            table = self._table
         if _is_row(values):
             out = _empty(size)  # called directly, ten times faster than as a batch
             try:
-                if function.compiled(self._chain, values, out) == OK:
+                if function.compiled(table, values, out) == OK:
                     return out
             except TypeError:  # integers
                 pass
         array = as_array("q", values, (columns,))
         rows = np.ascontiguousarray(array.reshape(-1, columns))
         out = np.empty((len(rows), size))
-        status = kernels.batch(function.pointer, self.chain, rows, out)
+        status = chain_kernels.batch(function.pointer, table, rows, out)
         if status:
             self._raise(status, array)
         return out.reshape(*array.shape[:-1], size)

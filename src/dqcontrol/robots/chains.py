@@ -34,10 +34,10 @@ def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], nam
     return arm_class(
         np.array(fixed),
         [kind for arm in arms for kind in arm.joint_types],
-        limits=_joined_limits([arm.limits for arm in arms]),
+        limits=joined_limits([arm.limits for arm in arms]),
         joint_names=_distinct_names(arms),
         name=name or "+".join(arm.name for arm in arms),
-        inertia=_joined_inertia([arm.inertia for arm in arms]),
+        inertia=joined_inertia([arm.inertia for arm in arms]),
     )
 
 
@@ -85,12 +85,14 @@ def _limits_at(limits: Limits, part: slice) -> Limits:
     return Limits(limits.lower[part], limits.upper[part], limits.velocity[part], limits.effort[part])
 
 
-def _joined_limits(limits: list[Limits]) -> Limits:
+def joined_limits(limits: list[Limits]) -> Limits:
+    """Return the limits of several robots, one after the other."""
     fields = ("lower", "upper", "velocity", "effort")
     return Limits(*(np.concatenate([getattr(lim, field) for lim in limits]) for field in fields))
 
 
-def _joined_inertia(bodies: list[Inertia | None]) -> Inertia | None:
+def joined_inertia(bodies: list[Inertia | None]) -> Inertia | None:
+    """Return the bodies of several robots, one after the other; None if those of one are not known."""
     known = [body for body in bodies if body is not None]
     if len(known) < len(bodies):
         return None

@@ -85,10 +85,10 @@ def describe(robot: Robot) -> Description:
         rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
     bases = " + ".join(kind for _, kind in robot.bases)
-    return Description(robot.name, bases, tuple(rows), _reach(robot), mass, getattr(robot, "links", ()))
+    return Description(robot.name, bases, tuple(rows), robot.reach, mass, getattr(robot, "links", ()))
 
 
-def _reach(robot: Robot) -> float:
+def chain_reach(robot: Robot) -> float:
     """Return the sum of the largest distances between neighbouring joint frames, from the first joint on."""
     total, first = 0.0, max((first + 3 for first, _ in robot.bases), default=0)
     for i in range(first, robot.configuration_size):

@@ -128,20 +128,20 @@ class InverseKinematics(Dexterity):
         >>> arm.solve(dqc.DualQuaternion.from_translation([2.0, 0, 0])).reason
         'unreachable: the position is 1.1 m beyond the reach of iiwa7'
         """
-        problem = _prepare(
+        problem = prepare_inverse(
             self.limits,
             self.joint_types,
-            _tolerance("position_tolerance", position_tolerance),
-            _tolerance("orientation_tolerance", orientation_tolerance),
-            _count("restarts", restarts),
-            _count("seed", seed),
+            as_tolerance("position_tolerance", position_tolerance),
+            as_tolerance("orientation_tolerance", orientation_tolerance),
+            as_whole_number("restarts", restarts),
+            as_whole_number("seed", seed),
         )
         n, poses, guess = self.configuration_size, unit_poses("pose", pose), problem.middle
         if q0 is not None:
             guess = np.minimum(np.maximum(as_array("q0", q0, (n,)), problem.limits[0]), problem.limits[1])
         if poses.ndim == guess.ndim == 1:
             q = guess.reshape(1, n).copy()
-            reports = _solve(self, problem, poses.reshape(1, 8), q)
+            reports = self._newton(problem, poses.reshape(1, 8), q)
             success, reason = problem.is_reached(*reports[0, :2]), ""
             if not success:
                 success, reason = _explain(self, problem, poses.reshape(1, 8), q[0], reports[0])
@@ -150,7 +150,7 @@ class InverseKinematics(Dexterity):
         batch_shape = _common_lead(poses, guess)
         rows = np.ascontiguousarray(np.broadcast_to(poses, (*batch_shape, 8)).reshape(-1, 8))
         q = np.array(np.broadcast_to(guess, (*batch_shape, n)).reshape(-1, n), order="C")
-        reports = _solve(self, problem, rows, q)
+        reports = self._newton(problem, rows, q)
         reached = np.array([problem.is_reached(*report[:2]) for report in reports], dtype=bool)
         reasons = np.full(len(rows), "", dtype=object)
         for i in np.flatnonzero(~reached):
@@ -166,8 +166,17 @@ class InverseKinematics(Dexterity):
             reasons.reshape(batch_shape),
         )
 
+    def _newton(self, problem: Problem, poses: Array, q: Array) -> Array:
+        """Call the kernel: overwrite q and return the reports."""
+        reports = np.empty((len(poses), 4))
+        work = np.empty(inverse_kernels.work_size(self.configuration_size))
+        inverse_kernels.solve(
+            self.chain, problem.limits, problem.starts, poses, problem.options, q, reports, work
+        )
+        return reports
 
-class _Problem(NamedTuple):
+
+class Problem(NamedTuple):
     """What does not depend on the pose: limits (2, n), random starts (K, n), the kernel's options, the first start."""
 
     limits: Array
@@ -176,22 +185,24 @@ class _Problem(NamedTuple):
     middle: Array
 
     def is_reached(self, position_error: float, orientation_error: float) -> bool:
+        """Return whether both errors are within their tolerances."""
         return bool(position_error <= self.options[0] and orientation_error <= self.options[1])
 
 
 @functools.lru_cache(maxsize=32)  # drawing the starts takes longer than most solutions
-def _prepare(
+def prepare_inverse(
     limits: Limits,
     joint_types: tuple[str, ...],
     position_tolerance: float,
     orientation_tolerance: float,
     restarts: int,
     seed: int,
-) -> _Problem:
+) -> Problem:
+    """Return what of an inverse kinematics problem does not depend on the pose; checked."""
     if math.isinf(position_tolerance) and math.isinf(orientation_tolerance):
         raise ValueRangeError("position_tolerance: must be finite if orientation_tolerance is inf")
     lower, upper = ranges(limits, joint_types)
-    return _Problem(
+    return Problem(
         np.array([limits.lower, limits.upper]),
         np.random.default_rng(seed).uniform(lower, upper, (restarts, len(lower))),
         np.array([position_tolerance, orientation_tolerance, _ITERATIONS]),
@@ -199,16 +210,8 @@ def _prepare(
     )
 
 
-def _solve(arm: InverseKinematics, problem: _Problem, poses: Array, q: Array) -> Array:
-    """Call the kernel: overwrite q and return the reports."""
-    reports = np.empty((len(poses), 4))
-    work = np.empty(inverse_kernels.work_size(arm.configuration_size))
-    inverse_kernels.solve(arm.chain, problem.limits, problem.starts, poses, problem.options, q, reports, work)
-    return reports
-
-
 def _explain(
-    arm: InverseKinematics, problem: _Problem, pose: Array, q: Array, report: Array
+    arm: InverseKinematics, problem: Problem, pose: Array, q: Array, report: Array
 ) -> tuple[bool, str]:
     """Return why a pose was not reached; or overwrite q and its report by a solution found on the way."""
     n, tolerances = arm.configuration_size, problem.options[:2]
@@ -217,7 +220,7 @@ def _explain(
         limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=starts[:0]
     )
     free = np.vstack([q, starts])
-    found = _solve(arm, unlimited, np.repeat(pose, len(free), axis=0), free)
+    found = arm._newton(unlimited, np.repeat(pose, len(free), axis=0), free)
     reached = (found[:, :2] <= tolerances).all(axis=1)
     if reached.any():
         nearest = _into_ranges(arm, free[reached])
@@ -231,7 +234,7 @@ def _explain(
     if math.isfinite(tolerances[0]):
         only = np.array([tolerances[0], np.inf, _ITERATIONS])
         place = unlimited._replace(options=only, starts=starts)
-        missing = float(_solve(arm, place, pose, q[None].copy())[0, 0])
+        missing = float(arm._newton(place, pose, q[None].copy())[0, 0])
         if missing > max(tolerances[0], _ROUNDING):
             return False, f"unreachable: the position is {missing:.3g} m beyond the reach of {arm.name}"
     best = int((found[:, 0] + found[:, 1]).argmin())
@@ -290,11 +293,13 @@ def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:
         ) from None
 
 
-def _tolerance(field: str, value: float) -> float:
+def as_tolerance(field: str, value: float) -> float:
+    """Return a tolerance > 0, or raise a `ValueRangeError`."""
     return value if isinstance(value, float) and value > 0 else as_positive(field, value)  # inf is allowed
 
 
-def _count(field: str, value: int) -> int:
+def as_whole_number(field: str, value: int) -> int:
+    """Return a whole number ≥ 0, or raise a `ValueRangeError`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
         raise ValueRangeError(f"{field}: must be a whole number ≥ 0, got {value!r}")
     return int(value)

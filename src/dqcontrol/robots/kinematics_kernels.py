@@ -112,7 +112,7 @@ def halves(q, workspace):
 
 
 @inline
-def _heading(w, x, y, z, zx, zy, zz, angle):
+def heading_axis(w, x, y, z, zx, zy, zz, angle):
     """Return the heading of a base in the frame of its x: z cos φ + x sin φ."""
     c, s = math.cos(angle), math.sin(angle)
     return (
@@ -123,7 +123,7 @@ def _heading(w, x, y, z, zx, zy, zz, angle):
 
 
 @inline
-def _store_pose(w, x, y, z, px, py, pz, out):
+def store_pose(w, x, y, z, px, py, pz, out):
     """Write x = r + ε½pr."""
     px, py, pz = 0.5 * px, 0.5 * py, 0.5 * pz
     out[0], out[1], out[2], out[3] = w, x, y, z
@@ -152,9 +152,9 @@ def joint_frames(chain, q, out):
             w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], angle, sine, cosine
         )
         if every:
-            _store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
+            store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
     w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
-    _store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
+    store_pose(w, x, y, z, px, py, pz, out[out.shape[0] - 8 :])
     return OK if check == 0.0 else NOT_FINITE
 
 
@@ -187,7 +187,7 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
             twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j] = 0.0, 0.0, 0.0
             twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j] = zx, zy, zz
             if kind == HEADING:
-                hx, hy, hz = _heading(w, x, y, z, zx, zy, zz, q[i + 2])
+                hx, hy, hz = heading_axis(w, x, y, z, zx, zy, zz, q[i + 2])
                 twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j] = hx, hy, hz
             elif kind == SIDEWAYS:
                 j -= 1  # the column of φ takes its place
@@ -195,7 +195,7 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
         sine, cosine = workspace[i], workspace[cosines + i]
         w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
-    _store_pose(w, x, y, z, px, py, pz, pose)
+    store_pose(w, x, y, z, px, py, pz, pose)
     return OK if check == 0.0 else NOT_FINITE
 
 

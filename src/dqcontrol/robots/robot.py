@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
-from dqcontrol.robots.description import describe
+from dqcontrol.robots.description import chain_reach, describe
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
@@ -54,6 +54,15 @@ class Robot(InverseKinematics):
     def bases(self) -> tuple[tuple[int, str], ...]:
         """Index of the first coordinate of each mobile base, and its kind."""
         return ()
+
+    @property
+    def reach(self) -> float:
+        """Length of the stretched arm, m, from its first axis (that of the part after the last base) to the tool."""
+        return chain_reach(self)
+
+    def from_start(self, q: Array) -> Robot:
+        """Return the robot as it is for a run from a configuration, shape (n,): trees keep a sign from there on."""
+        return self
 
     def integrate(self, q: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """Return where constant inputs move the robot in a time.

@@ -97,12 +97,12 @@ class Following:
         self.longest_period = 0.0
         self._enabled = -np.inf
         self._joints = self._joint_names()
-        self._felt = Felt(node, self._joints, self._guarded)
-        self._felt.listen(supervisor)
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in (("base", "base_link"), ("tool", "tool0"))
         )
+        self._felt = Felt(node, self._joints, self._tool, self._guarded)
+        self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")

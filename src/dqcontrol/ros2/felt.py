@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
-from dqcontrol.ros2.messages import by_name, numbers
+from dqcontrol.ros2.messages import RefusedError, by_name, numbers
 
 _NOTHING: Array = np.zeros(0)
 
@@ -29,6 +29,8 @@ class Felt:
         Whose topics.
     joints
         Their names in messages, in the order of the robot's joints.
+    frame
+        Of the hand.
     guarded
         Wraps what hears a message, and may refuse it.
 
@@ -42,16 +44,23 @@ class Felt:
         Of the wrench, after ROS's renaming.
     """
 
-    def __init__(self, node: Node, joints: list[str], guarded: Callable[..., Callable[[Any], None]]) -> None:
-        self._node, self._joints, self._guarded = node, joints, guarded
+    def __init__(
+        self,
+        node: Node,
+        joints: list[str],
+        frame: str,
+        guarded: Callable[..., Callable[[Any], None]],
+    ) -> None:
+        self._node, self._joints, self._frame, self._guarded = node, joints, frame, guarded
         self.effort, self.wrench = _NOTHING, _NOTHING
         self.topic = node.resolve_topic_name(WRENCH)
-        self._has_effort, self._wrenches, self._heard = False, None, -np.inf
+        self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
         self._wrenches: Subscription | None
 
     def listen(self, supervisor: PreparedSupervisor) -> None:
         """Hear what a supervisor bounds, and nothing else: at 1 kHz that would cost a tenth of the time."""
         self._has_effort, self.effort = supervisor.watches_effort, _NOTHING
+        self._has_payload = supervisor.carries_payload
         if supervisor.watches_wrench == (self._wrenches is not None):
             return
         if self._wrenches is None:
@@ -79,6 +88,10 @@ class Felt:
         return 0.0 if self._wrenches is None else time.monotonic() - self._heard
 
     def _hear_wrench(self, message: WrenchStamped) -> None:
+        if self._has_payload and message.header.frame_id != self._frame:
+            raise RefusedError(
+                f"wrench: in frame '{message.header.frame_id}', but the payload is taken off in '{self._frame}'"
+            )
         f, t = message.wrench.force, message.wrench.torque
         self.wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
         self._heard = time.monotonic()

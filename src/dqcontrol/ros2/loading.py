@@ -13,7 +13,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
-from dqcontrol.limits import PreparedSupervisor, Supervisor
+from dqcontrol.limits import DeclaredPayload, PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
@@ -55,6 +55,11 @@ class Loaded:
     def period(self) -> float:
         """Control period, s."""
         return self.setting.spec.period
+
+    @property
+    def payload(self) -> DeclaredPayload:
+        """What the hand carries, as the supervisor has it."""
+        return self.supervisor.payload or DeclaredPayload(mass=0.0)
 
     @cached_property
     def linear_model(self) -> LinearModel | None:
@@ -105,6 +110,9 @@ def load(source: str | Path) -> Loaded:
             f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is"
         )
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
-    if supervisor.stale_after is None:
-        supervisor = msgspec.structs.replace(supervisor, stale_after=silence(setting.spec.period))
+    supervisor = msgspec.structs.replace(
+        supervisor,
+        stale_after=supervisor.stale_after or silence(setting.spec.period),
+        payload=supervisor.payload or DeclaredPayload(mass=0.0),  # has numbers to change
+    )
     return Loaded(setting, case, case.variant.law, supervisor, Speeds())

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TypeVar, get_args, get_type_hints
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 from msgspec import Struct
@@ -16,6 +16,8 @@ from dqcontrol.ros2.parameters import Number
 T = TypeVar("T", bound=Struct)
 
 _LAW, _SUPERVISOR = "law.", "supervisor."
+_AXES = "xyz"
+_FARTHEST = 100.0  # m
 _OWN = (
     Number(
         "enable_timeout",
@@ -40,6 +42,7 @@ def numbers_of(loaded: Loaded) -> list[Number]:
         *_OWN,
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
         *_fields(_SUPERVISOR, loaded.supervisor, "of the supervisor; only while inactive"),
+        *_fields(f"{_SUPERVISOR}payload.", loaded.payload, "of what it carries; only while inactive"),
     ]
 
 
@@ -53,7 +56,9 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
     """
     own = {name.removeprefix(prefix): value for name, value in numbers.items() if name.startswith(prefix)}
     try:
-        data = msgspec.to_builtins(struct) | own
+        data = msgspec.to_builtins(struct)
+        for name, value in own.items():
+            data = _replaced(data, name.split("."), value)
         return msgspec.convert(data, type(struct)) if own else struct
     except msgspec.ValidationError as error:
         raise ValueRangeError(f"{prefix}{next(iter(own))}: {error}") from None
@@ -102,7 +107,22 @@ def _fields(prefix: str, struct: Struct, description: str) -> list[Number]:
     hints, found = get_type_hints(type(struct)), []
     for field in struct.__struct_fields__:
         value, hint = getattr(struct, field), hints[field]
-        if hint in (float, int) or float in get_args(hint):
+        if hint == tuple[float, float, float]:
+            found += [
+                Number(f"{prefix}{field}.{axis}", float(x), -_FARTHEST, _FARTHEST, f"{field} {description}")
+                for axis, x in zip(_AXES, value, strict=True)
+            ]
+        elif hint in (float, int) or float in get_args(hint):
             default = float(value) if type(value) in (float, int) else None
             found.append(Number(prefix + field, default, 0.0, 1e6, f"{field} {description}"))
     return found
+
+
+def _replaced(data: Any, path: Sequence[str], value: float) -> Any:
+    """Return mappings and vectors with the number at a path of keys and axes replaced."""
+    if not path:
+        return value
+    if isinstance(data, Mapping):
+        return {**data, path[0]: _replaced(data.get(path[0]), path[1:], value)}
+    i = _AXES.index(path[0])
+    return [*data[:i], value, *data[i + 1 :]]

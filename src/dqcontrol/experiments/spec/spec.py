@@ -287,6 +287,13 @@ def _by_label(field: str, one: Any, several: Any) -> dict[str, Any]:
     return dict(several) if one is UNSET else {type(one).__struct_config__.tag: one}
 
 
+_OTHER_COMMANDS = {
+    "sweep": ("a parameter study", "sweep"),
+    "tune": ("a search for the best parameters", "tune"),
+    "learn": ("learning from repetition", "learn"),
+}
+
+
 def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     """Return a spec and the folder that its relative file names start from.
 
@@ -302,8 +309,9 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         If the file is missing, malformed, or has an unknown or unfit key: ``path: field: …``.
     """
     where, data, folder = read_data(source)
-    if "sweep" in data:
-        raise FileFormatError(f"{where}: sweep: describes a parameter study; run it with 'dqcontrol sweep'")
+    for key, (what, command) in _OTHER_COMMANDS.items():
+        if key in data:
+            raise FileFormatError(f"{where}: {key}: describes {what}; run it with 'dqcontrol {command}'")
     return as_spec(where, data, folder), folder
 
 

@@ -15,25 +15,21 @@ from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
-from dqcontrol.plants.servo.servo_file import servo_parameters
 from dqcontrol.robots.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants and laws absolute, and put what files of servos hold in their place.
-
-    What a spec says besides ``file`` counts in place of what the file says.
-    """
-    for part, key in _plants_and_laws(data):
-        part[key] = str((folder / part[key]).resolve())
-    for plant in _tables(data, "plant"):
-        if plant.get("kind") == "servo" and isinstance(plant.get("file"), str):
-            own = {key: value for key, value in plant.items() if key != "file"}
-            held = servo_parameters(folder / plant["file"])
-            plant.clear()
-            plant.update(held | own)
+    """Make the names of files of plants and laws absolute, and put what plant files hold in their place."""
+    for part, kind in _plants_and_laws(data):
+        if issubclass(kind, Plant):
+            completed = kind.complete(part, folder)
+            part.clear()
+            part.update(completed)
+        else:
+            for key in _file_keys(part, kind):
+                part[key] = str((folder / part[key]).resolve())
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -88,7 +84,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
-    yield from _plants_and_laws(data)
+    yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
     )
@@ -116,12 +112,16 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
         yield from _references(part)
 
 
-def _plants_and_laws(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    for key, base in (("plant", Plant), ("law", Law)):
+def _plants_and_laws(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], type[Law | Plant]]]:
+    """Yield what a spec says of plants and laws of known kinds, each with the class of its kind."""
+    for key in ("plant", "law"):
         for part in _tables(data, key):
-            for file_key in _file_keys(base).get(str(part.get("kind")), ()):
-                if isinstance(part.get(file_key), str):
-                    yield part, file_key
+            if kind := _kinds(key).get(str(part.get("kind"))):
+                yield part, kind
+
+
+def _file_keys(part: dict[str, Any], kind: type[Law | Plant]) -> list[str]:
+    return [key for key in kind.file_keys if isinstance(part.get(key), str)]
 
 
 def _tables(data: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
@@ -132,10 +132,9 @@ def _tables(data: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
 
 
 @cache
-def _file_keys(base: type[Law | Plant]) -> dict[str, tuple[str, ...]]:
-    """Return by kind of law or plant the keys that name files."""
-    group = f"dqcontrol.{'laws' if base is Law else 'plants'}"
-    return {tag: kind.file_keys for tag, kind in by_tag(base, group).items()}
+def _kinds(key: str) -> dict[str, type[Law | Plant]]:
+    base = Law if key == "law" else Plant
+    return dict(by_tag(base, f"dqcontrol.{key}s"))
 
 
 def _parts(robot: Path) -> Iterator[Path]:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from numba import types
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
+from dqcontrol.compiled.compile import READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 
 SOLVED, INFEASIBLE, LIMIT, INDEFINITE = range(4)
@@ -30,9 +30,6 @@ _CONSISTENT = 1e-8  # violation of a row that depends on active ones, above whic
 _DEPENDENT = 1e-9  # square of the sine between a constraint and the active ones
 _REFINED = 1e-12  # residual of an active constraint above which multipliers are computed again
 _EQUAL = 0.5
-_RIDGE = 1e-6  # ρ² of least squares, relative to the largest row's square
-_ROUNDS = 30
-_VIOLATED = 1e-10  # relative to 1 + |bound|
 
 
 class Program(NamedTuple):
@@ -75,8 +72,8 @@ class ProgramWork(NamedTuple):
         Multipliers of the present set, before their signs are looked at (room).
     residual
         a_i u − b_i of the rows (m).
-    row, image, shift, last
-        One constraint a, its m, L(u₀ − u), and the answer of a level (n).
+    row, image, shift
+        One constraint a, its m, L(u₀ − u) (n).
     """
 
     inverse: Array
@@ -93,7 +90,6 @@ class ProgramWork(NamedTuple):
     row: Array
     image: Array
     shift: Array
-    last: Array
 
 
 def program_size(n: int, m: int) -> int:
@@ -108,7 +104,7 @@ def room_for(n: int, m: int, soft: bool) -> int:
 
 def scratch_size(n: int, m: int, room: int) -> int:
     """Return how many numbers the solver's work memory has."""
-    return n * n + 5 * n + room * (n + room + 6) + m
+    return n * n + 4 * n + room * (n + room + 6) + m
 
 
 def _in_order(function):
@@ -137,7 +133,7 @@ def unpack_program(flat, n, m):
 def unpack_scratch(flat, n, m, room):
     """Return the parts of the work memory by name."""
     i = n * n
-    k = i + 5 * n
+    k = i + 4 * n
     a = k + room * n
     f = a + room * room
     return ProgramWork(
@@ -155,7 +151,6 @@ def unpack_scratch(flat, n, m, room):
         flat[i + n : i + 2 * n],
         flat[i + 2 * n : i + 3 * n],
         flat[i + 3 * n : i + 4 * n],
-        flat[i + 4 * n : i + 5 * n],
     )
 
 
@@ -189,7 +184,7 @@ def invert_factor(hessian, inverse, n):
 
 
 @_in_order
-def _to_center(program, memory, n):
+def to_center(program, memory, n):
     """Write u₀ = −L⁻ᵀL⁻¹g."""
     for i in range(n):
         value = 0.0
@@ -591,7 +586,7 @@ def solve(program, memory, chosen, n, m, limit, u):
     """Solve a program from the set given; return the status."""
     if not invert_factor(program.hessian, memory.inverse, n):
         return INDEFINITE
-    _to_center(program, memory, n)
+    to_center(program, memory, n)
     return solve_centered(program, memory, chosen, n, m, limit, u)
 
 
@@ -614,113 +609,3 @@ def solve_programs(programs, n, m, limit, answers, sets, scratch):
                 answer[n + chosen[1 + j]] = memory.multipliers[j]
         chosen[1 + room] = status
     return SOLVED
-
-
-@shared
-def _solve_again(program, memory, chosen, n, m, limit, u):
-    """Solve as `solve_centered`, once more from no set if that fails."""
-    status = LIMIT
-    for _ in range(2):
-        status = solve_centered(program, memory, chosen, n, m, limit, u)
-        if status == SOLVED:
-            break
-        chosen[0] = 0
-    return status
-
-
-@shared
-def _least_squares(program, memory, chosen, n, m, limit, u):
-    """Minimise the squares of the soft rows' violations, whatever their rank: u₀ follows u until it rests.
-
-    Each round minimises |s|²/ρ² + |u − u₀|² (proximal point); the violation ends where no round changes it.
-    """
-    for _ in range(_ROUNDS):
-        status = _solve_again(program, memory, chosen, n, m, limit, u)
-        if status != SOLVED:
-            return status
-        moved, size = 0.0, 0.0
-        for i in range(n):
-            moved, size = max(moved, abs(u[i] - memory.center[i])), max(size, abs(u[i]))
-            memory.center[i] = u[i]
-        if moved <= 1e-12 * (1.0 + size):
-            break
-    return SOLVED
-
-
-@shared
-def _set_level(given, program, levels, level, ridge, n, m):
-    """Let the rows of a level be soft, and ignore those of later ones."""
-    largest = 0.0
-    for p in range(m):
-        if levels[p] == level:
-            square = 0.0
-            for k in range(n):
-                square += given.columns[k, p] ** 2
-            largest = max(largest, square)
-    softness = ridge * (largest if largest > 0.0 else 1.0)
-    for p in range(m):
-        if levels[p] == level:
-            program.bounds[p], program.equal[p] = given.bounds[p], given.equal[p]
-            program.softness[p] = softness
-        elif levels[p] > level:
-            program.bounds[p], program.equal[p], program.softness[p] = math.inf, 0.0, 0.0
-
-
-@shared
-def _keep_level(program, levels, level, u, n, m):
-    """Let later levels violate the rows of this one no more: equations and violated rows stay as they are."""
-    for p in range(m):
-        if levels[p] == level:
-            violation = _row_residual(program, p, u, n)
-            program.softness[p] = 0.0
-            if program.equal[p] > _EQUAL or violation > _VIOLATED * (1.0 + abs(program.bounds[p])):
-                program.bounds[p] += violation
-                program.equal[p] = 1.0
-            elif violation > 0.0:
-                program.bounds[p] += violation
-
-
-LEVELS = STATUS(READ, types.Array(types.intp, 1, "C", readonly=True), STATUS, STATUS, STATUS, STATUS, WRITE, WRITE,
-                types.Array(types.intp, 1, "C"), WRITE)  # fmt: skip
-
-
-@kernel(LEVELS)
-def solve_levels(flat, levels, count, n, m, limit, work, u, chosen, scratch):
-    """Solve a program whose rows give way level by level; return the status.
-
-    The bounds of the inputs hold always. Of the rows, first the squares of the violations of level 0 are minimised,
-    then those of level 1 as far as level 0 loses nothing, and so on; what is left free minimises the objective.
-    ``work`` has the program's size. If a level cannot be solved, the answer is that of the level before.
-    """
-    given, program = unpack_program(flat, n, m), unpack_program(work, n, m)
-    memory = unpack_scratch(scratch, n, m, chosen.shape[0] - 2)
-    for i in range(flat.shape[0]):
-        work[i] = flat[i]
-    for i in range(n):
-        for k in range(n):
-            memory.inverse[i, k] = 1.0 if i == k else 0.0
-        memory.center[i] = min(max(0.0, program.lower[i]), program.upper[i])
-    chosen[0] = 0
-    for level in range(count):
-        ridge, status = _RIDGE, LIMIT
-        for _ in range(3):  # a larger ρ needs more rounds, but loses fewer digits
-            _set_level(given, program, levels, level, ridge, n, m)
-            status = _least_squares(program, memory, chosen, n, m, limit, u)
-            if status == SOLVED:
-                break
-            ridge *= 100.0
-        if status != SOLVED:
-            for i in range(n):
-                u[i] = memory.center[i]
-            return status
-        _keep_level(program, levels, level, u, n, m)
-    for i in range(n):  # what is given back if the last program fails
-        memory.last[i] = u[i] if count else memory.center[i]
-    status = INDEFINITE
-    if invert_factor(program.hessian, memory.inverse, n):
-        _to_center(program, memory, n)
-        status = _solve_again(program, memory, chosen, n, m, limit, u)
-    if status != SOLVED:
-        for i in range(n):
-            u[i] = memory.last[i]
-    return status

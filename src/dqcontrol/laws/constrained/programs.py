@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_count
 from dqcontrol.laws.constrained import active_set
+from dqcontrol.laws.constrained.levels import levels_size, room_for_levels, solve_levels
 
 ITERATIONS = 500  # the most that 10⁵ random programs of 30 inputs and 200 rows needed is about half of it
 _STATUS = {
@@ -310,14 +311,9 @@ def _set_active(chosen: NDArray[np.intp], active: ArrayLike, room: int, n: int, 
 
 
 def _by_levels(flat: Array, levels: NDArray[np.intp], count: int, n: int, m: int) -> tuple[Array, int]:
-    room = active_set.room_for(n, m, soft=True)
-    u, chosen = np.zeros(n), np.zeros(room + 2, np.intp)
-    scratch = np.empty(active_set.scratch_size(n, m, room))
-    status = active_set.solve_levels(
-        flat, levels, count, n, m, ITERATIONS, np.empty_like(flat), u, chosen, scratch
-    )
-    program = active_set.unpack_program(flat, n, m)
-    return np.clip(u, program.lower, program.upper), status
+    u, chosen = np.zeros(n), np.zeros(room_for_levels(n, m) + 2, np.intp)
+    memory = np.empty(levels_size(n, m))
+    return u, solve_levels(flat, levels, count, n, m, ITERATIONS, memory, u, chosen)
 
 
 def _violations(program: active_set.Program, u: Array) -> Array:

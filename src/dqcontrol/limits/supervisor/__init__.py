@@ -7,9 +7,15 @@ from dqcontrol.limits.supervisor.interventions import (
     stop_category,
 )
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
-from dqcontrol.limits.supervisor.supervisor import LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.limits.supervisor.supervisor import (
+    DeclaredPayload,
+    LinkPoint,
+    Supervisor,
+    WorkspaceBox,
+)
 
 __all__ = [
+    "DeclaredPayload",
     "Intervention",
     "LinkPoint",
     "PreparedSupervisor",

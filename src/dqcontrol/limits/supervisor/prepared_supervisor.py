@@ -23,34 +23,48 @@ _NOTHING: Array = np.zeros(0)
 class PreparedSupervisor:
     """A supervisor for one robot and period; it holds scratch memory, so use one in each thread.
 
+    Parameters
+    ----------
+    robot
+        Whose commands it bounds.
+    bounds
+        See `supervisor_layout.Bounds`.
+
     Attributes
     ----------
-    parameters
-        As the compiled step reads them.
+    memory
+        As the compiled step takes it.
+    bounds
+        Its parameters by name; writing to them changes them.
     """
 
-    def __init__(self, robot: Robot, parameters: Array) -> None:
-        self.robot = robot
-        self.parameters = parameters
+    def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
-        self.work: Array = np.zeros(layout.work_size(n, m))
-        self._position = slice(layout.MEMORY + n, layout.MEMORY + n + m)
-        self._rate = slice(layout.MEMORY + n + m, layout.MEMORY + n + 2 * m)
+        sizes = m, int(bounds[layout.DRIVES]), int(bounds[layout.POINTS])
+        scratch = np.zeros(layout.scratch_layout.size(n, m))
+        self.robot = robot
+        self.memory: Array = layout.supervisor_memory.pack(bounds=bounds, chain=robot.chain, scratch=scratch)
+        self.bounds: layout.Bounds = layout.bounds_layout(self.memory[: len(bounds)], *sizes)
+        self._moment = np.zeros(len(layout.Moment._fields))
+        self._position, self._rate = (
+            slice(first, first + m)
+            for first in (layout.state_layout.place(name, n, m) for name in ("sent", "sent_rate"))
+        )
 
     @property
-    def bounds(self) -> layout.Bounds:
-        """Its parameters by name; writing to them changes them."""
-        return layout.unpack_parameters(self.parameters, self.robot.input_size)
+    def period(self) -> float:
+        """Between two steps, s."""
+        return float(self.memory[layout.DT])
 
     @property
     def window(self) -> int:
         """Number of rates whose mean leaves; 1 where jerk is not limited."""
-        return int(self.parameters[layout.WINDOW])
+        return int(self.memory[layout.WINDOW])
 
     @property
     def acceleration(self) -> Array:
         """Largest of each input, shape (m,), rad/s² or m/s²."""
-        return self.parameters[layout.HEAD : layout.HEAD + self.robot.input_size]
+        return self.bounds.acceleration
 
     @property
     def watches_effort(self) -> bool:
@@ -62,6 +76,11 @@ class PreparedSupervisor:
     def watches_wrench(self) -> bool:
         """Whether it bounds the wrench measured at the hand."""
         return bool(np.isfinite(self.bounds.head[[layout.CONTACT_FORCE, layout.CONTACT_TORQUE]]).any())
+
+    @property
+    def carries_payload(self) -> bool:
+        """Whether it takes the weight of a payload off the wrench measured at the hand."""
+        return bool(self.bounds.head[layout.PAYLOAD_WEIGHT])
 
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.
@@ -85,9 +104,8 @@ class PreparedSupervisor:
                 f"q: {self.robot.input_names[i]} is {position[i]:.4g}, outside "
                 f"{bounds.lower[i]:.4g} … {bounds.upper[i]:.4g}"
             )
-        window = int(bounds.head[layout.WINDOW])
-        state = np.zeros(layout.state_size(n, m, window))
-        memory = layout.unpack_state(state, n, m, window)
+        state = np.zeros(layout.state_layout.size(n, m) + self.window * m)
+        memory = layout.state_layout(state, n, m)
         memory.numbers[layout.LATENESS] = 1.0
         memory.good[:] = measured
         memory.sent[:] = memory.position[:] = memory.sent_then[:] = position
@@ -138,7 +156,8 @@ class PreparedSupervisor:
         effort
             Measured, shape (m,), N·m or N; empty if it is not.
         wrench
-            Force and torque measured at the hand, shape (6,), N and N·m; empty if it is not.
+            Force and torque that payload and environment exert on the hand, its axes and about its origin, shape
+            (6,), N and N·m; empty if it is not measured.
         out
             Written in place and returned, if given, shape (m,).
 
@@ -180,21 +199,10 @@ class PreparedSupervisor:
         wrench: Array = _NOTHING,
     ) -> bool:
         """Write the inputs that leave; return whether the robot is stopped and at rest. What the loop calls."""
-        status = supervise(
-            kernels.twist_kinematics.pointer,
-            self.robot.chain,
-            q,
-            age,
-            self.parameters[layout.DT] if elapsed is None else elapsed,
-            request,
-            wanted,
-            effort,
-            wrench,
-            self.parameters,
-            state,
-            self.work,
-            out,
-        )
+        moment, memory = self._moment, self.memory
+        moment[0], moment[1], moment[2] = age, memory[layout.DT] if elapsed is None else elapsed, request
+        kinematics = kernels.twist_kinematics.pointer
+        status = supervise(kinematics, memory, moment, q, wanted, effort, wrench, state, out)
         if status not in (0, layout.AT_REST):
             raise ShapeError(
                 f"supervisor: expected {self.robot.configuration_size} measured and {self.robot.input_size} wanted "

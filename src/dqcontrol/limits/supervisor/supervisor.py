@@ -23,6 +23,7 @@ _FROZEN_PERIODS = (
     5  # at least, before joints that do not change count as frozen: commands take a while to arrive
 )
 _LONGEST_RAMP = 60.0  # s
+_GRAVITY = 9.81  # m/s², along −z of the inertial frame
 _NEVER = 1e9  # as a bound of what is not to be watched
 
 
@@ -39,6 +40,13 @@ class WorkspaceBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
     points: list[LinkPoint] = msgspec.field(default_factory=list)
+
+
+class DeclaredPayload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What hangs beyond the wrench sensor, tool included: mass, kg, and its centre, m, in the hand's frame."""
+
+    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -96,7 +104,11 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     effort
         Measured effort that stops, N·m or N: one number, or one an input; not bounded if omitted.
     contact_force, contact_torque
-        Measured at the hand that stop, N and N·m; not bounded if omitted.
+        Of the wrench measured at the hand, less the weight of the payload, that stop, N and N·m; not bounded if
+        omitted. The wrench is what payload and environment exert on the hand, along the axes of the hand's frame and
+        about its origin.
+    payload
+        Whose weight is in the measured wrench; none if omitted. Its inertia is not taken off.
     contact_effort
         Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
 
@@ -131,6 +143,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
     contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
     contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
+    payload: DeclaredPayload | None = None
     contact_effort: Annotated[float, Meta(gt=0, description="N·m or N")] | None = None
 
     def limits_alone(self) -> Supervisor:
@@ -147,6 +160,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             effort=None,
             contact_force=None,
             contact_torque=None,
+            payload=None,
             contact_effort=None,
             tracking_error=_NEVER,
             stale_after=_NEVER,
@@ -198,13 +212,22 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points = self._workspace(robot, head)
+        head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
         head[layout.DRIVES], head[layout.POINTS] = len(robot.drives), len(points)
-        tracking = _each("tracking_error", self.tracking_error, m)
-        effort = np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m)
-        joints = ~base_coordinates(robot)[input_coordinates]
-        rows = (head, acceleration, lower, upper, tracking, effort, input_coordinates, joints, velocity)
-        parts = [np.asarray(row, dtype=np.float64) for row in (*rows, robot.drives.ravel(), points.ravel())]
-        return PreparedSupervisor(robot, np.concatenate(parts))
+        bounds = layout.bounds_layout.pack(
+            head=head,
+            acceleration=acceleration,
+            lower=lower,
+            upper=upper,
+            tracking=_each("tracking_error", self.tracking_error, m),
+            effort=np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m),
+            coordinate=input_coordinates,
+            is_joint=~base_coordinates(robot)[input_coordinates],
+            velocity=velocity,
+            drives=robot.drives,
+            points=points,
+        )
+        return PreparedSupervisor(robot, bounds)
 
     def _number(self, field: str, *, zero_allowed: bool = False, most: float = math.inf) -> float:
         """Return a single number, inf if it is omitted, and check it: from Python as from YAML."""
@@ -239,6 +262,11 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         head[layout.CONTACT_FORCE] = self._number("contact_force")
         head[layout.CONTACT_TORQUE] = self._number("contact_torque")
         head[layout.CONTACT_EFFORT] = self._number("contact_effort")
+        if self.payload is not None:
+            mass = as_positive("supervisor.payload.mass", self.payload.mass, zero_allowed=True)
+            center = as_array("supervisor.payload.center", self.payload.center, (3,))
+            head[layout.PAYLOAD_WEIGHT] = _GRAVITY * mass
+            head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = center
 
     def _window(self, acceleration: Array, dt: float) -> int:
         """Return how many periods the rates are smoothed over, to keep the jerk."""

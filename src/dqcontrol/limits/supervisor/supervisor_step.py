@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
+from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.limits.supervisor.braking import braked, fastest_stoppable
 from dqcontrol.limits.supervisor.interventions import (
@@ -27,6 +27,7 @@ from dqcontrol.limits.supervisor.supervisor_geometry import (
 from dqcontrol.limits.supervisor.supervisor_layout import (
     AT_REST,
     BOXED,
+    COORDINATES,
     DRIVES,
     DT,
     ENDING,
@@ -35,49 +36,34 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     HAND_ACCELERATION_LIMIT,
     HAND_BEFORE,
     HAND_SPEED_LIMIT,
-    HEAD,
     INDEX,
-    MEMORY,
+    INPUTS,
     MODE,
     NOW,
     POINTS,
     RAMP,
     RETURNING,
-    ROWS,
     RUNNING,
     SCALE,
     SLOW,
     STARTED,
     STOPPED,
     WINDOW,
-    unpack_parameters,
-    unpack_state,
-    unpack_work,
+    bounds_layout,
+    moment_layout,
+    scratch_layout,
+    state_layout,
+    supervisor_memory,
 )
 from dqcontrol.limits.supervisor.supervisor_watch import judge
-from dqcontrol.limits.velocity_limit import scale_down
+from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down
 from dqcontrol.robots.driving import drive_speeds
 
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
 _ROUNDING = 1e-9  # relative
 
-# kinematics, chain, measured, age (s), time since the last step (s), request, wanted, measured effort and wrench
-# (empty: not measured), parameters, state, work, out
-SUPERVISOR = STATUS(
-    ADDRESS,  # of the kinematics
-    READ2,
-    READ,
-    types.float64,
-    types.float64,
-    types.intp,
-    READ,
-    READ,
-    READ,
-    READ,
-    WRITE,
-    WRITE,
-    WRITE,
-)
+# kinematics, memory, moment, measured, wanted, measured effort and wrench (empty: not measured), state, out
+SUPERVISOR = STATUS(ADDRESS, WRITE, READ, READ, READ, READ, READ, WRITE, WRITE)
 
 
 @inline
@@ -222,42 +208,32 @@ def _keep_safe(chain, bounds, memory, scratch):
 
 
 @kernel(SUPERVISOR)
-def supervise(
-    kinematics,
-    chain,
-    measured,
-    age,
-    elapsed,
-    request,
-    wanted,
-    effort,
-    wrench,
-    parameters,
-    state,
-    work,
-    out,
-):
-    """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped."""
-    n, m, window = measured.shape[0], wanted.shape[0], int(parameters[WINDOW])
+def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, state, out):
+    """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped.
+
+    Effort and wrench are arrays of their own, as the robot's driver hands them over: to copy them takes longer.
+    """
+    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
+    drives, points = int(memory[DRIVES]), int(memory[POINTS])
+    prepared, kept = supervisor_memory(memory, n, m, drives, points), state_layout(state, n, m)
     if (
-        chain.shape[0] != n + 1
+        measured.shape[0] != n
+        or wanted.shape[0] != m
         or out.shape[0] != m
-        or parameters.shape[0] != HEAD + ROWS * m + 4 * int(parameters[DRIVES] + parameters[POINTS])
-        or state.shape[0] != MEMORY + n + (8 + window) * m
+        or kept.past.shape[0] != int(memory[WINDOW])
         or (effort.shape[0] != 0 and effort.shape[0] != m)
         or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
     ):
         return WRONG_SIZE
-    bounds = unpack_parameters(parameters, m)
-    memory = unpack_state(state, n, m, window)
-    scratch = unpack_work(work, n, m)
-    head, numbers, rates = bounds.head, memory.numbers, scratch.rates
+    chain, bounds = prepared.chain, bounds_layout(prepared.bounds, m, drives, points)
+    scratch = scratch_layout(prepared.scratch, n, m)
+    head, numbers, rates = bounds.head, kept.numbers, scratch.rates
 
     at_rest = True
     for i in range(m):
-        at_rest = at_rest and memory.sent_rate[i] == 0.0
+        at_rest = at_rest and kept.sent_rate[i] == 0.0
     wrong = judge(
-        chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch
+        chain, moment_layout(moment), measured, wanted, effort, wrench, at_rest, bounds, kept, scratch
     )
     now = wrong
     aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
@@ -265,16 +241,16 @@ def supervise(
 
     following = numbers[MODE] == RUNNING and not wrong
     returning = numbers[MODE] == RETURNING and not wrong
-    _want(wanted, following, wrong, bounds, memory, rates)
+    _want(wanted, following, wrong, bounds, kept, rates)
     if numbers[ENDING] != 0.0 and numbers[MODE] == RUNNING:
         now |= SOFT_STOP
     if numbers[MODE] == RETURNING:
         now |= REJOINING
     if following and head[SLOW] > 0.0:
-        now |= avoid_singularity(kinematics, chain, bounds, memory, scratch)
+        now |= avoid_singularity(kinematics, chain, bounds, kept, scratch)
     for i in range(m):
         scratch.asked[i] = rates[i]
-    scale_down(memory.good, bounds.speeds, rates)
+    scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
     for i in range(m):
         if rates[i] != scratch.asked[i] and following:
             now |= VELOCITY
@@ -283,33 +259,33 @@ def supervise(
         head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
     )
     if looks_at_hand:
-        commanded_hand(chain, bounds, memory, scratch, 0.0, scratch.hand)
+        commanded_hand(chain, bounds, kept, scratch, 0.0, scratch.hand)
         if numbers[STARTED] == 0.0:
             for i in range(3):
                 numbers[HAND_BEFORE + i] = scratch.hand[i]
         bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
-        if bounded and scale_hand_speed(chain, bounds, memory, scratch):
+        if bounded and scale_hand_speed(chain, bounds, kept, scratch):
             now |= HAND_SPEED
-    done = _accelerate(bounds, memory, rates)
+    done = _accelerate(bounds, kept, rates)
     if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
-        now |= limit_hand_acceleration(chain, bounds, memory, scratch)
+        now |= limit_hand_acceleration(chain, bounds, kept, scratch)
     inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
-    done |= _keep(bounds, memory, rates, inwards)
+    done |= _keep(bounds, kept, rates, inwards)
     if following:
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
-        now |= _keep_safe(chain, bounds, memory, scratch)
+        now |= _keep_safe(chain, bounds, kept, scratch)
     if looks_at_hand:
         numbers[STARTED] = 1.0
         for i in range(3):
             numbers[HAND_BEFORE + i] = scratch.hand[i]
-    still = _commit(bounds, memory, rates)
-    if _breaks_bounds(bounds, memory):
+    still = _commit(bounds, kept, rates)
+    if _breaks_bounds(bounds, kept):
         now |= IMPOSSIBLE
     for i in range(m):
-        out[i] = memory.sent_rate[i]
+        out[i] = kept.sent_rate[i]
         if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
-            out[i] = (memory.sent[i] - memory.good[int(bounds.coordinate[i])]) / head[DT]
+            out[i] = (kept.sent[i] - kept.good[int(bounds.coordinate[i])]) / head[DT]
     if numbers[MODE] == STOPPED:
         now |= int(numbers[FAULT])
     numbers[NOW] = float(now)

@@ -40,6 +40,8 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     LATENESS,
     LONGEST_STEP,
     MODE,
+    PAYLOAD_CENTER,
+    PAYLOAD_WEIGHT,
     RESET,
     RETURNING,
     RUNNING,
@@ -51,6 +53,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.limits.supervisor.supervisor_layout import JUMP as JUMP_LIMIT
 from dqcontrol.limits.supervisor.supervisor_layout import OVERSPEED as OVERSPEED_SHARE
+from dqcontrol.robots.kinematics_kernels import joint_frames
 
 _FAR = 1e6  # rad or m: no measurement says so
 _LONG = 1e3  # s: no gap counts as more
@@ -137,7 +140,28 @@ def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
 
 
 @inline
-def _watch_efforts(effort, wrench, passed, bounds, memory):
+def _take_off_payload(chain, bounds, memory, frames, contact):
+    """Take off a wrench at the hand, in its axes, what gravity exerts there on the payload.
+
+    With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
+    """
+    joint_frames(chain, memory.good, frames)
+    hand, head = frames[frames.shape[0] - 8 :], bounds.head
+    w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
+    a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
+    fx = -2.0 * weight * (x * z - w * y)
+    fy = -2.0 * weight * (y * z + w * x)
+    fz = -weight * (1.0 - 2.0 * (x * x + y * y))
+    contact[0] -= fx
+    contact[1] -= fy
+    contact[2] -= fz
+    contact[3] -= b * fz - c * fy
+    contact[4] -= c * fx - a * fz
+    contact[5] -= a * fy - b * fx
+
+
+@inline
+def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
     """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
     head, fault = bounds.head, 0
     share = min(passed / _EFFORT_TIME, 1.0)
@@ -151,21 +175,26 @@ def _watch_efforts(effort, wrench, passed, bounds, memory):
         if abs(away) > head[CONTACT_EFFORT]:
             fault |= CONTACT
     if wrench.shape[0] == 6:
-        force = math.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
-        torque = math.sqrt(wrench[3] ** 2 + wrench[4] ** 2 + wrench[5] ** 2)
+        contact = scratch.column
+        for i in range(6):
+            contact[i] = wrench[i]
+        if head[PAYLOAD_WEIGHT] != 0.0:
+            _take_off_payload(chain, bounds, memory, scratch.frames, contact)
+        force = math.sqrt(contact[0] ** 2 + contact[1] ** 2 + contact[2] ** 2)
+        torque = math.sqrt(contact[3] ** 2 + contact[4] ** 2 + contact[5] ** 2)
         if force > head[CONTACT_FORCE] or torque > head[CONTACT_TORQUE]:
             fault |= CONTACT
     return fault
 
 
 @inline
-def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_rest, bounds, memory, scratch):
+def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memory, scratch):
     """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
 
     Two samples in a row with something wrong stop; what else is seen stops at once.
     """
-    numbers, good = memory.numbers, memory.good
-    fault, passed = _watch_time(elapsed, bounds, memory)
+    numbers, good, age, request = memory.numbers, memory.good, moment.age, int(moment.request)
+    fault, passed = _watch_time(moment.elapsed, bounds, memory)
     seen = age <= bounds.head[STALE]
     for i in range(measured.shape[0]):
         seen = seen and abs(measured[i]) < _FAR
@@ -182,7 +211,7 @@ def judge(chain, measured, age, elapsed, request, wanted, effort, wrench, at_res
         wrong = JUMP
     else:
         fault |= _watch_joints(chain, measured, age, passed, bounds, memory, scratch)
-        fault |= _watch_efforts(effort, wrench, passed, bounds, memory)
+        fault |= _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch)
         for i in range(wanted.shape[0]):
             if not math.isfinite(wanted[i]):
                 wrong = COMMAND

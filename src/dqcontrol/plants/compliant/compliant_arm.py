@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.errors import ValueRangeError, as_each, as_positive
 from dqcontrol.plants.compliant.controller_file import ControllerFile, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
@@ -42,8 +42,9 @@ class Arm:
         Which coordinate of the model is each joint's motor, shape (n,).
     scale
         What weighs the payload; None if nothing does.
-    ticks, steps
-        Ticks of the joint controllers in a period, and steps of the physics in a tick.
+    ticks, exchange, steps
+        Ticks of the joint controllers in a period, and from one exchange with the control loop to the next; steps of
+        the physics in a tick.
     """
 
     robot: Robot
@@ -56,6 +57,7 @@ class Arm:
     rotors: Array
     scale: PayloadScale | None
     ticks: int
+    exchange: int
     steps: int
 
 
@@ -69,8 +71,10 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
     """
     mujoco = import_mujoco()
     file = load_controllers(robot, plant.controllers)
-    start, ticks, n = start_within_limits(robot, q0), _ticks(dt), robot.configuration_size
-    actuation = file.actuation(plant.springs)
+    start, ticks, n = start_within_limits(robot, q0), _ticks("period", dt), robot.configuration_size
+    exchange = 1 if plant.exchange_period is None else _ticks("plant.exchange_period", plant.exchange_period)
+    dry_friction = as_each("plant.dry_friction", plant.dry_friction, n)
+    actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
     elastic = actuation.elastic
     hand = file.hand(plant.hand)
     model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
@@ -102,16 +106,16 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
             )
         period = ticks * TICK
         scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
-    return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, steps)
+    return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, exchange, steps)
 
 
-def _ticks(dt: float) -> int:
-    """Return how many ticks of the joint controllers a control period has."""
-    period = as_positive("period", dt)
+def _ticks(field: str, dt: float) -> int:
+    """Return how many ticks of the joint controllers a period has."""
+    period = as_positive(field, dt)
     ticks = round(period / TICK)
     if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
         raise ValueRangeError(
-            f"period: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
+            f"{field}: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
             f"({max(1, ticks) * TICK:g} would do)"
         )
     return ticks

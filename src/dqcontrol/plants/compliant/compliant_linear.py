@@ -34,6 +34,7 @@ _REMEMBERED = [  # by each joint controller from one period to the next; the mea
     column.TORQUE_RATE,
     *range(column.ANGLE_MEMORY, column.TORQUE_RATE_MEMORY + MEMORY),
 ]
+_OF_THE_LOOP = {column.ANGLE: column.TOLD, column.TARGET: column.ASKED}  # the same where all ticks exchange
 _LEFT_OUT = [column.POSITION_I, column.TORQUE_I, column.ANGLE_RESOLUTION, column.TORQUE_RESOLUTION]
 _WITHOUT: dict[str, Any] = {
     "pushes": [],
@@ -41,6 +42,8 @@ _WITHOUT: dict[str, Any] = {
     "payload_compensation": None,
     "obstacles": [],
     "encoder_losses": [],
+    "dry_friction": 0.0,
+    "base_shaking": 0.0,
     "wrist_fault": None,
 }
 _LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
@@ -49,13 +52,18 @@ _LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
 def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
     """Return all joints together: what a period makes of small changes of state and commands about rest at q0.
 
-    None if commands do not move the joints, as without stiffness.
+    None if commands do not move the joints, as without stiffness, or if an exchange does not begin each period: then
+    one period is not like the next.
 
-    Left out: gravity, steps and noise of sensors, loads, contacts, limits, and the joint controllers' integrals, which
-    bear their share of gravity at their limits.
+    Left out: gravity, steps and noise of sensors, loads, dry friction, contacts, limits, and the joint controllers'
+    integrals, which bear their share of gravity at their limits.
     """
     still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
     arm = assemble(still, robot, q0, dt)
+    if arm.ticks % arm.exchange:
+        return None
+    at_once = arm.exchange == 1
+    remembered = _REMEMBERED if at_once else [*_OF_THE_LOOP.values(), *_REMEMBERED]
     arm.constants[:, _LEFT_OUT] = 0.0
     arm.constants[:, _LIMITS] = np.inf
     arm.constants[:, column.LOWER] = -np.inf
@@ -63,20 +71,22 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     n, mode = len(q0), column.MODES[plant.mode]
     rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
     live = LiveCompliant(still, replace(arm, state=rest), 0)
-    state, qpos, qvel = arm_state = rest, live.data.qpos, live.data.qvel
+    state, qpos, qvel = arm_state = live.memory.state, live.data.qpos, live.data.qvel
     start = [part.copy() for part in arm_state]
 
     def period(change: Array, command: Array) -> Array:
         for part, before in zip(arm_state, start, strict=True):
             part[:] = before
-        known, angles, rates = np.split(change, [n * len(_REMEMBERED), -len(qvel)])
-        state[:, _REMEMBERED] += known.reshape(-1, n).T
+        known, angles, rates = np.split(change, [n * len(remembered), -len(qvel)])
+        state[:, remembered] += known.reshape(-1, n).T
+        if at_once:
+            state[:, list(_OF_THE_LOOP.values())] = state[:, list(_OF_THE_LOOP)]
         qpos[:] += angles
         qvel[:] += rates
         live.step(command)
-        return np.concatenate([state[:, _REMEMBERED].T.ravel(), qpos, qvel])
+        return np.concatenate([state[:, remembered].T.ravel(), qpos, qvel])
 
-    size = n * len(_REMEMBERED) + len(qpos) + len(qvel)
+    size = n * len(remembered) + len(qpos) + len(qvel)
     zero_state, idle = np.zeros(size), np.zeros(n)
     return LinearModel(
         _slopes(lambda change: period(change, idle), size),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant import joint_columns as column
+from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.compliant.elastic_model import TICK
+from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
 
+_SHAKING = 1  # marks a stream of random numbers beside that of the encoders
 _JOINT_CHANNELS = {
     "motor_angle": "rad",
     "reference": "rad",
@@ -54,66 +58,40 @@ class LiveCompliant(LivePlant):
         Measured torques of the springs, shape (n,), N·m.
     wrench
         Force and torque measured at the wrist, shape (6,), N and N·m.
+    memory
+        All that its kernels keep, by name.
     """
 
     model: Any
     data: Any
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
-        robot, model, data, n = arm.robot, arm.model, arm.data, arm.robot.configuration_size
+        model, data, n = arm.model, arm.data, arm.robot.configuration_size
         self.model, self.data = model, data
         self.q, self.measured = data.qpos[:n], np.empty(n)
-        self._arm, self._state = arm, arm.state
-        self._shared = np.zeros(column.SHARED)
-        self._shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
-        self._shared[column.RAMP], self._shared[column.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
-        self._shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
-        self._shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
-        self._rng = np.random.default_rng(seed)
+        self._arm, self._rng = arm, np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
-        self._moves, self._from_measured = np.zeros(n), plant.command_mode == "measured"
-        self._pushed = bool(plant.pushes)
-        self._wrist = wrist = LiveWrist(arm.file.wrist_sensor, plant.wrist_fault)
-        self._scale = arm.scale
-        self._draw()
-        settle(
-            arm.constants, arm.state, data.qpos, data.qvel, arm.rotors, self._noise[0],
-            data.sensordata, wrist.coefficients, wrist.memory, wrist.filtered,
-        )  # fmt: skip
-        self._physics = (physics_step(), model._address, data._address)
-        links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
-        hand, payload = model.body("hand").id, model.body("payload").id
-        self._touched = model.body("contact").id
-        obstacles = obstacle_table(plant.obstacles, self._touched)
-        self._contact = np.zeros(4 if len(obstacles) else 0)
-        self._tables = (
-            arm.constants,
-            arm.state,
-            self._shared,
-            robot.chain,
-            arm.bodies,
-            np.array([*plant.gravity, plant.gravity_factor]),
-            np.zeros((4 + WORK, n)),
-            self._noise,
-            loss_table(plant.encoder_losses, n),
-            push_table(plant.pushes, {"hand": payload, **links}),
-            payload_table(plant.payload),
-            obstacles,
-            self._contact,
-            np.array([payload, hand, *links.values(), 0], dtype=np.float64),  # 0: the world
-            model.body_mass,
-            model.body_subtreemass,
-            data.xfrc_applied,
-            data.ctrl,
-            data.qpos,
-            data.qvel,
-            arm.rotors,
-            data.sensordata,
-            wrist.coefficients,
-            wrist.memory,
-            wrist.filtered,
+        self._gravity = np.array(plant.gravity)
+        self._shaking, self._shaking_rng = (
+            plant.base_shaking / math.sqrt(arm.ticks * TICK),
+            np.random.default_rng([seed, _SHAKING]),
         )
-        self.channels = _channels(robot.joint_names, bool(plant.obstacles), bool(arm.scale))
+        self._moves, self._pushed, self._touches = np.zeros(n), bool(plant.pushes), bool(plant.obstacles)
+        self._plan, self._numbers, self.memory = _memory(plant, arm)
+        self._physics = physics_arrays(
+            positions=data.qpos,
+            velocities=data.qvel,
+            motors=data.ctrl,
+            sensors=data.sensordata,
+            forces=data.xfrc_applied,
+            masses=model.body_mass,
+            subtree_masses=model.body_subtreemass,
+        )
+        self._wrist = LiveWrist(arm.file.wrist_sensor, self.memory.wrench, plant.wrist_fault)
+        self._draw()
+        settle(self._plan, self._numbers, self._physics, self._noise[0])
+        self._touched = model.body("contact").id
+        self.channels = _channels(arm.robot.joint_names, self._touches, bool(arm.scale))
         self.readings = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
@@ -125,27 +103,29 @@ class LiveCompliant(LivePlant):
     @property
     def time(self) -> float:
         """Time since the start, s."""
-        return float(self._shared[column.TICKS]) * TICK
+        return float(self.memory.shared[column.TICKS]) * TICK
 
     @property
     def mode(self) -> str:
         """Mode of the joint controllers."""
-        return next(name for name, number in column.MODES.items() if number == self._shared[column.MODE])
+        return next(
+            name for name, number in column.MODES.items() if number == self.memory.shared[column.MODE]
+        )
 
     @property
     def target(self) -> Array:
         """The angles q_desired as commanded, shape (n,), rad."""
-        return self._state[:, column.TARGET].copy()
+        return self.memory.state[:, column.TARGET].copy()
 
     @property
     def reference(self) -> Array:
         """The angles that the joint controllers follow, shape (n,), rad."""
-        return self._state[:, column.REFERENCE].copy()
+        return self.memory.state[:, column.REFERENCE].copy()
 
     @property
     def encoders(self) -> Array:
         """The encoders' last readings, before their filters, shape (n,), rad."""
-        return self._state[:, column.ENCODER].copy()
+        return self.memory.state[:, column.ENCODER].copy()
 
     @property
     def servo_stiffness(self) -> Array:
@@ -153,7 +133,10 @@ class LiveCompliant(LivePlant):
         return self._arm.constants[:, column.SERVO_P].copy()
 
     def _fault_in_words(self) -> str:
-        what, joint = column.FAULTS[int(self._shared[column.FAULT])], int(self._shared[column.FAULTY_JOINT])
+        what, joint = (
+            column.FAULTS[int(self.memory.shared[column.FAULT])],
+            int(self.memory.shared[column.FAULTY_JOINT]),
+        )
         return what if joint < 0 else f"{self._arm.robot.joint_names[joint]}: {what}"
 
     def switch(self, mode: str) -> None:
@@ -166,15 +149,15 @@ class LiveCompliant(LivePlant):
         """
         if mode not in column.MODES:
             raise unknown_name("mode", str(mode), column.MODES)
-        self._shared[column.ASKED_MODE] = column.MODES[mode]
-        self._shared[column.FAULT], self.fault = 0.0, ""
+        self.memory.shared[column.ASKED_MODE] = column.MODES[mode]
+        self.memory.shared[column.FAULT], self.fault = 0.0, ""
 
     def step(self, command: ArrayLike) -> None:
         """Move the arm for one control period; see `LivePlant.step`."""
         moves = self._moves
         np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)
-        self._shared[column.AGE] = 0.0
-        self._advance(self._arm.ticks, self._from_measured)
+        self.memory.shared[column.AGE] = 0.0
+        self._advance(self._plan, self._arm.ticks)
 
     def wait(self, duration: float) -> None:
         """Let time pass without a new command.
@@ -185,18 +168,20 @@ class LiveCompliant(LivePlant):
             s.
         """
         self._moves[:] = 0.0
+        still = self._plan.copy()
+        still[arm_plan.place("from_measured")] = 0
         ticks = round(as_positive("duration", duration, zero_allowed=True) / TICK)
         while ticks > 0:
-            self._advance(min(ticks, self._arm.ticks), False)
+            self._advance(still, min(ticks, self._arm.ticks))
             ticks -= self._arm.ticks
 
-    def _advance(self, ticks: int, from_measured: bool) -> None:
+    def _advance(self, plan: NDArray[np.intp], ticks: int) -> None:
         self._draw()
-        self._contact[:] = 0.0
-        if advance(*self._physics, ticks, self._arm.steps, self._moves, from_measured, *self._tables):
+        self.memory.contact[:] = 0.0
+        if advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
-        if self._shared[column.FAULT] and not self.fault:
+        if self.memory.shared[column.FAULT] and not self.fault:
             self.fault = self._fault_in_words()
             warnings.warn(
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
@@ -206,22 +191,78 @@ class LiveCompliant(LivePlant):
         if self._noise_scale:
             self._rng.standard_normal(out=self._noise)
             self._noise *= self._noise_scale
+        if self._shaking:  # gravity is what an arm in an accelerated base feels
+            shake = self._shaking * self._shaking_rng.standard_normal(3)
+            np.add(self._gravity, shake, out=self.model.opt.gravity)
 
     def _measure(self) -> None:
-        state, shared, other = self._state, self._shared, self._other_readings
-        self.measured[:] = state[:, column.ANGLE]
+        memory, other = self.memory, self._other_readings
+        self.measured[:] = memory.state[:, column.TOLD]
         self._joint_readings[0] = self.data.qpos[self._rotors]
-        self._joint_readings[1:] = state.T[_JOINT_COLUMNS]
+        self._joint_readings[1:] = memory.state.T[_JOINT_COLUMNS]
         self._wrist.read(self.time, self._rng, other[0:6])
         if self._pushed:
             forces = self.data.xfrc_applied[:, :3]
             np.subtract(forces.sum(axis=0), forces[self._touched], out=other[6:9])
-        other[9], other[10] = shared[column.PAYLOAD], shared[column.MODE]
-        if len(self._contact):
-            other[11:14] = self._contact[:3]
-        if self._scale:
-            self._scale.weigh(self.measured, other[0:6])
-            other[-1] = self._scale.mass
+        other[9], other[10] = memory.shared[column.PAYLOAD], memory.shared[column.MODE]
+        if self._touches:
+            other[11:14] = memory.contact[:3]
+        if scale := self._arm.scale:
+            scale.weigh(self.measured, other[0:6], memory.bodies)
+            other[-1] = scale.mass
+
+
+def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, ArmMemory]:
+    """Return the plan of an arm's kernels, their memory, and the memory's parts by name."""
+    model, n = arm.model, arm.robot.configuration_size
+    links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
+    payload = model.body("payload").id
+    losses, payloads = loss_table(plant.encoder_losses, n), payload_table(plant.payload)
+    pushes = push_table(plant.pushes, {"hand": payload, **links})
+    obstacles = obstacle_table(plant.obstacles, model.body("contact").id)
+    shared = np.zeros(column.SHARED)
+    shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
+    shared[column.RAMP], shared[column.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
+    shared[column.EXCHANGE] = arm.exchange
+    shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
+    shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
+    plan = ArmPlan(
+        step=physics_step(),
+        model=model._address,
+        data=arm.data._address,
+        steps=arm.steps,
+        from_measured=plant.command_mode == "measured",
+        joints=n,
+        losses=len(losses),
+        pushes=len(pushes),
+        payloads=len(payloads),
+        obstacles=len(obstacles),
+    )
+    numbers = arm_memory.pack(
+        gravity=plant.gravity,
+        gravity_factor=plant.gravity_factor,
+        constants=arm.constants,
+        state=arm.state,
+        shared=shared,
+        chain=arm.robot.chain,
+        bodies=arm.bodies,
+        rotors=arm.rotors,
+        losses=losses,
+        pushes=pushes,
+        payloads=payloads,
+        obstacles=obstacles,
+        carriers=[payload, model.body("hand").id, *links.values(), 0],  # 0: the world
+        contact=np.zeros(4),
+        wrist_filter=butterworth(arm.file.wrist_sensor.cutoff, TICK),
+        wrist_memory=np.zeros((6, MEMORY)),
+        wrench=np.zeros(6),
+        angles=np.zeros(n),
+        torques=np.zeros(n),
+        rotor_angles=np.zeros(n),
+        rotor_velocities=np.zeros(n),
+        work=np.zeros(WORK * n),
+    )
+    return np.array(plan, dtype=np.intp), numbers, arm_memory(numbers, *plan[5:])
 
 
 def _channels(joints: tuple[str, ...], contact: bool, weighed: bool) -> tuple[Channel, ...]:

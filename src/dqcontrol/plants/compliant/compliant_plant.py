@@ -60,6 +60,17 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Step of the encoders, rad; that of the controller file if omitted; 0 for none.
     encoder_noise
         Standard deviation of the encoders at 1 kHz, rad, white.
+    dry_friction
+        Of the gears, on the rotors' side of the springs, N·m at the joint, whatever the speed: one number, or one a
+        joint.
+    exchange_period
+        Time from one exchange between control loop and joint controllers to the next, s, a multiple of 1 ms, as of a
+        robot's node that passes states and commands on at a rate of its own: what is measured is what it passed on
+        last, and a command reaches the joints with the next exchange. The first is at the start; at every tick if
+        omitted.
+    base_shaking
+        Intensity of a white acceleration of the base that the controllers do not know, in each direction, m/s²/√Hz;
+        it is drawn once a control period, with this over √T as its standard deviation.
     slew_rate
         Of the reference in THETA and THETA_GC, rad/s: one number, or one a joint; at most the controller file's.
     speed
@@ -110,6 +121,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     controllers: str | None = None
     encoder_resolution: Annotated[float, Meta(ge=0, le=1, description="rad")] | None = None
     encoder_noise: Annotated[float, Meta(ge=0, le=1, description="rad")] = 0.0
+    dry_friction: Annotated[float | list[float], Meta(description="N·m")] = 0.0
+    exchange_period: Annotated[float, Meta(gt=0, le=1, description="s")] | None = None
+    base_shaking: Annotated[float, Meta(ge=0, le=10, description="m/s²/√Hz")] = 0.0
     slew_rate: Annotated[float | list[float] | None, Meta(description="rad/s")] = None
     speed: Annotated[float | list[float], Meta(description="rad/s")] = 0.5
     torque: Annotated[float | list[float], Meta(description="N·m")] = 0.0
@@ -131,6 +145,8 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         _within("gravity_factor", self.gravity_factor, 0, 10)
         _within("encoder_noise", self.encoder_noise, 0, 1)
         _within("encoder_resolution", self.encoder_resolution, 0, 1)
+        _within("dry_friction", self.dry_friction, 0, 1e4)
+        _within("base_shaking", self.base_shaking, 0, 10)
         _within("slew_rate", self.slew_rate, 0, 100)
         _within("speed", self.speed, 0, 100)
         _within("torque", self.torque, -1e4, 1e4)

@@ -6,66 +6,25 @@ import ctypes
 from functools import cache
 from pathlib import Path
 
-from dqcontrol.compiled.compile import (
-    NOT_FINITE,
-    OK,
-    READ,
-    READ2,
-    STATUS,
-    WRITE,
-    WRITE2,
-    inline,
-    kernel,
-    types,
-)
-from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, c_caller
+from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, READ2, STATUS, WRITE, inline, kernel, types
+from dqcontrol.compiled.intrinsics import c_caller
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.plants.compliant import joint_columns as column
+from dqcontrol.plants.compliant.arm_memory import ARM_PLAN, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense
 from dqcontrol.plants.compliant.obstacle import touch
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.gravity import WORK
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
 PHYSICS_STEP = types.void(types.intp, types.intp)  # void mj_step(const mjModel *, mjData *)
 _call_step = c_caller(PHYSICS_STEP)
 
-ADVANCE = STATUS(
-    ADDRESS,  # of MuJoCo's step
-    types.intp,  # address of the model
-    types.intp,  # address of its data
-    types.intp,  # ticks
-    types.intp,  # steps a tick
-    READ,  # how each target moves, rad
-    types.boolean,  # from the measured angle
-    READ2,  # constants, joint_table
-    WRITE2,  # state
-    WRITE,  # shared
-    READ2,  # chain
-    READ2,  # bodies of the controllers' model
-    READ,  # gravity (3), factor on the model's torque
-    WRITE2,  # scratch, (4 + WORK) × n
-    READ2,  # encoder noise, a row a tick
-    READ2,  # times without encoder: from, until, joint
-    READ2,  # pushes: from, until, body, force
-    READ2,  # payloads: from, until, mass
-    READ2,  # obstacles, rows of `obstacle`
-    WRITE,  # largest force of contact yet, and its norm
-    READ,  # bodies that carry the payload, itself first
-    WRITE,  # masses of the model
-    WRITE,  # masses of its subtrees
-    WRITE2,  # forces on its bodies
-    WRITE,  # motors
-    READ,  # coordinates
-    READ,  # velocities
-    READ,  # coordinates of the rotors, by number
-    READ,  # wrench
-    READ,  # coefficients of its filter
-    WRITE2,  # memory of its filter
-    WRITE,  # filtered wrench
-)
+# plan, memory, MuJoCo's arrays, ticks, how each target moves (rad), encoder noise (a row a tick)
+ADVANCE = STATUS(ARM_PLAN, WRITE, physics_arrays.type, types.intp, READ, READ2)
+# plan, memory, MuJoCo's arrays, encoder noise
+SETTLE = STATUS(ARM_PLAN, WRITE, physics_arrays.type, READ)
 
 
 @cache
@@ -86,19 +45,28 @@ def physics_step() -> int:
 
 
 @inline
-def spring_torque(constants, state, qpos, qvel, rotor, i):
-    """Return the torque that joint i's spring exerts on its link; a rigid joint's motor exerts it itself."""
-    if constants[i, column.SPRING] == 0.0:
-        return state[i, column.MOTOR_TORQUE]
-    k = int(rotor[i])
-    return constants[i, column.SPRING] * (qpos[k] - qpos[i]) + constants[i, column.SPRING_DAMPING] * (
-        qvel[k] - qvel[i]
-    )
+def unpack(plan, memory):
+    """Return plan and memory by name."""
+    sizes = arm_plan(plan)
+    return sizes, arm_memory(memory, *sizes[5:])
 
 
 @inline
-def load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces):
+def spring_torque(arm, physics, i):
+    """Return the torque that joint i's spring exerts on its link; a rigid joint's motor exerts it itself."""
+    constants = arm.constants[i]
+    if constants[column.SPRING] == 0.0:
+        return arm.state[i, column.MOTOR_TORQUE]
+    k = int(arm.rotors[i])
+    return constants[column.SPRING] * (physics.positions[k] - physics.positions[i]) + constants[
+        column.SPRING_DAMPING
+    ] * (physics.velocities[k] - physics.velocities[i])
+
+
+@inline
+def load(arm, physics, time):
     """Set what pushes and hangs on the arm at a time."""
+    pushes, payloads, forces = arm.pushes, arm.payloads, physics.forces
     for k in range(pushes.shape[0]):
         for i in range(3):
             forces[int(pushes[k, 2]), i] = 0.0
@@ -110,125 +78,88 @@ def load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces):
     for k in range(payloads.shape[0]):
         if payloads[k, 0] <= time < payloads[k, 1]:
             payload += payloads[k, 2]
-    change = payload - shared[column.PAYLOAD]
+    change = payload - arm.shared[column.PAYLOAD]
     if change != 0.0:
-        shared[column.PAYLOAD] = payload
-        mass[int(carriers[0])] = payload
-        for k in range(carriers.shape[0]):
-            subtree_mass[int(carriers[k])] += change
+        arm.shared[column.PAYLOAD] = payload
+        physics.masses[int(arm.carriers[0])] = payload
+        for k in range(arm.carriers.shape[0]):
+            physics.subtree_masses[int(arm.carriers[k])] += change
+
+
+@inline
+def sense_arm(arm, physics, noise, time):
+    """Read all joints' sensors at a time, their encoders with this noise, rad, and filter the wrist's."""
+    losses = arm.losses
+    for i in range(arm.state.shape[0]):
+        lost = False
+        for k in range(losses.shape[0]):
+            if losses[k, 0] <= time < losses[k, 1] and losses[k, 2] == i:
+                lost = True
+        angle = physics.positions[i] + noise[i]
+        sense(arm.constants[i], arm.state[i], angle, spring_torque(arm, physics, i), lost)
+    for i in range(6):
+        arm.wrench[i] = filtered(arm.wrist_filter, arm.wrist_memory[i], physics.sensors[i])
 
 
 @kernel(ADVANCE)
-def advance(
-    physics,
-    model,
-    data,
-    ticks,
-    steps,
-    moves,
-    from_measured,
-    constants,
-    state,
-    shared,
-    chain,
-    bodies,
-    gravity,
-    scratch,
-    noise,
-    losses,
-    pushes,
-    payloads,
-    obstacles,
-    contact,
-    carriers,
-    mass,
-    subtree_mass,
-    forces,
-    motors,
-    qpos,
-    qvel,
-    rotor,
-    wrench,
-    wrench_filter,
-    wrench_memory,
-    filtered_wrench,
-):
+def advance(plan, memory, physics, ticks, moves, noise):
     """Move the targets, then let controllers and physics run for a number of ticks."""
+    numbers, arm = unpack(plan, memory)
+    constants, state, shared = arm.constants, arm.state, arm.shared
     n = state.shape[0]
     for i in range(n):
-        target = moves[i] + (state[i, column.ANGLE] if from_measured else state[i, column.TARGET])
-        state[i, column.TARGET] = min(max(target, constants[i, column.LOWER]), constants[i, column.UPPER])
+        before = state[i, column.TOLD] if numbers.from_measured != 0 else state[i, column.ASKED]
+        target = moves[i] + before
+        state[i, column.ASKED] = min(max(target, constants[i, column.LOWER]), constants[i, column.UPPER])
     for tick in range(ticks):
-        time = (
-            shared[column.TICKS] + 0.5
-        ) * TICK  # of the tick's middle: no doubt about what begins or ends at its edge
+        # of the tick's middle: no doubt about what begins or ends at its edge
+        time = (shared[column.TICKS] + 0.5) * TICK
+        if shared[column.TICKS] % shared[column.EXCHANGE] == 0.0:
+            for i in range(n):
+                state[i, column.TARGET] = state[i, column.ASKED]
         for i in range(n):
-            scratch[2, i] = qpos[int(rotor[i])]
-            scratch[3, i] = qvel[int(rotor[i])]
-        control(
-            constants,
-            state,
-            shared,
-            chain,
-            bodies,
-            gravity[0:3],
-            gravity[3],
-            scratch[0],
-            scratch[1],
-            as_matrix(scratch[4:], 1, WORK * n)[0],
-            scratch[2],
-            scratch[3],
-        )
+            arm.rotor_angles[i] = physics.positions[int(arm.rotors[i])]
+            arm.rotor_velocities[i] = physics.velocities[int(arm.rotors[i])]
+        control(arm)
         for i in range(n):
-            motors[i] = state[i, column.MOTOR_TORQUE]
-        load(time, shared, pushes, payloads, carriers, mass, subtree_mass, forces)
-        for step in range(steps):
-            if obstacles.shape[0] > 0:
+            physics.motors[i] = state[i, column.MOTOR_TORQUE]
+        load(arm, physics, time)
+        for step in range(numbers.steps):
+            if numbers.obstacles > 0:
+                now = (shared[column.TICKS] + step / numbers.steps) * TICK
                 touch(
-                    obstacles,
-                    (shared[column.TICKS] + step / steps) * TICK,
-                    chain,
-                    qpos,
-                    qvel,
-                    forces,
-                    contact,
+                    arm.obstacles,
+                    now,
+                    arm.chain,
+                    physics.positions,
+                    physics.velocities,
+                    physics.forces,
+                    arm.contact,
                 )
-            _call_step(physics, model, data)
+            _call_step(numbers.step, numbers.model, numbers.data)
         shared[column.TICKS] += 1.0
         total = 0.0
-        for i in range(qvel.shape[0]):
-            total += qvel[i] * qvel[i]
+        for i in range(physics.velocities.shape[0]):
+            total += physics.velocities[i] * physics.velocities[i]
         if not total < FASTEST * FASTEST:
             return NOT_FINITE
-        for i in range(n):
-            lost = False
-            for k in range(losses.shape[0]):
-                if losses[k, 0] <= time < losses[k, 1] and losses[k, 2] == i:
-                    lost = True
-            sense(
-                constants[i],
-                state[i],
-                qpos[i] + noise[tick, i],
-                spring_torque(constants, state, qpos, qvel, rotor, i),
-                lost,
-            )
-        for i in range(6):
-            filtered_wrench[i] = filtered(wrench_filter, wrench_memory[i], wrench[i])
+        sense_arm(arm, physics, noise[tick], time)
+        if shared[column.TICKS] % shared[column.EXCHANGE] == 0.0:
+            for i in range(n):
+                state[i, column.TOLD] = state[i, column.ANGLE]
     return OK
 
 
-@kernel(STATUS(READ2, WRITE2, READ, READ, READ, READ, READ, READ, WRITE2, WRITE))
-def settle(constants, state, qpos, qvel, rotor, noise, wrench, wrench_filter, wrench_memory, filtered_wrench):
+@kernel(SETTLE)
+def settle(plan, memory, physics, noise):
     """Set sensors and filters as if the arm had been where it is for ever."""
+    _, arm = unpack(plan, memory)
+    constants, state = arm.constants, arm.state
     for i in range(state.shape[0]):
-        sense(
-            constants[i],
-            state[i],
-            qpos[i] + noise[i],
-            spring_torque(constants, state, qpos, qvel, rotor, i),
-            False,
-        )
-        state[i, column.ANGLE] = state[i, column.ENCODER]
+        angle = physics.positions[i] + noise[i]
+        sense(constants[i], state[i], angle, spring_torque(arm, physics, i), False)
+        state[i, column.ANGLE] = state[i, column.TOLD] = state[i, column.ENCODER]
+        state[i, column.ASKED] = state[i, column.TARGET]
         rest(
             constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
             state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],
@@ -237,6 +168,6 @@ def settle(constants, state, qpos, qvel, rotor, noise, wrench, wrench_filter, wr
         state[i, column.VELOCITY] = state[i, column.TORQUE_RATE] = 0.0
         state[i, column.VELOCITY_MEMORY : column.TORQUE_RATE_MEMORY + MEMORY] = 0.0
     for i in range(6):
-        rest(wrench_filter, wrench_memory[i], wrench[i])
-        filtered_wrench[i] = wrench[i]
+        rest(arm.wrist_filter, arm.wrist_memory[i], physics.sensors[i])
+        arm.wrench[i] = physics.sensors[i]
     return OK

@@ -171,12 +171,13 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
         return values
 
     def actuation(self, springs: str | list[float | None]) -> Actuation:
-        """Return what lies between the motors' currents and the links."""
+        """Return what lies between the motors' currents and the links, without dry friction, of which no file tells."""
         return Actuation(
             self.column("motor", "rotor_inertia"),
             self.column("motor", "friction"),
             self.stiffness(springs),
             self.column("spring_damping"),
+            np.zeros(len(self.joints)),
         )
 
     def hand(self, name: str | bool) -> Hand | None:

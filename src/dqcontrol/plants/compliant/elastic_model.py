@@ -36,12 +36,15 @@ class Actuation:
         Of the springs, shape (n,), N·m/rad; infinite for a rigid joint.
     damping
         Of the springs, shape (n,), N·m·s/rad.
+    dry_friction
+        Of the gear, on the rotor's side of the spring, shape (n,), N·m, whatever the speed.
     """
 
     rotor_inertia: Array
     friction: Array
     stiffness: Array
     damping: Array
+    dry_friction: Array
 
     @property
     def elastic(self) -> NDArray[np.bool_]:
@@ -128,6 +131,8 @@ def elastic_model(
     n, elastic = len(robot.joint_names), actuation.elastic
     model.dof_damping[:n] = np.where(elastic, 0.0, actuation.friction)
     model.dof_damping[n:] = actuation.friction[elastic]
+    model.dof_frictionloss[:n] = np.where(elastic, 0.0, actuation.dry_friction)
+    model.dof_frictionloss[n:] = actuation.dry_friction[elastic]
     springs = len(actuation.stiffness[elastic])
     if springs:
         model.tendon_stiffness[:] = actuation.stiffness[elastic]

@@ -81,7 +81,9 @@ MOTION = 25  # six coefficients of the quintic
 ANGLE_MEMORY = MOTION + 6
 VELOCITY_MEMORY = ANGLE_MEMORY + MEMORY
 TORQUE_RATE_MEMORY = VELOCITY_MEMORY + MEMORY
-STATE = TORQUE_RATE_MEMORY + MEMORY
+ASKED = TORQUE_RATE_MEMORY + MEMORY  # q_desired as the control loop left it, until the next exchange, rad
+TOLD = ASKED + 1  # the angle that the control loop was given at the last exchange, rad
+STATE = TOLD + 1
 
 # Numbers that the joints share, in `shared`.
 (
@@ -96,8 +98,9 @@ STATE = TORQUE_RATE_MEMORY + MEMORY
     FAULTY_JOINT,
     TICKS,  # since the start
     PAYLOAD,  # kg, as attached at present
-) = range(11)
-SHARED = 11
+    EXCHANGE,  # ticks from one exchange with the control loop to the next
+) = range(12)
+SHARED = 12
 
 MODES = {
     "OFF": 0,

@@ -196,10 +196,9 @@ def switch(state, shared):
 
 
 @inline
-def control(
-    constants, state, shared, chain, bodies, gravity, factor, angles, torques, work, rotors, rotor_velocities
-):
-    """Run all joint controllers for a tick; ``angles``, ``torques`` (n,) and ``work`` are scratch."""
+def control(arm):
+    """Run all joint controllers of an `ArmMemory` for a tick."""
+    constants, state, shared, angles = arm.constants, arm.state, arm.shared, arm.angles
     n = state.shape[0]
     shared[column.AGE] += 1.0
     watch(constants, state, shared)
@@ -210,8 +209,8 @@ def control(
     if mode in (TORQUE_GC, THETA_GC, THETA_GC_MJ):
         for i in range(n):
             angles[i] = state[i, column.ANGLE]
-        gravity_torque(chain, bodies, angles, gravity, torques, work)
+        gravity_torque(arm.chain, arm.bodies, angles, arm.gravity, arm.torques, arm.work)
         for i in range(n):
-            state[i, column.GRAVITY] = factor * torques[i]
+            state[i, column.GRAVITY] = arm.gravity_factor * arm.torques[i]
     for i in range(n):
-        drive(constants[i], state[i], mode, shared[column.RAMP], rotors[i], rotor_velocities[i])
+        drive(constants[i], state[i], mode, shared[column.RAMP], arm.rotor_angles[i], arm.rotor_velocities[i])

@@ -53,7 +53,7 @@ class PayloadScale:
         period: float,
     ) -> None:
         self.mass: float = 0.0
-        self._robot, self._bodies, self._bare = robot, bodies, bodies[-1].copy()
+        self._robot, self._bare = robot, bodies[-1].copy()
         self._gravity, self._strength = gravity, math.hypot(*gravity)
         if not self._strength:
             raise ValueRangeError("plant.payload_compensation: nothing weighs without gravity")
@@ -62,8 +62,14 @@ class PayloadScale:
         self._most = as_positive("plant.payload_compensation.max_mass", settings.max_mass)
         self._hand_mass = hand.mass if hand else 0.0
 
-    def weigh(self, q: Array, wrench: Array) -> None:
-        """Take a reading of the wrist sensor, shape (6,), at the angles measured, and change the model of gravity."""
+    def weigh(self, q: Array, wrench: Array, bodies: Array) -> None:
+        """Take a reading of the wrist sensor, shape (6,), at the angles measured, and change the model of gravity.
+
+        Parameters
+        ----------
+        bodies
+            The model's table, shape (n, 4).
+        """
         gx, gy, gz = _turned_back(self._robot.fkm(q), self._gravity)
         fx, fy, fz = (float(wrench[i]) - self._hand_mass * g for i, g in enumerate((gx, gy, gz)))
         if not fx * fx + fy * fy + fz * fz <= (self._most * self._strength) ** 2:  # NaN is not
@@ -71,8 +77,8 @@ class PayloadScale:
         sensed = (fx * gx + fy * gy + fz * gz) / self._strength**2
         self.mass = min(max(self.mass + self._share * (sensed - self.mass), 0.0), self._most)
         mass, center = self._bare[0], self._bare[1:]
-        self._bodies[-1, 0] = mass + self.mass
-        self._bodies[-1, 1:] = (mass * center + self.mass * self._robot.chain[-1, 4:7]) / (mass + self.mass)
+        bodies[-1, 0] = mass + self.mass
+        bodies[-1, 1:] = (mass * center + self.mass * self._robot.chain[-1, 4:7]) / (mass + self.mass)
 
 
 def _turned_back(pose: Array, vector: tuple[float, float, float]) -> tuple[float, float, float]:

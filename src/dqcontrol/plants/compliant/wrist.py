@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.plants.compliant.controller_file import WristSensor
-from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import WristFault
 
 
@@ -17,16 +15,12 @@ class LiveWrist:
 
     Attributes
     ----------
-    coefficients, memory, filtered
-        Of its filter, and the filtered wrench that the arm exerts on the hand, shapes (5,), (6, 3) and (6,).
+    filtered
+        The filtered wrench that the arm exerts on the hand, shape (6,).
     """
 
-    filtered: NDArray[np.float64]
-    memory: NDArray[np.float64]
-
-    def __init__(self, sensor: WristSensor, fault: WristFault | None = None) -> None:
-        self.coefficients: NDArray[np.float64] = butterworth(sensor.cutoff, TICK)
-        self.memory, self.filtered = np.zeros((6, MEMORY)), np.zeros(6)
+    def __init__(self, sensor: WristSensor, filtered: Array, fault: WristFault | None = None) -> None:
+        self.filtered = filtered
         self._bias = np.array([*sensor.force_bias, *sensor.torque_bias])
         self._scale = np.repeat([sensor.force_noise, sensor.torque_noise], 3)
         self._noise = np.empty(6)
@@ -36,7 +30,7 @@ class LiveWrist:
             self._recovers = self._fails + as_positive("plant.wrist_fault.duration", fault.duration)
             self._stuck[:3] = as_array("plant.wrist_fault.force", fault.force, (3,))
 
-    def read(self, time: float, rng: np.random.Generator, out: NDArray[np.float64]) -> None:
+    def read(self, time: float, rng: np.random.Generator, out: Array) -> None:
         """Write force and torque at a time, (6,), N and N·m, that the hand exerts on the arm, axes of the tool."""
         rng.standard_normal(out=self._noise)
         np.multiply(self._noise, self._scale, out=out)

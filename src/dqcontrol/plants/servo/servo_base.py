@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ShapeError, as_positive
-from dqcontrol.limits.velocity_limit import scale_down
+from dqcontrol.limits.velocity_limit import scale_down, speed_limits
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
 
 # parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `scale_down` takes them; by how much each may change in a period; then those of the joints' servos
+# `speed_limits` has them; by how much each may change in a period; then those of the joints' servos
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
 _HEAD = 12
@@ -59,11 +58,11 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     at = _HEAD + 2 * joints
     place = parameters[at : at + places]
     at += places
-    limits = parameters[at : at + p + 4 * drive_count]
+    limits = speed_limits(parameters[at : at + p + 4 * drive_count], p)
     at += p + 4 * drive_count
     change = parameters[at : at + p]
     servos = parameters[at + p :]
-    drives = as_matrix(limits[p:], drive_count, 4)
+    drives = limits.drives
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
     joint_command, joint_q, joint_measured = joint[0:joints], joint[joints : 2 * joints], joint[2 * joints :]

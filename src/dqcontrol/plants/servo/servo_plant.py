@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, NamedTuple, TypeAlias
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
+from msgspec.structs import replace
 from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
@@ -108,6 +111,19 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     base_time_constant: Annotated[float, Meta(ge=0, le=100, description="of bases, s")] = 0.0
     camera: Camera | None = None
+
+    @classmethod
+    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        """Return what a spec says of such a plant, with what its plant file holds in the place of ``file``.
+
+        What the spec says besides counts in place of what the file says.
+        """
+        if not isinstance(data.get("file"), str):
+            return super().complete(data, folder)
+        from dqcontrol.plants.servo.servo_file import servo_parameters  # which reads servos
+
+        own = {key: value for key, value in data.items() if key != "file"}
+        return servo_parameters(folder / data["file"]) | own
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
@@ -217,6 +233,20 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         transition[0, 0] += decay
         inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
         return LinearModel(transition, inputs)
+
+    def varied(self, lag: float, delay: float) -> Servo:
+        """Return servos whose lags are longer by a share, and their delays by a time, s; see `Plant.varied`."""
+
+        def longer(value: Each, factor: float, more: float) -> Each:
+            if isinstance(value, list):
+                return [max(factor * each + more, 0.0) for each in value]
+            return max(factor * value + more, 0.0)
+
+        return replace(
+            self,
+            time_constant=longer(self.time_constant, 1 + lag, 0.0),
+            delay=longer(self.delay, 1.0, delay),
+        )
 
     def _each(self, field: str, n: int, *, zero_allowed: bool = True) -> Array:
         """Return a parameter of each of n joints, checked."""

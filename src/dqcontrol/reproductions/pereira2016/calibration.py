@@ -1,4 +1,4 @@
-"""The fit of one number of the plant on one published cell, and on servos the second fit of the robust laws' gains."""
+"""The fit of one number of the plant on one published cell."""
 
 from __future__ import annotations
 
@@ -7,13 +7,12 @@ from collections.abc import Callable
 
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reproductions.pereira2016 import second_fit
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS, SERVO
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.published_specs import FITTED, published_spec
 
-_SPEC, _SET = "spiral", "best"
+_SPEC, _LAW, _SET = "spiral", "K", "best"
 _TOLERANCE = 1e-4  # relative
 _NAMES = {
     "sag": "α, factor on the gravity sag",
@@ -23,21 +22,11 @@ _BRACKETS = {"sag": (0.2, 2.0), "gravity_factor": (0.4, 1.1)}
 
 
 def calibrate(plant: str = PLANTS[0]) -> Table:
-    """Fit a plant's one number to the error of K, spiral, best gain; on servos also the robust laws' factor to HIR's.
-
-    In physics the robust laws' loops shake before any factor brings their errors down to the printed ones.
-
-    One run stands for its fifty repeats, whose errors differ by less than the fit's tolerance.
-    """
+    """Fit a plant's one number; one run stands for its fifty repeats, which differ by less than the tolerance."""
     own = published_spec(_SPEC, plant)["plant"]
-    key = FITTED[plant]
-    target = _published("K")
-    number = _solve(lambda value: _error("K", plant, value, 1.0), target, *_BRACKETS[key])
-    rows = [[_NAMES[key], "K", target, number, own[key]]]
-    if plant == SERVO:
-        target = _published("HIR")
-        factor = _solve(lambda value: _error("HIR", plant, number, value), target, 10.0, 300.0)
-        rows.append(["second fit: factor on the gains", "HIR", target, factor, second_fit.FACTOR])
+    key, target = FITTED[plant], _published(_LAW)
+    number = _solve(lambda value: _error(plant, value), target, *_BRACKETS[key])
+    rows: list[list[Cell]] = [[_NAMES[key], _LAW, target, number, own[key]]]
     columns = [
         Column("Number"),
         Column("fitted on Err of"),
@@ -45,7 +34,7 @@ def calibrate(plant: str = PLANTS[0]) -> Table:
         Column("fitted"),
         Column("in use"),
     ]
-    return Table(columns, rows, f"Fits on the spiral, best gains (P16 Table 5.15), plant {plant}")
+    return Table(columns, rows, f"Fit on the spiral, best gains (P16 Table 5.15), plant {plant}")
 
 
 def _published(law: str) -> float:
@@ -56,12 +45,10 @@ def _published(law: str) -> float:
     )
 
 
-def _error(law: str, plant: str, number: float, factor: float) -> float:
-    label, data = law, published_spec(_SPEC, plant)
-    if law in second_fit.LAWS:
-        label, data = law + second_fit.SUFFIX, second_fit.scaled_spec(_SPEC, plant, factor=factor)
+def _error(plant: str, number: float) -> float:
+    data = published_spec(_SPEC, plant)
     data["plant"] |= {FITTED[plant]: number}
-    data |= {"repeats": 1, "laws": {label: data["laws"][label]}, "parameter_sets": {_SET: {label: {}}}}
+    data |= {"repeats": 1, "laws": {_LAW: data["laws"][_LAW]}, "parameter_sets": {_SET: {_LAW: {}}}}
     setting = prepare(data)
     record = execute(setting, setting.cases[0])
     return measure(

@@ -13,6 +13,9 @@ SOURCE = "pereira2016"
 SERVO, PHYSICS = "servo", "meka-physics"
 PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
 
+EXACT = " exact"
+"""Appended to the label of LQR-R8 where its Riccati equation is solved exactly, not as printed."""
+
 
 @dataclass(frozen=True)
 class Reproduction(Experiment):
@@ -28,8 +31,8 @@ class Reproduction(Experiment):
         Names of the specs by the name that the published tables give their experiment.
     error
         The metric that stands for the source's error norm: of the whole run or of its settled part.
-    scaled
-        Whether the robust laws run a second time with gains scaled by the second fit.
+    robust
+        Whether the robust laws run, which do so a second time with a hundred times their printed gains.
     control_unit
         What the source's control signal counts in: 1 for rad/s, or the period in s where it printed T u for u.
     """
@@ -37,7 +40,7 @@ class Reproduction(Experiment):
     plants: tuple[str, ...] = PLANTS
     specs: Mapping[str, str] = field(default_factory=dict)
     error: str = "error.integral"
-    scaled: bool = False
+    robust: bool = False
     control_unit: float = 1.0
 
 
@@ -47,13 +50,13 @@ EXPERIMENTS = {
         "spiral, five γ (Tables 5.5–5.7, eq. 5.8), and Definition 3.1 itself",
         specs={"": "h-infinity"},
         error="settled_error.integral",
-        scaled=True,
+        robust=True,
     ),
-    "circle": Reproduction("circle, six laws (Tables 5.8–5.9)", specs={"": "circle"}, scaled=True),
+    "circle": Reproduction("circle, six laws (Tables 5.8–5.9)", specs={"": "circle"}, robust=True),
     "spiral": Reproduction(
         "spiral, six laws, three sets of gains, 50 repeats (Tables 5.10–5.15)",
         specs={"": "spiral"},
-        scaled=True,
+        robust=True,
     ),
     "sampling-time": Reproduction(
         "periods kept in the real-time loop (Table 61, Figs 5.5–5.6)", specs={"": "sampling-time"}
@@ -72,7 +75,9 @@ EXPERIMENTS = {
         specs={"iiwa": "iiwa-surface", "meka": "meka-surface"},
     ),
     "light-painting": Reproduction("a drawing by LQR-DQ (Section 5.9)", specs={"": "light-painting"}),
-    "calibration": Reproduction("the fit of the sag on one published cell, and the second fit of HIR"),
+    "calibration": Reproduction(
+        "the fit of the plant on one published cell; the scale of HIR's gains from printed numbers"
+    ),
 }
 
 

@@ -12,7 +12,6 @@ from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
 from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST
-from dqcontrol.reproductions.pereira2016.second_fit import SUFFIX
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
@@ -33,11 +32,11 @@ def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
     return {}
 
 
-def parity_figures(cells: Sequence[PublishedCell], ours: Results, second: Results | None) -> dict[str, Draw]:
+def parity_figures(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> dict[str, Draw]:
     """Return all printed means against ours, by file name."""
     if not cells:
         return {}
-    return {"published-and-ours": lambda: _parity(cells, ours, second)}
+    return {"published-and-ours": lambda: _parity(cells, ours, suffixes)}
 
 
 def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
@@ -81,14 +80,14 @@ def _histogram(rows: Sequence[SamplingTime], period: float) -> Figure:
     return histogram({row.label: 1e3 * row.timing.periods for row in rows if row.timing.period == period})
 
 
-def _parity(cells: Sequence[PublishedCell], ours: Results, second: Results | None) -> Figure:
+def _parity(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> Figure:
     from dqcontrol.figures.parity import parity
 
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for cell in cells:
-        for results, suffix in ((ours, ""), (second, SUFFIX)):
-            where = (cell.law + suffix, cell.set, cell.metric, cell.experiment)
-            if results is not None and len(results.values(*where)):
+        for law in (cell.law + suffix for suffix in suffixes):
+            where = (law, cell.set, cell.metric, cell.experiment)
+            if len(ours.values(*where)):
                 groups = panels.setdefault(NAMES[cell.metric], {})
-                groups.setdefault(cell.law + suffix, []).append((cell.mean, results.mean(*where)))
+                groups.setdefault(law, []).append((cell.mean, ours.mean(*where)))
     return parity(panels)

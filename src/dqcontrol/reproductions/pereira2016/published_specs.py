@@ -13,6 +13,9 @@ FITTED = {SERVO: "sag", PHYSICS: "gravity_factor"}
 """Which number of each plant is fitted."""
 
 _MEKA = "meka-a2"
+_APPENDIX_C = ("meka-circle", "meka-square", "meka-surface")
+APPENDIX_C_STIFFNESS = 0.7
+"""Of the Meka in appendices C and D, which are of another session: their one unknown, fitted on Err of K, circle."""
 
 
 def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
@@ -38,6 +41,8 @@ def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
         data["reference"]["file"] = str(path.parent / data["reference"]["file"])
     if plant == PHYSICS and data["robot"] == _MEKA:
         data["plant"] = _read(Path(__file__).parent / f"{PHYSICS}.yaml")
+        if name in _APPENDIX_C:
+            data["plant"]["stiffness"] = APPENDIX_C_STIFFNESS
     return data
 
 

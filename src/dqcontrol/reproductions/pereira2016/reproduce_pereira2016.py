@@ -11,11 +11,11 @@ from dqcontrol.measures.attenuation import attenuation_table
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import verdict_table
-from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
+    EXACT,
     EXPERIMENTS,
-    PHYSICS,
     SERVO,
     SOURCE,
     Reproduction,
@@ -36,7 +36,7 @@ from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.results import Results
 
 _SHORT = "P16"
-_SECOND = {SERVO: "second fit, no evidence", PHYSICS: "second fit, made on servos, no evidence"}
+_BESIDE = ("", EXACT, SUFFIX)  # of a law's label: as printed, and what stands beside it
 
 
 def reproduce(name: str, conditions: Conditions) -> Reproduced:
@@ -44,12 +44,12 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
     chosen, plant = EXPERIMENTS[name], conditions.plant
     full = f"{SOURCE}/{name}"
     if name == "calibration":
-        return Reproduced(full, [calibrate(plant)], plant=plant)
+        return Reproduced(full, [calibrate(plant), printed_factors()], plant=plant)
     if name == "sampling-time":
         return _in_real_time(chosen, conditions)
     sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
-    if chosen.scaled:
-        sources |= {_scaled(spec): second_fit.scaled_spec(spec, plant) for spec in chosen.specs.values()}
+    if chosen.robust:
+        sources = {spec: with_hundredfold(source) for spec, source in sources.items()}
     if conditions.repeats:
         for source in sources.values():
             source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
@@ -76,25 +76,16 @@ def _compared(
     for where, setting in settings.items():
         here = [cell for cell in cells if cell.experiment == where]
         in_physics = setting.cases[0].names.plant != SERVO
-        tables += comparison_tables(here, ours, _SHORT, title=title if in_physics else "")
-    second = None
-    if chosen.scaled:
-        scaled = {experiment: studies[_scaled(spec)] for experiment, spec in chosen.specs.items()}
-        second = _results(chosen, scaled)
-        fit = f"gains × {second_fit.FACTOR:g}: {_SECOND[plant]}"
-        tables += comparison_tables(
-            cells, second, _SHORT, suffix=second_fit.SUFFIX, title=f"{title} · {fit}" if title else fit
-        )
+        tables += comparison_tables(here, ours, _SHORT, suffixes=_BESIDE, title=title if in_physics else "")
     if any(cell.metric == "control" for cell in cells):
-        tables.append(command_table(cells, ours, settings, title))
+        tables.append(command_table(cells, ours, settings, title, suffixes=_BESIDE))
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
-    fitted = second if plant == SERVO else None  # in physics these loops shake
-    evidence = Evidence(ours, settings, fitted, plant)
+    evidence = Evidence(ours, settings, plant, name)
     if name == "spiral":
         tables.append(when_to_use(evidence))
     tables.append(_verdicts(name, evidence, title))
-    figures = {**figures, **parity_figures(cells, ours, second)}
+    figures = {**figures, **parity_figures(cells, ours, _BESIDE)}
     return Reproduced(f"{SOURCE}/{name}", tables, studies, figures, plant)
 
 
@@ -127,10 +118,6 @@ def _in_real_time(chosen: Reproduction, conditions: Conditions) -> Reproduced:
     tables = [
         *comparison_tables(published_cells(spec), ours, _SHORT),
         sampling_table(rows, f"{samples} samples in real time on this machine"),
-        _verdicts(spec, Evidence(ours, {}, plant=plant)),
+        _verdicts(spec, Evidence(ours, {}, plant, spec)),
     ]
     return Reproduced(f"{SOURCE}/{spec}", tables, figures=period_figures(rows), plant=plant)
-
-
-def _scaled(spec: str) -> str:
-    return f"{spec}-scaled"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,11 +13,13 @@ from dqcontrol.experiments.run import execute
 from dqcontrol.loop import Record
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
+from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.results import Results
 
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
+MOST_OVER_PRINTED = 2.0  # errors beyond it: the law did not follow, and what is said of it is not tested
 START = 5.0  # s; "in the beginning of the trajectory"
 
 
@@ -31,21 +33,34 @@ class Evidence:
         Metrics of all repeats.
     settings
         The specs made ready, by the experiment's name in the published tables.
-    second
-        What the robust laws gave with the second fit; told beside a number, never the ground of a verdict.
     plant
         What the Meka is, one of `PLANTS`.
+    reproduction
+        The experiment's name.
     """
 
     ours: Results
     settings: Mapping[str, PreparedExperiment]
-    second: Results | None = None
     plant: str = PLANTS[0]
+    reproduction: str = ""
     _records: dict[tuple[str, str, str], Record] = field(init=False, repr=False, default_factory=dict)
 
     def mean(self, law: str, parameters: str = "", metric: str = "error", experiment: str = "") -> float:
         """Return the mean of a metric over the repeats."""
         return self.ours.mean(law, parameters, metric, experiment)
+
+    def followed(self, laws: Sequence[str], sets: Sequence[str] = ("",), experiment: str = "") -> bool:
+        """Tell whether laws came as near to their path as `MOST_OVER_PRINTED` times what is printed, in all sets."""
+        printed = {
+            (cell.law, cell.set): cell.mean
+            for cell in published_cells(self.reproduction)
+            if cell.experiment == experiment and cell.metric == "error"
+        }
+        return all(
+            self.mean(law, each, experiment=experiment) <= MOST_OVER_PRINTED * printed[law, each]
+            for law in laws
+            for each in sets
+        )
 
     def period(self, experiment: str = "") -> float:
         """Return the control period, s."""

@@ -1,0 +1,170 @@
+"""The same loop again and again, with other laws: what does not change is made ready once."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.errors import DivergedError
+from dqcontrol.laws.law import PreparedLaw
+from dqcontrol.limits import Supervisor
+from dqcontrol.loop import rollout as compiled
+from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.simulate import supervise
+from dqcontrol.loop.trace import FARTHEST
+from dqcontrol.plants.disturbance import Disturbance
+from dqcontrol.plants.disturbance_step import ROW
+from dqcontrol.plants.live_plant import live_plant
+from dqcontrol.plants.plant import CompiledPlant, Plant
+from dqcontrol.robots.robot import Robot
+
+_NOTHING: Array = np.zeros(0)
+
+
+class Passed(NamedTuple):
+    """What a loop saw, valid until it runs again.
+
+    Attributes
+    ----------
+    samples, q, measured, command
+        As of a `Record`, one row a sample.
+    failed
+        Whether it diverged, or was stopped.
+    """
+
+    samples: Array
+    q: Array
+    measured: Array
+    command: Array
+    failed: bool
+
+
+class RepeatedLoop:
+    """A plant at its start and a desired motion, for many laws one after the other.
+
+    Compiled plants without supervisor and disturbance start once: each run begins from a copy of their state, with the
+    same noise. Results are those of `close_loop`, to the last bit.
+
+    Parameters
+    ----------
+    robot, plant, start
+        What moves, from where, shape (n,), rad or m.
+    period
+        T, s.
+    samples
+        Desired motion, one row a period, shape (N, 21), inertial frame.
+    seed
+        Of the noise.
+    supervisor, disturbance
+        What stands between law and plant, and what moves the hand beside the commands.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol.loop.repeated_loop import RepeatedLoop
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> samples = dqc.references.SetPoint(arm.fkm(q + 0.1)).samples(0.01 * np.arange(100))
+    >>> loop = RepeatedLoop(arm, dqc.plants.Integrator(), q, 0.01, samples, seed=0)
+    >>> laws = [dqc.laws.Proportional(gain=gain).prepare(arm, None, 0.01) for gain in (1.0, 5.0)]
+    >>> ends = [loop.run(law).q[-1].copy() for law in laws]
+    >>> bool(np.abs(ends[0] - q - 0.1).max() > np.abs(ends[1] - q - 0.1).max())
+    True
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        plant: Plant,
+        start: Array,
+        period: float,
+        samples: Array,
+        *,
+        seed: int,
+        supervisor: Supervisor | None = None,
+        disturbance: Disturbance | None = None,
+    ) -> None:
+        self.robot, self.plant, self.start, self.period = robot, plant, start, period
+        self.samples = np.ascontiguousarray(samples)
+        self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
+        live = live_plant(plant.start(robot, start, period, len(samples), seed))
+        ready = live.compiled()
+        is_free = supervisor is None and disturbance is None
+        self._compiled = ready if ready is not None and is_free and isinstance(ready.kernel, Kernel) else None
+        if self._compiled is not None:
+            self._begin(self._compiled)
+
+    def _begin(self, plant: CompiledPlant) -> None:
+        count, n, m = len(self.samples), self.robot.configuration_size, self.robot.input_size
+        assert isinstance(plant.kernel, Kernel)
+        self._first = [each.copy() for each in (plant.state, plant.q, plant.measured)]
+        self._kept = plant.state, plant.q, plant.measured
+        self._done = np.zeros(1)
+        self._records = np.empty((count, n)), np.empty((count, n)), np.empty((count, m))
+        self._stages = compiled.stages(
+            kinematics=self.robot.kernels.twist_kinematics.pointer,
+            supervisor=0,
+            disturbance=0,
+            plant=plant.kernel.pointer,
+            settled=0,
+        )
+        self._supervising = compiled.supervisor_arrays(
+            memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
+        )
+        self._disturbing = compiled.disturbance_arrays(
+            rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
+        )
+        self._moved = compiled.plant_arrays(
+            parameters=plant.parameters,
+            state=plant.state,
+            noise=plant.noise,
+            q=plant.q,
+            measured=plant.measured,
+        )
+        self._course = compiled.course(
+            samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
+        )
+        self._written = compiled.records(**dict(zip(compiled.Records._fields, self._records, strict=True)))
+
+    def run(self, law: PreparedLaw) -> Passed:
+        """Run the loop with a law that was prepared for this robot and period."""
+        if self._compiled is None or not isinstance(law.kernel, Kernel):
+            return self._close_loop(law)
+        for kept, first in zip(self._kept, self._first, strict=True):
+            kept[:] = first
+        arrays = compiled.law_arrays(plan=law.plan, memory=law.memory, state=law.initial_state(self.start))
+        status = compiled.rollout(
+            self._stages,
+            arrays,
+            self._supervising,
+            self._disturbing,
+            self._moved,
+            self._course,
+            self._written,
+        )
+        done = int(self._done[0])
+        q, measured, command = (record[:done] for record in self._records)
+        lost = status != OK or max(q.max(), -q.min()) > FARTHEST
+        return Passed(self.samples[:done], q, measured, command, lost)
+
+    def _close_loop(self, law: PreparedLaw) -> Passed:
+        supervision = (
+            supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
+        )
+        disturbance = self._disturbance
+        try:
+            trace = close_loop(
+                law,
+                self.plant.start(self.robot, self.start, self.period, len(self.samples), self._seed),
+                self.samples,
+                disturbance=disturbance
+                and disturbance.start(self.robot, self.period, len(self.samples), self._seed),
+                supervision=supervision,
+            )
+        except DivergedError:
+            empty = np.zeros((0, self.robot.configuration_size))
+            return Passed(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
+        return Passed(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))

@@ -1,0 +1,267 @@
+"""The numbers of a run that can be found in one compiled pass over its samples, for searches that need them at once.
+
+They are those of `dqcontrol.measures.metrics`, of the same piecewise model of the run, and the command's jerk.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, kernel
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS
+from dqcontrol.measures.metrics import SETTLED_FRACTION
+from dqcontrol.measures.table_cells import Column
+from dqcontrol.references.sample import TIME
+from dqcontrol.robots.kinematics_kernels import joint_frames
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.robot import Robot
+
+_STEP_SHARE = 0.1  # as in `metrics`: a run whose first error is less of the largest starts on its target
+_ROUNDING = 1e-9
+
+_NORMS = ("integral", "mean", "rms", "peak")
+_DEVIATION = ("mean", "rms", "peak", "final", "settled_mean", "settled_rms", "settled_peak")
+NUMBERS: tuple[str, ...] = (
+    *(f"{signal}.{part}" for signal in ("position", "orientation") for part in _DEVIATION),
+    *(f"{signal}.{part}" for signal in ("error", "settled_error") for part in _NORMS),
+    "final_error",
+    *(
+        f"{signal}.{part}"
+        for signal in ("control", "joint_step", "hand_speed", "hand_acceleration")
+        for part in _NORMS
+    ),
+    "joint_path_length",
+    "effort",
+    "settling_time",
+    "limit_margin",
+    "peak_velocity_share",
+    "saturation",
+    "command_jerk",
+)
+"""Names of the numbers, in the order that `measure_run` writes them; as in `Metrics.flat`, but ``command_jerk``."""
+
+_JERK = Column("Command jerk RMS", "rad/s³ or m/s³")
+NUMBER_COLUMNS: dict[str, Column] = {name: METRIC_COLUMNS.get(name, _JERK) for name in NUMBERS}
+"""Heading, unit and format of each."""
+
+LARGE_IS_GOOD = ("limit_margin",)
+
+
+class Sums(NamedTuple):
+    """∫f dt, ∫f² dt and the largest f."""
+
+    total: float
+    square: float
+    peak: float
+
+
+@inline
+def _joined(sums, before, now, interval):
+    """Add an interval over which a value goes from one number to the next on a straight line."""
+    return Sums(
+        sums.total + 0.5 * (before + now) * interval,
+        sums.square + (before * before + before * now + now * now) * interval / 3.0,
+        max(sums.peak, now),
+    )
+
+
+@inline
+def _held(sums, value, interval):
+    """Add an interval over which a value is held."""
+    return Sums(sums.total + value * interval, sums.square + value * value * interval, max(sums.peak, value))
+
+
+@inline
+def _write_norms(sums, duration, out):
+    out[0] = sums.total
+    out[1] = sums.total / duration
+    out[2] = math.sqrt(sums.square / duration)
+    out[3] = sums.peak
+
+
+# samples, joints, commands, chain, joints' lower and upper ends and inputs' speeds, samples left out, scratch, numbers
+MEASURE = STATUS(READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
+_WORK = 16
+
+
+@kernel(MEASURE)
+def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, work, out):
+    """Write all `NUMBERS` of a run; NaN where one does not exist."""
+    count, n, m = q.shape[0], q.shape[1], command.shape[1]
+    pose, relative = work[0:8], work[8:16]
+    zero = Sums(0.0, 0.0, 0.0)
+    distance, turn, error = zero, zero, zero
+    settled_distance, settled_turn, settled_error = zero, zero, zero
+    control, step, speed, acceleration = zero, zero, zero, zero
+    last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
+    x0, y0, z0 = 0.0, 0.0, 0.0
+    vx0, vy0, vz0, last_interval = 0.0, 0.0, 0.0, 0.0
+    margin, share, saturated, jerk, path = math.inf, 0.0, 0.0, 0.0, 0.0
+    last_outside, is_bounded = -1, False
+    for i in range(m):
+        is_bounded = is_bounded or velocity[i] < math.inf
+    for k in range(count):
+        status = joint_frames(chain, q[k], pose)
+        if status != OK:
+            return status
+        conjugate_multiply(pose, samples[k], relative)
+        sign = -1.0 if relative[0] < 0.0 else 1.0
+        real = 1.0 - sign * relative[0]
+        square = real * real
+        imaginary = 0.0
+        for i in range(1, 4):
+            imaginary += relative[i] * relative[i]
+        for i in range(1, 8):
+            square += relative[i] * relative[i]
+        x, y, z = position(pose)
+        xd, yd, zd = position(samples[k])
+        now_distance = 1e3 * math.sqrt((xd - x) ** 2 + (yd - y) ** 2 + (zd - z) ** 2)
+        now_turn = math.degrees(2.0 * math.atan2(math.sqrt(imaginary), sign * relative[0]))
+        now_error = math.sqrt(square)
+        for i in range(n):
+            margin = min(margin, q[k, i] - lower[i], upper[i] - q[k, i])
+        if k == 0:
+            first_error = now_error
+            distance = Sums(0.0, 0.0, now_distance)
+            turn = Sums(0.0, 0.0, now_turn)
+            error = Sums(0.0, 0.0, now_error)
+        if k == skipped:
+            settled_distance = Sums(0.0, 0.0, now_distance)
+            settled_turn = Sums(0.0, 0.0, now_turn)
+            settled_error = Sums(0.0, 0.0, now_error)
+        if not now_error <= SETTLED_FRACTION * first_error:
+            last_outside = k
+        if k > 0:
+            interval = samples[k, TIME] - samples[k - 1, TIME]
+            distance = _joined(distance, last_distance, now_distance, interval)
+            turn = _joined(turn, last_turn, now_turn, interval)
+            error = _joined(error, last_error, now_error, interval)
+            if k > skipped:
+                settled_distance = _joined(settled_distance, last_distance, now_distance, interval)
+                settled_turn = _joined(settled_turn, last_turn, now_turn, interval)
+                settled_error = _joined(settled_error, last_error, now_error, interval)
+            moved, asked, largest = 0.0, 0.0, 0.0
+            for i in range(n):
+                moved += (q[k, i] - q[k - 1, i]) ** 2
+            for i in range(m):
+                asked += command[k - 1, i] ** 2
+                largest = max(largest, abs(command[k - 1, i]) / velocity[i])
+            share = max(share, largest)
+            saturated += 1.0 if largest >= 1.0 - _ROUNDING else 0.0
+            moved = math.sqrt(moved)
+            path += moved
+            step = _held(step, moved, interval)
+            control = _held(control, math.sqrt(asked), interval)
+            vx, vy, vz = (x - x0) / interval, (y - y0) / interval, (z - z0) / interval
+            speed = _held(speed, math.sqrt(vx * vx + vy * vy + vz * vz), interval)
+            if k > 1:
+                between = 0.5 * (interval + last_interval)
+                ax, ay, az = (vx - vx0) / between, (vy - vy0) / between, (vz - vz0) / between
+                acceleration = _held(acceleration, math.sqrt(ax * ax + ay * ay + az * az), between)
+            if 1 < k < count - 1:  # the last command moves nothing
+                for i in range(m):
+                    ahead = (command[k, i] - command[k - 1, i]) / interval
+                    behind = (command[k - 1, i] - command[k - 2, i]) / last_interval
+                    jerk += ((ahead - behind) / interval) ** 2 * interval
+            vx0, vy0, vz0, last_interval = vx, vy, vz, interval
+        x0, y0, z0 = x, y, z
+        last_distance, last_turn, last_error = now_distance, now_turn, now_error
+    duration = samples[count - 1, TIME] - samples[0, TIME]
+    skip_time = samples[count - 1, TIME] - samples[min(skipped, count - 1), TIME]
+    place = 0
+    for part in range(2):
+        whole = distance if part == 0 else turn
+        settled = settled_distance if part == 0 else settled_turn
+        out[place] = whole.total / duration
+        out[place + 1] = math.sqrt(whole.square / duration)
+        out[place + 2] = whole.peak
+        out[place + 3] = last_distance if part == 0 else last_turn
+        out[place + 4] = settled.total / skip_time
+        out[place + 5] = math.sqrt(settled.square / skip_time)
+        out[place + 6] = settled.peak
+        place += 7
+    _write_norms(error, duration, out[14:18])
+    _write_norms(settled_error, skip_time, out[18:22])
+    out[22] = last_error
+    _write_norms(control, duration, out[23:27])
+    _write_norms(step, duration, out[27:31])
+    _write_norms(speed, duration, out[31:35])
+    _write_norms(
+        acceleration, duration - 0.5 * last_interval - 0.5 * (samples[1, TIME] - samples[0, TIME]), out[35:39]
+    )
+    out[39] = path
+    out[40] = math.sqrt(control.square)
+    starts_on_target = first_error < _STEP_SHARE * error.peak
+    if starts_on_target or last_outside == count - 1:
+        out[41] = math.nan
+    else:
+        out[41] = samples[last_outside + 1, TIME] - samples[0, TIME]
+    out[42] = margin if margin < math.inf else math.nan
+    out[43] = share if is_bounded else math.nan
+    out[44] = saturated / (count - 1) if is_bounded else math.nan
+    out[45] = math.sqrt(jerk / duration)
+    return OK
+
+
+class RunMeasure:
+    """What `measure_run` needs to know of a robot and its runs, made ready once.
+
+    Parameters
+    ----------
+    robot
+        The arm or whole body.
+    limits
+        Of its joints and inputs; commands that count from the measured joints have no limits of speed.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol.measures.run_numbers import RunMeasure, NUMBERS
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> target = dqc.references.SetPoint(arm.fkm(q))
+    >>> record = dqc.simulate(arm, target, dqc.laws.Proportional(gain=2.0), dqc.plants.Integrator(), q, 0.01, 1.0)
+    >>> numbers = RunMeasure(arm, arm.limits)(record.desired, record.q, record.command, skipped=0)
+    >>> round(float(numbers[NUMBERS.index("effort")]), 9) == round(record.metrics.effort, 9)
+    True
+    """
+
+    def __init__(self, robot: Robot, limits: Limits) -> None:
+        self._chain = robot.chain
+        self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
+        self._velocity = np.ascontiguousarray(limits.velocity)
+        self._work = np.zeros(_WORK)
+
+    def __call__(self, samples: Array, q: Array, command: Array, skipped: int) -> Array:
+        """Return all `NUMBERS` of a run of two samples or more; NaN where one does not exist.
+
+        Parameters
+        ----------
+        samples
+            Desired motion, shape (N, 21).
+        q, command
+            Configurations, (N, n), rad or m, and inputs, (N, m), rad/s or m/s.
+        skipped
+            How many samples the settled numbers leave out.
+        """
+        out = np.full(len(NUMBERS), math.nan)
+        status = measure_kernel(
+            samples,
+            q,
+            command,
+            self._chain,
+            self._lower,
+            self._upper,
+            self._velocity,
+            min(skipped, len(q) - 1),
+            self._work,
+            out,
+        )
+        if status != OK:
+            out[:] = math.nan
+        return out

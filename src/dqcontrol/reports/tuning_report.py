@@ -1,0 +1,73 @@
+"""The report of a search: every law at its best, how it was found, and the best compromises."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
+from dqcontrol.measures.table_cells import Cell, Column, VerdictCell
+from dqcontrol.measures.tables import Table
+from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
+from dqcontrol.reports.report import write_report
+
+if TYPE_CHECKING:
+    from dqcontrol.tuning import Tuning
+
+
+def write_tuning_report(tuning: Tuning, spec: str, folder: Path) -> None:
+    """Write ``report.html`` of a search and its figures into an existing folder."""
+    from dqcontrol.figures import save_figures
+    from dqcontrol.figures.tuning_plots import front_figure, search_figure
+
+    figures = {"search": search_figure(tuning)}
+    if any(each.result.front for each in tuning.laws):
+        figures["front"] = front_figure(tuning)
+    save_figures(figures, folder)
+    data, block = parse_yaml(SPEC_FILE, spec), tuning.problem.block
+    asked = " + ".join(f"{weight:g} × {name}" for name, weight in block.objectives.items())
+    verdicts: list[list[Cell]] = [
+        [each.label, _verdict(each.succeeded, each.result.held_out_violation == 0)] for each in tuning.laws
+    ]
+    write_report(
+        folder,
+        str(data["name"]),
+        facts=f"{len(tuning.laws)} laws, {block.budget} parameter sets each; smallest {asked}",
+        command=command("tune", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
+        verdicts=[Table([Column("law"), Column("constraints")], verdicts)],
+        tables=[tuning.table(), _numbers(tuning), *_remarks(tuning)],
+        figures=figures,
+        spec=spec,
+        origins=origins(data),
+    )
+
+
+def _verdict(searched: bool, held_out: bool) -> VerdictCell:
+    if searched and held_out:
+        return VerdictCell("kept, also on what the search did not see", True)
+    return VerdictCell("broken on what the search did not see" if searched else "broken", False)
+
+
+def _numbers(tuning: Tuning) -> Table:
+    """Return all numbers of each law on what was searched and on what was not."""
+    columns = [Column("number"), Column("unit")]
+    for each in tuning.laws:
+        columns += [Column(each.label), Column(f"{each.label}, held out")]
+    rows: list[list[Cell]] = []
+    for name, column in NUMBER_COLUMNS.items():
+        values = [
+            value if math.isfinite(value := source[name]) else None
+            for each in tuning.laws
+            for source in (each.result.searched, each.result.held_out)
+        ]
+        if any(value is not None for value in values):
+            rows.append([column.title, column.unit, *values])
+    return Table(columns, rows, "All numbers")
+
+
+def _remarks(tuning: Tuning) -> list[Table]:
+    lines = tuning.remarks()
+    return [Table([Column("Remarks")], [[line] for line in lines])] if lines else []

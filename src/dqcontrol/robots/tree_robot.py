@@ -1,0 +1,483 @@
+"""Trees of joints: robots with several frames to drive, joints that they share, and joints that follow others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import SINGULAR
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.robots import pose_task_kernels as task_kernels
+from dqcontrol.robots.chain_robot import RobotKernels
+from dqcontrol.robots.inverse_kinematics import (
+    Problem,
+    Solution,
+    as_tolerance,
+    as_whole_number,
+    prepare_inverse,
+)
+from dqcontrol.robots.kinematics_kernels import PRISMATIC
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.pose_task_kernels import (
+    COLUMNS,
+    COORDINATE,
+    COORDINATES,
+    FIRST_ROWS,
+    FIXED,
+    FRAME,
+    INPUT_COLUMN,
+    KIND,
+    MIDPOINT,
+    MULTIPLIER,
+    OFFSET,
+    PARENT,
+    RELATIVE,
+    SCREW,
+    SECOND_ROWS,
+    SIGN,
+)
+from dqcontrol.robots.poses import positions, unit_poses
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_inverse_kernels import solve_tasks, task_solver_work
+
+Root: TypeAlias = Literal["midpoint", "screw"]
+TaskKind: TypeAlias = Literal["frame", "relative", "absolute"]
+
+_BASE = "base"
+
+
+@dataclass(frozen=True)
+class PoseTask:
+    """What of a tree a law drives: one pose.
+
+    Attributes
+    ----------
+    kind
+        ``"frame"``: the pose of a frame. ``"relative"``: x₂*x₁, the first frame seen from the second. ``"absolute"``:
+        what two frames have in common, x₂ (x₂*x₁)^½.
+    frames
+        One or two names.
+    root
+        Of absolute poses. ``"midpoint"``: position and orientation are halved apart, so that the position is midway
+        between both frames. [Adorno 2011] ``"screw"``: both lie half a screw motion away, symmetrically.
+    sign
+        Given to x₂*x₁ before the root: 1, −1, or 0 for the short way round at each configuration. With the other sign
+        the absolute pose is turned by half a turn about the axis between the frames.
+    """
+
+    kind: TaskKind
+    frames: tuple[str, ...]
+    root: Root = "midpoint"
+    sign: Literal[-1, 0, 1] = 0
+
+    def __post_init__(self) -> None:
+        for field, allowed in (("kind", TaskKind), ("root", Root)):
+            if getattr(self, field) not in get_args(allowed):
+                raise unknown_name(f"task.{field}", str(getattr(self, field)), get_args(allowed))
+        wanted = 1 if self.kind == "frame" else 2
+        if len(self.frames) != wanted:
+            raise ShapeError(
+                f"task: {self.kind} needs {wanted} frame{'s' * (wanted > 1)}, got {', '.join(self.frames) or 'none'}"
+            )
+        if self.kind != "frame" and self.frames[0] == self.frames[1]:
+            raise ShapeError(f"task: {self.kind} needs two different frames, got '{self.frames[0]}' twice")
+        if self.sign not in (-1, 0, 1):
+            raise ValueRangeError(f"task.sign: must be -1, 0 or 1, got {self.sign!r}")
+
+    @property
+    def label(self) -> str:
+        """What it is called in tables: ``left``, ``left seen from right``, ``left and right``."""
+        return {"frame": "", "relative": " seen from ", "absolute": " and "}[self.kind].join(self.frames)
+
+
+class TreeJoints(NamedTuple):
+    """The joints of a tree, one row each, parents before children.
+
+    Attributes
+    ----------
+    fixed
+        Pose (7,) of each joint's frame in its parent's, after that one's screw; quaternion first; shape (N, 7).
+    kind
+        As in chains, see `kinematics_kernels`; shape (N,).
+    parent
+        Row of the joint that carries it, −1 for the base.
+    coordinate, column
+        Index of the coordinate that moves it, and of the input (−1: none).
+    multiplier, offset
+        It is moved by multiplier · q + offset.
+    """
+
+    fixed: Array
+    kind: Array
+    parent: NDArray[np.intp]
+    coordinate: NDArray[np.intp]
+    column: NDArray[np.intp]
+    multiplier: Array
+    offset: Array
+
+    def path(self, joint: int) -> list[int]:
+        """Return the rows of the joints from the base to one, both included; none for −1."""
+        rows = []
+        while joint >= 0:
+            rows.append(joint)
+            joint = int(self.parent[joint])
+        return rows[::-1]
+
+
+class NamedFrame(NamedTuple):
+    """A frame that is fixed to a joint (−1: to the base): the pose (7,) in the frame of the joint after its screw."""
+
+    joint: int
+    pose: Array
+
+
+class TreeRobot(Robot):
+    """A tree of joints with named frames, of which a law drives one pose at a time: its task.
+
+    `fkm`, the Jacobians and all else that robots have are those of the task. `with_task` returns the same robot with
+    another one; `frame_pose` and `frame_jacobian` give those of any frame.
+
+    Parameters
+    ----------
+    joints
+        See `TreeJoints`.
+    frames
+        Named frames. ``"base"`` is always one: the frame in which poses are given.
+    task
+        What laws drive.
+    joint_names, joint_types, limits
+        Of the coordinates; velocities and efforts of the inputs.
+    input_coordinates
+        Index of the coordinate that each input moves; the coordinates themselves if omitted.
+    drives
+        As of `Robot`.
+    inertia
+        Of the body that each joint (row) moves.
+    name
+        Shown in tables.
+    """
+
+    kernels: ClassVar[RobotKernels] = RobotKernels(
+        task_kernels.forward,
+        task_kernels.kinematics,
+        task_kernels.twist_kinematics,
+        task_kernels.hand_kinematics,
+        task_kernels.kinematics_apart,
+    )
+
+    def __init__(
+        self,
+        joints: TreeJoints,
+        frames: Mapping[str, NamedFrame],
+        task: PoseTask,
+        *,
+        joint_names: Sequence[str],
+        joint_types: Sequence[str],
+        limits: Limits,
+        input_coordinates: NDArray[np.intp] | None = None,
+        drives: Array | None = None,
+        inertia: Inertia | None = None,
+        name: str = "tree",
+    ) -> None:
+        n = len(joint_names)
+        identity = NamedFrame(-1, np.array([1.0, 0, 0, 0, 0, 0, 0]))
+        self.joints = joints
+        self.named_frames: dict[str, NamedFrame] = {_BASE: identity, **frames}
+        self.name = name
+        self.configuration_size = n
+        self.joint_names, self.joint_types = tuple(joint_names), tuple(joint_types)
+        self.limits = limits
+        self.inertia = inertia
+        self.input_coordinates = np.arange(n) if input_coordinates is None else input_coordinates
+        self.input_size = len(self.input_coordinates)
+        self.input_names = tuple(self.joint_names[i] for i in self.input_coordinates)
+        self.input_types = tuple(self.joint_types[i] for i in self.input_coordinates)
+        self.drives = np.zeros((0, 4)) if drives is None else drives
+        self._tree = self._tree_table()
+        self.chain = self._tree[1:, :8]
+        self.chain.flags.writeable = False
+        self._tables: dict[PoseTask, Array] = {}
+        self._choose(task)
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}({self.name!r}, {self.configuration_size} coordinates, {self.task.label})"
+        )
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Names of the frames."""
+        return tuple(self.named_frames)
+
+    @property
+    def parents(self) -> NDArray[np.intp]:
+        """For each row of `chain` and `frames` the row that carries it, −1 for the base: joints, then named frames."""
+        return self._tree[1:, PARENT].astype(np.intp)
+
+    def with_task(self, task: PoseTask | str) -> TreeRobot:
+        """Return the same robot with something else to be driven.
+
+        Parameters
+        ----------
+        task
+            A `PoseTask`, or the name of a frame.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such frame.
+        """
+        robot = copy(self)
+        robot._choose(self.as_task(task))
+        return robot
+
+    def as_task(self, task: PoseTask | str) -> PoseTask:
+        """Return a task, also of a frame's name."""
+        return task if isinstance(task, PoseTask) else PoseTask("frame", (str(task),))
+
+    def from_start(self, q: Array) -> TreeRobot:
+        """Return the robot for a run from a configuration: the sign of the relative pose is kept from there on."""
+        if self.task.kind != "absolute" or self.task.sign:
+            return self
+        first, second = self.task.frames
+        return self.with_task(
+            PoseTask("absolute", (first, second), self.task.root, self.relative_sign(q, first, second))
+        )
+
+    def relative_sign(self, q: ArrayLike, first: str, second: str, previous: ArrayLike = 0) -> Any:
+        """Return the sign h of x₂*x₁ for which h Re(r) ≥ −0.2: the previous one as long as that allows it.
+
+        Half a turn between the frames then is no place where the absolute pose jumps: it does only 0.2 beyond (at 203°
+        between them, and back at 203° the other way round), and then by half a turn. Without a previous sign (0) the
+        short way round.
+        """
+        real = self.pose_of(PoseTask("relative", (first, second)), q)[..., 0]
+        last = np.broadcast_to(np.asarray(previous, dtype=np.float64), real.shape)
+        short = np.where(real >= 0, 1, -1)
+        sign = np.where((last == 0) | (last * real < -_HYSTERESIS), short, last).astype(int)
+        return int(sign) if sign.ndim == 0 else sign
+
+    def fkm(self, q: ArrayLike, frame: str | None = None) -> Array:
+        """Return the pose of the task, or of a named frame, shape (…, 8), base frame."""
+        if frame is None:
+            return super().fkm(q)
+        return self.pose_of(PoseTask("frame", (frame,)), q)
+
+    def frames(self, q: ArrayLike) -> Array:
+        """Return the poses of all joint frames after their screws, then of all named frames: shape (…, N + F, 8)."""
+        rows = len(self._tree) - 1
+        flat = self._map(task_kernels.tree_frames, q, self.configuration_size, 8 * rows, self._tree)
+        return flat.reshape(*flat.shape[:-1], rows, 8)
+
+    def pose_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
+        """Return the pose of any task or named frame, shape (…, 8)."""
+        return self._map(self.kernels.forward, q, self.configuration_size, 8, self._table_of(task))
+
+    def pose_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
+        """Return the pose Jacobian of any task or named frame, shape (…, 8, m)."""
+        return self._columns(q, self.kernels.kinematics, 0, 8, self._table_of(task))
+
+    def twist_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
+        """Return the twist Jacobian of any task or named frame, shape (…, 6, m)."""
+        return self._columns(q, self.kernels.kinematics, 8, 6, self._table_of(task))
+
+    @property
+    def reach(self) -> float:
+        """Sum of the distances between neighbouring joints, m: of the longest path to a frame of the task."""
+        return max(self._path_length(self._frame(name)) for name in self.task.frames)
+
+    def _path_length(self, frame: NamedFrame) -> float:
+        rows = self.joints.path(frame.joint)
+        steps = [float(np.linalg.norm(self.joints.fixed[row, 4:7])) for row in rows[1:]]
+        slides = [
+            float(np.abs(self.joints.multiplier[row] * np.array([limits.lower[c], limits.upper[c]])).max())
+            for limits, row in ((self.limits, row) for row in rows)
+            for c in [self.joints.coordinate[row]]
+            if self.joints.kind[row] == PRISMATIC
+        ]
+        return sum(steps) + sum(slides) + float(np.linalg.norm(frame.pose[4:7]))
+
+    def solve_tasks(
+        self,
+        poses: Mapping[PoseTask | str, ArrayLike],
+        q0: ArrayLike | None = None,
+        *,
+        position_tolerance: float = 1e-6,
+        orientation_tolerance: float = 1e-6,
+        restarts: int = 400,
+        seed: int = 0,
+    ) -> Solution:
+        """Find one configuration within the joint limits that gives several tasks their poses at once.
+
+        Parameters
+        ----------
+        poses
+            Desired unit dual quaternion, shape (8,), of each task or named frame.
+        q0, position_tolerance, orientation_tolerance, restarts, seed
+            As of `solve`.
+
+        Returns
+        -------
+        Solution
+            Its errors are those of the task that is farthest from its pose.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError, UnknownNameError
+            If a size, value or name is wrong. Poses that cannot be reached are no error: see `Solution`.
+        """
+        tasks = [self.as_task(task) for task in poses]
+        if not tasks:
+            raise ShapeError("poses: expected the pose of at least one task, got none")
+        problem = prepare_inverse(
+            self.limits,
+            self.joint_types,
+            as_tolerance("position_tolerance", position_tolerance),
+            as_tolerance("orientation_tolerance", orientation_tolerance),
+            as_whole_number("restarts", restarts),
+            as_whole_number("seed", seed),
+        )
+        targets = [
+            _one_pose(f"poses[{task.label}]", pose) for task, pose in zip(tasks, poses.values(), strict=True)
+        ]
+        guess = problem.middle if q0 is None else self._rows("q0", q0)
+        if guess.ndim != 1:
+            raise ShapeError(f"q0: expected one configuration, got shape {guess.shape}")
+        q = np.clip(guess, *problem.limits)[None]
+        report = self._newton_tasks(tasks, problem, np.concatenate(targets)[None], q)[0]
+        success = problem.is_reached(report[0], report[1])
+        reason = "" if success else self._why_not(tasks, targets, q[0])
+        return Solution(
+            q[0], success, float(report[0]), float(report[1]), int(report[2]), int(report[3]), reason
+        )
+
+    def _why_not(self, tasks: Sequence[PoseTask], targets: Sequence[Array], q: Array) -> str:
+        """Return how far each task is from its pose at the nearest configuration found."""
+        parts = []
+        for task, target in zip(tasks, targets, strict=True):
+            pose = self.pose_of(task, q)
+            away = float(np.linalg.norm(positions(pose) - positions(target)))
+            turned = 2 * float(np.arccos(min(abs(float(pose[:4] @ target[:4])), 1.0)))
+            parts.append(f"{task.label} {away:.3g} m and {turned:.3g} rad")
+        return f"unreachable: not all at once; the nearest configuration found has {', '.join(parts)} to go"
+
+    def _newton(self, problem: Problem, poses: Array, q: Array) -> Array:
+        return self._newton_tasks([self.task], problem, poses, q)
+
+    def _newton_tasks(self, tasks: Sequence[PoseTask], problem: Problem, poses: Array, q: Array) -> Array:
+        """Call the kernel: overwrite q and return the reports."""
+        tables = [self._inverse_table(task) for task in tasks]
+        begins = np.cumsum([0, *map(len, tables)]).astype(np.float64)
+        options = np.array([problem.options[2], *np.tile(problem.options[:2], len(tasks))])
+        reports = np.empty((len(poses), 4))
+        work = np.empty(task_solver_work.size(len(tasks), self.configuration_size))
+        solve_tasks(
+            np.vstack(tables), begins, problem.limits, problem.starts, poses, options, q, reports, work
+        )
+        return reports
+
+    def _inverse_table(self, task: PoseTask) -> Array:
+        """Return the table of a task in which each coordinate has an input, those of drives too."""
+        table = self._table_of(task).copy()
+        rows = table[1:]
+        drives = rows[:, 7] > PRISMATIC
+        rows[drives, 7] = PRISMATIC
+        joints = rows[:, 7] != FIXED
+        rows[joints, INPUT_COLUMN] = rows[joints, COORDINATE]
+        return table
+
+    def _table_of(self, task: PoseTask | str) -> Array:
+        """Return the table of a task, made once."""
+        wanted = self.as_task(task)
+        if wanted not in self._tables:
+            self._tables[wanted] = self._task_table(wanted)
+        return self._tables[wanted]
+
+    def _choose(self, task: PoseTask) -> None:
+        self.task = task
+        self._keep_table(self._table_of(task))
+
+    def _raise(self, status: int, q: Any) -> None:
+        if status == SINGULAR:
+            raise ValueRangeError(
+                f"q: both frames of the task are a full turn apart in {self.name}, where they have no absolute pose"
+            )
+        super()._raise(status, q)
+
+    def _frame(self, name: str) -> NamedFrame:
+        if name not in self.named_frames:
+            raise unknown_name("frame", name, self.named_frames)
+        return self.named_frames[name]
+
+    def _tree_table(self) -> Array:
+        """Return the table of all joints and named frames."""
+        named = self.named_frames.values()
+        head = np.zeros((1, COLUMNS))
+        head[0, COORDINATES] = self.configuration_size
+        rows = self._rows_of(np.arange(len(self.joints.kind)))
+        return np.vstack([head, rows, *(_frame_row(frame.pose, frame.joint) for frame in named)])
+
+    def _rows_of(self, chosen: ArrayLike) -> Array:
+        """Return the rows of joints."""
+        index, joints = np.asarray(chosen, dtype=np.intp), self.joints
+        rows = np.zeros((len(index), COLUMNS))
+        rows[:, :7], rows[:, 7] = joints.fixed[index], joints.kind[index]
+        for column, values in (
+            (COORDINATE, joints.coordinate),
+            (INPUT_COLUMN, joints.column),
+            (MULTIPLIER, joints.multiplier),
+            (OFFSET, joints.offset),
+            (PARENT, joints.parent),
+        ):
+            rows[:, column] = values[index]
+        return rows
+
+    def _task_table(self, task: PoseTask) -> Array:
+        """Return the table of a task; a relative one leaves out the joints that carry both frames."""
+        frames = [self._frame(name) for name in task.frames]
+        paths = [self.joints.path(frame.joint) for frame in frames]
+        if task.kind == "relative":
+            shared = 0
+            for one, other in zip(*paths, strict=False):
+                if one != other:
+                    break
+                shared += 1
+            paths = [path[shared:] for path in paths]
+        parts = [
+            np.vstack([self._rows_of(path), _frame_row(frame.pose, frame.joint)])
+            for path, frame in zip(paths, frames, strict=True)
+        ]
+        head = np.zeros((1, COLUMNS))
+        head[0, KIND] = _KINDS[task.kind, task.root if task.kind == "absolute" else ""]
+        head[0, SIGN], head[0, COORDINATES] = task.sign, self.configuration_size
+        head[0, FIRST_ROWS] = len(parts[0])
+        head[0, SECOND_ROWS] = len(parts[1]) if len(parts) > 1 else 0
+        return np.vstack([head, *parts])
+
+
+_HYSTERESIS = 0.2
+_KINDS = {
+    ("frame", ""): FRAME,
+    ("relative", ""): RELATIVE,
+    ("absolute", "midpoint"): MIDPOINT,
+    ("absolute", "screw"): SCREW,
+}
+
+
+def _one_pose(field: str, pose: ArrayLike) -> Array:
+    found = unit_poses(field, pose)
+    if found.ndim != 1:
+        raise ShapeError(f"{field}: expected one pose, shape (8,), got {found.shape}")
+    return found
+
+
+def _frame_row(pose: Array, joint: int) -> Array:
+    row = np.zeros((1, COLUMNS))
+    row[0, :7], row[0, 7], row[0, PARENT], row[0, INPUT_COLUMN] = pose, FIXED, joint, -1
+    return row

@@ -1,0 +1,245 @@
+"""Two arms as one robot: what their hands do relative to each other, and together."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, TypeAlias, cast, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.robots.chains import joined_inertia, joined_limits
+from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, Root, TaskKind, TreeJoints, TreeRobot
+
+TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
+_LEFT, _RIGHT = "left", "right"
+
+
+class TwoArms(TreeRobot):
+    """Two arms in one frame, side by side or on a common base: the cooperative dual task space. [Adorno 2011]
+
+    q holds the coordinates of the left arm, then those of the right one; of a common base before both. So do inputs and
+    columns of Jacobians. A law drives one of four poses: each hand's, the relative one x_r = x₂*x₁, which is the left
+    hand seen from the right, and the absolute one x_a = x₂ x_r^½, which lies between both hands.
+
+    Parameters
+    ----------
+    left, right
+        Arms, or robots with bases, with poses in the same frame: that of the base's end if there is one.
+    base
+        What carries both: a torso, a drive.
+    task
+        What laws drive: ``"relative"``, ``"absolute"``, ``"left"`` or ``"right"``.
+    root
+        Of the absolute pose: see `PoseTask`.
+    name
+        The names of the parts joined by ``+`` if omitted.
+
+    Attributes
+    ----------
+    left, right, base
+        As given.
+
+    Raises
+    ------
+    ShapeError, UnknownNameError
+        If a part is no chain, or a name is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> panda, shift = dqc.load_robot("panda"), dqc.DualQuaternion.from_translation
+    >>> left = dqc.SerialArm.join([shift([0, 0.4, 0]), panda])
+    >>> right = dqc.SerialArm.join([shift([0, -0.4, 0]), panda])
+    >>> arms = dqc.TwoArms(left, right)
+    >>> q = np.array([0, -0.6, 0, -2.2, 0, 1.6, 0.8] * 2)
+    >>> dqc.DualQuaternion(arms.relative_pose(q)).translation.round(3).tolist()
+    [0.0, 0.8, 0.0]
+    >>> arms.absolute_pose_jacobian(q).shape
+    (8, 14)
+    """
+
+    def __init__(
+        self,
+        left: Robot,
+        right: Robot,
+        *,
+        base: Robot | None = None,
+        task: TwoArmsTask = "relative",
+        root: Root = "midpoint",
+        name: str | None = None,
+    ) -> None:
+        parts = {"base": base, _LEFT: left, _RIGHT: right}
+        for field, part in parts.items():
+            if not isinstance(part, Robot | (type(None) if field == "base" else Robot)):
+                raise ShapeError(f"{field}: expected an arm or a whole body, got {part!r:.80}")
+            if isinstance(part, TreeRobot):
+                raise ShapeError(f"{field}: {part.name} is a tree already; choose two of its frames instead")
+        self.left, self.right, self.base = left, right, base
+        known = {label: part for label, part in parts.items() if part is not None}
+        joints, frames = _joined(known)
+        robots = list(known.values())
+        offsets = np.cumsum([0, *(robot.configuration_size for robot in robots)])
+        drives = [
+            robot.drives + np.array([offset, 0, 0, 0])
+            for robot, offset in zip(robots, offsets[:-1], strict=True)
+        ]
+        super().__init__(
+            joints,
+            frames,
+            self._named_task(task, root),
+            joint_names=_distinct({label: robot.joint_names for label, robot in known.items()}),
+            joint_types=[kind for robot in robots for kind in robot.joint_types],
+            limits=joined_limits([robot.limits for robot in robots]),
+            input_coordinates=np.concatenate(
+                [robot.input_coordinates + offset for robot, offset in zip(robots, offsets[:-1], strict=True)]
+            ),
+            drives=np.vstack(drives),
+            inertia=joined_inertia([robot.inertia for robot in robots]),
+            name=name or "+".join(robot.name for robot in robots),
+        )
+        self.input_names = tuple(_distinct({label: robot.input_names for label, robot in known.items()}))
+        self._relative = self._table_of(self._named_task("relative", "midpoint"))
+        self._short, self._positive, self._negative = (
+            {
+                each: self._table_of(PoseTask("absolute", (_LEFT, _RIGHT), each, sign))
+                for each in get_args(Root)
+            }
+            for sign in (0, 1, -1)
+        )
+
+    def as_task(self, task: PoseTask | str) -> PoseTask:
+        """Return a task: a `PoseTask`, one of the four names, or the name of a frame."""
+        if isinstance(task, str) and task in get_args(TwoArmsTask):
+            return self._named_task(task, self.task.root)
+        return super().as_task(task)
+
+    def relative_pose(self, q: ArrayLike) -> Array:
+        """Return x_r = x₂*x₁, the left hand seen from the right one, shape (…, 8).
+
+        Its sign follows q without a jump: it is not made short.
+        """
+        return self._map(self.kernels.forward, q, self.configuration_size, 8, self._relative)
+
+    def absolute_pose(self, q: ArrayLike, root: Root = "midpoint", sign: ArrayLike | None = None) -> Array:
+        """Return x_a = x₂ x_r^½, shape (…, 8), inertial frame.
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+        root
+            ``"midpoint"``: the position is midway between the hands, the orientation half the relative rotation away
+            from both. [Adorno 2011] ``"screw"``: x_a is half a screw motion away from both.
+        sign
+            h = ±1 of h x_r, whose root is taken, shape (…): see `hands_sign`. The short way round if omitted, which
+            turns x_a by half a turn where the relative angle passes π.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError, UnknownNameError
+            If a size, value or name is wrong, or the hands are a full turn apart with the sign given.
+        """
+        if sign is None and root in self._short:
+            return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])
+
+        def pose(rows: ArrayLike, table: Array) -> Array:
+            return self._map(self.kernels.forward, rows, self.configuration_size, 8, table)
+
+        return self._by_sign(pose, q, root, sign)
+
+    def relative_pose_jacobian(self, q: ArrayLike) -> Array:
+        """Return J with vec8(ẋ_r) = J u, shape (…, 8, m)."""
+        return self._columns(q, self.kernels.kinematics, 0, 8, self._relative)
+
+    def absolute_pose_jacobian(
+        self, q: ArrayLike, root: Root = "midpoint", sign: ArrayLike | None = None
+    ) -> Array:
+        """Return J with vec8(ẋ_a) = J u, shape (…, 8, m); parameters as of `absolute_pose`."""
+        if sign is None and root in self._short:
+            return self._columns(q, self.kernels.kinematics, 0, 8, self._short[root])
+
+        def jacobian(rows: ArrayLike, table: Array) -> Array:
+            return self._columns(rows, self.kernels.kinematics, 0, 8, table)
+
+        return self._by_sign(jacobian, q, root, sign)
+
+    def hands_sign(self, q: ArrayLike, previous: ArrayLike = 0) -> Any:
+        """Return the sign h of x_r to take the root of, 1 or −1, shape (…).
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+        previous
+            That of the sample before, shape (…): it is kept as long as h Re(r) ≥ −0.2, up to a relative angle of 203°.
+            0: the short way round.
+
+        Examples
+        --------
+        >>> import numpy as np, dqcontrol as dqc
+        >>> stick = dqc.SerialArm.from_dh(theta=[0], d=[0], a=[1], alpha=[0])
+        >>> arms = dqc.TwoArms(stick, stick)
+        >>> [arms.hands_sign([np.radians(angle), 0.0], previous=1) for angle in (179, 181, 202, 204)]
+        [1, 1, 1, -1]
+        """
+        return self.relative_sign(q, _LEFT, _RIGHT, previous)
+
+    def _by_sign(
+        self, function: Callable[[ArrayLike, Array], Array], q: ArrayLike, root: Root, sign: ArrayLike | None
+    ) -> Array:
+        """Return what a function makes of configurations and the absolute pose's table of each one's sign."""
+        if root not in get_args(Root):
+            raise unknown_name("root", str(root), get_args(Root))
+        signs = np.asarray(sign, dtype=np.float64)
+        if not (np.abs(signs) == 1).all():
+            raise ValueRangeError(f"sign: must be 1 or -1, got {sign!r:.80}")
+        rows = self._rows("q", q)
+        signs = np.broadcast_to(signs, rows.shape[:-1])
+        plus = function(rows[signs > 0], self._positive[root])
+        out = np.empty((*signs.shape, *plus.shape[1:]))
+        out[signs > 0], out[signs < 0] = plus, function(rows[signs < 0], self._negative[root])
+        return out
+
+    def _named_task(self, task: str, root: str) -> PoseTask:
+        for field, name, allowed in (("task", task, TwoArmsTask), ("root", root, Root)):
+            if name not in get_args(allowed):
+                raise unknown_name(field, str(name), get_args(allowed))
+        if task in (_LEFT, _RIGHT):
+            return PoseTask("frame", (task,), cast(Root, root))
+        return PoseTask(cast(TaskKind, task), (_LEFT, _RIGHT), cast(Root, root))
+
+
+def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]:
+    """Return the joints of a base and of two chains at its end, and the frame at the end of each."""
+    rows: list[tuple[Any, ...]] = []
+    frames, coordinates, inputs = {}, 0, 0
+    start, mount = -1, shift()
+    for label, part in parts.items():
+        columns = np.full(part.configuration_size, -1)
+        columns[part.input_coordinates] = inputs + np.arange(part.input_size)
+        parent, fixed = start, mount
+        for i in range(part.configuration_size):
+            row = part.chain[i]
+            at = compose(fixed, row[:7]) if i == 0 else row[:7]
+            rows.append((at, row[7], parent, coordinates + i, columns[i], 1.0, 0.0))
+            parent, fixed = len(rows) - 1, shift()
+        end = compose(fixed, part.chain[-1, :7])
+        frames[label] = NamedFrame(parent, end)
+        if label == "base":
+            start, mount = parent, end
+        coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
+    return TreeJoints(*(np.array(values) for values in zip(*rows, strict=True))), frames
+
+
+def _distinct(names: dict[str, Sequence[str]]) -> list[str]:
+    """Return all names; those that occur twice after the label of their part."""
+    counts = Counter(name for each in names.values() for name in each)
+    return [
+        name if counts[name] == 1 else f"{label}/{name}" for label, each in names.items() for name in each
+    ]

@@ -1,0 +1,256 @@
+"""What a law is worth: all numbers of its runs on all motions, starts, seeds and plants."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace as changed
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
+from dqcontrol.laws import Law, PreparedLaw
+from dqcontrol.loop.repeated_loop import RepeatedLoop
+from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
+from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
+from dqcontrol.tuning.plant_family import PlantFamily
+from dqcontrol.tuning.stability_slack import Slack, StabilityJudge
+from dqcontrol.tuning.tune_spec import TuneProblem
+
+_UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small
+_NEARLY = 1e-3  # of a margin
+_OTHER_START = 0.1  # rad or m, as far are held-out starts from the spec's
+_HELD_OUT_STARTS, _TRIES = 2, 20
+_FIRST_HELD_OUT = 1_000_003  # seed, counted from the spec's
+
+
+class Evaluated(NamedTuple):
+    """What came of a law.
+
+    Attributes
+    ----------
+    total
+        Weighted sum of the objectives, of the worst plant; infinite where there is none.
+    violation
+        By how much constraints are violated; 0 if they are kept.
+    numbers
+        All `NUMBERS`, means over the worst plant's runs.
+    """
+
+    total: float
+    violation: float
+    numbers: Array
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What is better comes first: fewer violations, then a smaller total."""
+        return self.violation, self.total
+
+    def value(self, name: str) -> float:
+        """Return one number."""
+        return float(self.numbers[NUMBERS.index(name)])
+
+
+class LawEvaluation:
+    """Runs laws on scenes, seeds and plants; one a process, as its memory is used again and again.
+
+    Parameters
+    ----------
+    problem
+        The spec and what is searched for.
+    scenes
+        Robots at their starts with their motions.
+    family
+        Of plants.
+    seeds
+        Of the noise.
+    judge
+        Of stability; None: that is not asked.
+    """
+
+    def __init__(
+        self,
+        problem: TuneProblem,
+        scenes: Sequence[PreparedRobot],
+        family: PlantFamily,
+        seeds: Sequence[int],
+        judge: StabilityJudge | None,
+    ) -> None:
+        spec = problem.spec
+        self._block, self._spec, self._judge = problem.block, spec, judge
+        self._scenes, self._family = list(scenes), family
+        robot, plant = scenes[0].robot, family.plants[0]
+        self._limits = spec.limits_of(plant, robot)
+        self._mode: CommandMode = lagging_mode(plant)
+        limits = robot.limits
+        if command_mode(plant) == "measured":  # its commands are no velocities of joints
+            limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
+        self._measure = RunMeasure(robot, limits)
+        self._skipped = math.ceil(spec.skip_initial / spec.period * (1 - 1e-12))
+        self._objectives = np.array([NUMBERS.index(name) for name in self._block.objectives])
+        self._weights = np.array(list(self._block.objectives.values()))
+        self._bounds = [(NUMBERS.index(name), each) for name, each in self._block.constraints.items()]
+        self._loops = [
+            [
+                RepeatedLoop(
+                    robot,
+                    each,
+                    scene.start,
+                    spec.period,
+                    scene.samples,
+                    seed=seed,
+                    supervisor=spec.supervisor_of(each),
+                    disturbance=spec.disturbance,
+                )
+                for seed in seeds
+                for scene in self._scenes
+            ]
+            for each in family.plants
+        ]
+
+    @property
+    def runs(self) -> int:
+        """How many runs an evaluation takes."""
+        return sum(map(len, self._loops))
+
+    @property
+    def steps(self) -> int:
+        """How many steps an evaluation takes."""
+        return sum(len(loop.samples) for loops in self._loops for loop in loops)
+
+    def prepared(self, law: Law) -> list[PreparedLaw]:
+        """Return a law made ready for each scene; once for all, if it asks for no horizon."""
+        period = self._spec.period
+        first = law.prepare(
+            self._scenes[0].robot, self._scenes[0].reference, period, self._limits, self._mode
+        )
+        if law.horizon(self._scenes[0].reference) == 0.0:
+            return [first] * len(self._scenes)
+        rest = (
+            law.prepare(scene.robot, scene.reference, period, self._limits, self._mode)
+            for scene in self._scenes[1:]
+        )
+        return [first, *rest]
+
+    def slack(self, law: Law) -> Slack:
+        """Return how far a law is from the stability that is asked for, over all scenes."""
+        if self._judge is None:
+            return Slack(0.0, math.inf)
+        found = [self._judge.slack(law, each) for each in dict.fromkeys(self.prepared(law))]
+        return Slack(max(each.product for each in found), min(each.share for each in found))
+
+    def __call__(self, law: Law) -> Evaluated:
+        """Run a law everywhere; one that is not stable enough does not run at all."""
+        nothing = np.full(len(NUMBERS), math.nan)
+        try:
+            prepared = self.prepared(law)
+        except Error:  # parameters that the law does not take
+            return Evaluated(math.inf, 2 * _DIVERGED, nothing)
+        if self._judge is not None:
+            share = min(self._judge.slack(law, each).share for each in dict.fromkeys(prepared))
+            if share < 1 - _NEARLY:
+                return Evaluated(math.inf, _UNSTABLE * (2 - share), nothing)
+        worst, violation = Evaluated(-math.inf, 0.0, nothing), 0.0
+        for loops in self._loops:
+            rows = np.empty((len(loops), len(NUMBERS)))
+            for i, loop in enumerate(loops):
+                passed = loop.run(prepared[i % len(self._scenes)])
+                if passed.failed or len(passed.q) < 3:
+                    left = 1 - len(passed.q) / len(loop.samples)
+                    return Evaluated(math.inf, _DIVERGED * (1 + left), nothing)
+                q = passed.measured if self._spec.metrics_from == "measured" else passed.q
+                rows[i] = self._measure(passed.samples, q, passed.command, self._skipped)
+            for place, bounds in self._bounds:
+                violation += max(bounds.violation(float(value)) for value in rows[:, place])
+            numbers = rows.mean(axis=0)
+            total = float(self._weights @ numbers[self._objectives])
+            if not math.isfinite(total):
+                return Evaluated(math.inf, _UNSTABLE, numbers)
+            if total > worst.total:
+                worst = Evaluated(total, 0.0, numbers)
+        return worst._replace(violation=violation)
+
+
+def searched_scenes(problem: TuneProblem) -> list[PreparedRobot]:
+    """Return what a search runs on: each start with each motion.
+
+    Raises
+    ------
+    Error
+        If a motion or start does not fit or is out of reach.
+    """
+    spec, block = problem.spec, problem.block
+    starts = [spec.start, *block.starts]
+    found = []
+    for i, start in enumerate(starts):
+        for k, reference in enumerate([spec.reference, *block.references]):
+            place = [f"tune.starts[{i - 1}]"] * bool(i) + [f"tune.references[{k - 1}]"] * bool(k)
+            found.append(_scene(problem, changed(spec, start=start, reference=reference), ", ".join(place)))
+    return found
+
+
+def held_out_scenes(problem: TuneProblem) -> list[PreparedRobot]:
+    """Return what winners are judged on: as the spec says, or its motion from two other starts nearby.
+
+    Raises
+    ------
+    Error
+        If a motion or start does not fit or is out of reach.
+    """
+    spec, held_out = problem.spec, problem.block.held_out
+    if held_out.references is None and held_out.starts is None:
+        return list(_nearby(problem))
+    references = held_out.references or [spec.reference]
+    starts = held_out.starts or [spec.start]
+    return [
+        _scene(
+            problem,
+            changed(spec, start=start, reference=reference),
+            f"tune.held_out, motion {k + 1}, start {i + 1}",
+        )
+        for i, start in enumerate(starts)
+        for k, reference in enumerate(references)
+    ]
+
+
+def held_out_seeds(problem: TuneProblem) -> range:
+    """Return the seeds that the search does not see."""
+    first = problem.spec.seed + _FIRST_HELD_OUT
+    return range(first, first + problem.block.held_out.seeds)
+
+
+def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
+    """Give the motion from other starts, as far as the robot can do it there; from its own, if nowhere else."""
+    spec = problem.spec
+    home = _scene(problem, spec, "")
+    limits, draw, found = home.robot.limits, np.random.default_rng(spec.seed), 0
+    for _ in range(_TRIES):
+        moved = home.start + draw.uniform(-_OTHER_START, _OTHER_START, len(home.start))
+        moved = np.clip(moved, limits.lower, limits.upper)
+        try:
+            yield _scene(problem, changed(spec, start=moved.tolist()), "")
+        except Error:
+            continue
+        found += 1
+        if found == _HELD_OUT_STARTS:
+            return
+    if not found:
+        yield home
+
+
+def _scene(problem: TuneProblem, spec: object, place: str) -> PreparedRobot:
+    try:
+        setting = prepare_spec(spec, problem.folder, {})  # type: ignore[arg-type]
+    except Error as error:
+        at = f"{place}: " if place else ""
+        raise type(error)(f"{problem.where}: {at}{error}") from None
+    scene = setting.scene
+    if len(scene.samples) < 3:
+        raise ValueRangeError(
+            f"{problem.where}: duration: takes {len(scene.samples)} samples; a search needs 3"
+        )
+    return scene

@@ -1,0 +1,427 @@
+"""Running a search: every law at its own best under the same budget, in processes here or on a cluster."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import yaml
+
+from dqcontrol.errors import Error, ShapeError
+from dqcontrol.experiments.check import loop_checks
+from dqcontrol.experiments.prepared_experiment import prepare_spec, program
+from dqcontrol.experiments.processes import checked_jobs, in_processes
+from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.row_file import write_rows
+from dqcontrol.experiments.run_comparison import write_table
+from dqcontrol.experiments.spec import as_spec
+from dqcontrol.experiments.spec.reference_spec import ObjectSpec
+from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.trials import WORTH_PROCESSES
+from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
+from dqcontrol.measures.table_cells import Cell, Column
+from dqcontrol.measures.tables import Table
+from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
+from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
+
+TuneProgress = Callable[[int, int], None]  # laws done; laws in all
+WINNERS, BEST, EVALUATIONS, FRONTS = "winners.json", "best.yaml", "evaluations.parquet", "fronts.json"
+_STEP = 1.5e-6  # s, roughly
+
+
+@dataclass(frozen=True)
+class TunedLaw:
+    """One law at its best.
+
+    Attributes
+    ----------
+    result
+        What was found.
+    margin
+        By how much its loop's gain could be multiplied, as ``check`` says; None if that is unknown.
+    verdict
+        Of ``check``.
+    objectives
+        Names of the objectives.
+    """
+
+    result: LawResult
+    margin: float | None
+    verdict: str
+    objectives: tuple[str, ...]
+
+    @property
+    def label(self) -> str:
+        """Label of the law in the spec."""
+        return self.result.label
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether it keeps all constraints on what was searched."""
+        return self.result.violation == 0 and math.isfinite(self.result.total)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return an entry of ``winners.json``: numbers of the objectives in the units of tables."""
+
+        def shown(values: Mapping[str, float]) -> dict[str, float | None]:
+            return {name: _jsonable(values[name]) for name in self.objectives} | {
+                "total": _jsonable(
+                    self.result.total if values is self.result.searched else self.result.held_out_total
+                )
+            }
+
+        return {
+            "law": self.label,
+            "parameters": self.result.parameters,
+            "objectives": shown(self.result.searched),
+            "held_out": shown(self.result.held_out),
+            "margin": None if self.margin is None else _jsonable(self.margin),
+            "evaluations": self.result.evaluations,
+        }
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What a search found.
+
+    Attributes
+    ----------
+    problem
+        What was searched for.
+    laws
+        Each at its best, the best on what the search did not see first; those that break a constraint last.
+    """
+
+    problem: TuneProblem
+    laws: tuple[TunedLaw, ...]
+
+    def __repr__(self) -> str:
+        return f"Tuning({self.problem.spec.name!r}, best: {self.laws[0].label!r})"
+
+    def __str__(self) -> str:
+        """Return the table, and what is to be said of it."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
+
+    @property
+    def best(self) -> TunedLaw:
+        """The first."""
+        return self.laws[0]
+
+    @cached_property
+    def best_spec(self) -> dict[str, Any]:
+        """The spec of one run with the best law, as plain data."""
+        return self.spec_of(self.best.label)
+
+    def spec_of(self, label: str) -> dict[str, Any]:
+        """Return the spec of one run with the best parameters of a law, as plain data."""
+        found = next(each for each in self.laws if each.label == label)
+        data = {key: value for key, value in self.problem.data.items() if key not in ("law", "laws")}
+        return data | {"law": found.result.law}
+
+    def table(self) -> Table:
+        """Return one row a law: parameters, objectives on what was searched and on what was not, margin."""
+        names = list(self.problem.block.objectives)
+        columns = [
+            Column("law"),
+            Column("parameters"),
+            *(NUMBER_COLUMNS[name] for name in names),
+            Column("total"),
+            Column("total, held out"),
+            Column("margin", "", ".3g"),
+            Column("evaluations"),
+        ]
+        rows: list[list[Cell]] = []
+        for each in self.laws:
+            found = each.result
+            rows.append(
+                [
+                    each.label,
+                    ", ".join(f"{key} {_in_short(value)}" for key, value in found.parameters.items()),
+                    *(_jsonable(found.searched[name]) for name in names),
+                    _jsonable(found.total),
+                    _jsonable(found.held_out_total),
+                    None if each.margin is None or not math.isfinite(each.margin) else each.margin,
+                    found.evaluations,
+                ]
+            )
+        return Table(columns, rows, f"{self.problem.spec.name}: every law at its best")
+
+    def remarks(self) -> list[str]:
+        """Say what the table does not: constraints broken, sides of the box reached, limits of speed met."""
+        lines = []
+        for each in self.laws:
+            found = each.result
+            if not math.isfinite(found.total):
+                lines.append(f"{each.label}: no parameters run to the end")
+            elif found.violation:
+                lines.append(f"{each.label}: no parameters keep the constraints; the nearest are shown")
+            if found.held_out_violation:
+                lines.append(
+                    f"{each.label}: breaks a constraint, or diverges, on what the search did not see"
+                )
+            free = [name for name in found.at_side if not name.endswith("(margin)")]
+            if free:
+                lines.append(f"{each.label}: {', '.join(free)} at an end of the range: widen it")
+            if any(name.endswith("(margin)") for name in found.at_side):
+                lines.append(f"{each.label}: as fast as the margin allows")
+            if found.searched["saturation"] > 0:
+                lines.append(
+                    f"{each.label}: {100 * found.searched['saturation']:.2g} % of the samples are at velocity limits: "
+                    "what was tuned is the saturation"
+                )
+        return lines
+
+    def winners(self) -> list[dict[str, Any]]:
+        """Return what ``winners.json`` holds."""
+        return [each.to_dict() for each in self.laws]
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a new folder.
+
+        Raises
+        ------
+        ExistsError
+            If the folder exists (without ``force``).
+        """
+        with new_folder(folder, force=force) as new:
+            self.write(new)
+        return Path(folder)
+
+    def write(self, folder: Path) -> None:
+        """Write the files of `save` into an existing folder."""
+        text = tune_text(self.problem)
+        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
+        copy_inputs(parse_yaml("spec", text), folder)
+        _write_json(folder / WINNERS, self.winners())
+        (folder / BEST).write_text(_yaml(self.best_spec), encoding="utf-8")
+        rows = [{"law": each.label} | row for each in self.laws for row in each.result.rows]
+        write_rows(folder / EVALUATIONS, rows, {"spec": text})
+        if self.problem.block.front:
+            _write_json(folder / FRONTS, self.fronts())
+        write_table(self.table(), folder, "winners")
+        result_pages().write_tuning(self, text, folder)
+
+    def fronts(self) -> dict[str, list[dict[str, Any]]]:
+        """Return of each law its best compromises: parameters, and both objectives."""
+        front = self.problem.block.front
+        if front is None:
+            return {}
+        first, second = front.objectives
+        return {
+            each.label: [{"parameters": p, first: a, second: b} for p, a, b in each.result.front]
+            for each in self.laws
+        }
+
+
+def tune(
+    source: str | Path | dict[str, Any],
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: TuneProgress | None = None,
+    **block: Any,
+) -> Tuning:
+    """Find the best parameters of every law of a spec, all under the same budget, and judge them on unseen runs.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a dictionary, with laws, one robot, one plant, and perhaps the block
+        ``tune``; see `TuneBlock`.
+    jobs
+        Processes on this machine; default: as many as there are processors, or one if there is little to do.
+    scheduler
+        Address of a Dask scheduler, whose workers search in place of processes here.
+    progress
+        Called with laws done, and in all.
+    **block
+        Keys of ``tune`` that differ, as ``budget=100``.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed, does not fit, is out of reach, or no law of a range can be stable; before
+        anything runs.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> found = dqc.tune({
+    ...     "name": "best", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
+    ...     "reference": {"kind": "circle", "radius": 0.05, "duration": 1},
+    ...     "law": {"kind": "proportional-feedforward", "gain": 5},
+    ...     "plant": {"kind": "servo", "delay": 0.02, "encoder_noise": 2e-4},
+    ... }, budget=8)
+    >>> found.best.label, found.best.margin >= 2
+    ('proportional-feedforward', True)
+    """
+    problem, jobs = read_tune(source, **block), checked_jobs(jobs)
+    return _tuned(problem, jobs, scheduler, None, progress)
+
+
+def tune_to(
+    source: str | Path | dict[str, Any],
+    folder: str | Path,
+    *,
+    force: bool = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    progress: TuneProgress | None = None,
+) -> Tuning:
+    """Do the same, and write a folder of results; after an interruption the same call resumes it.
+
+    Parameters
+    ----------
+    source, jobs, scheduler, progress
+        As for `tune`.
+    folder
+        A new folder.
+    force
+        Replace the folder, if it holds earlier results, and discard an unfinished search of another spec or version.
+
+    Raises
+    ------
+    Error
+        As `tune`, and if the folder must not be written.
+    """
+    problem, target, jobs = read_tune(source), Path(folder), checked_jobs(jobs)
+    check_new(target, force=force)
+    ready_problem(problem)
+    with WorkingFolder(
+        working_folder(target), tune_text(problem), _fingerprint(problem), force=force
+    ) as kept:
+        found = _tuned(problem, jobs, scheduler, kept, progress)
+        with new_folder(target, force=force) as new:
+            found.write(new)
+        kept.discard()
+    return found
+
+
+def _tuned(
+    problem: TuneProblem,
+    jobs: int | None,
+    scheduler: str | None,
+    kept: WorkingFolder | None,
+    progress: TuneProgress | None,
+) -> Tuning:
+    if scheduler is not None and jobs is not None:
+        raise Error("jobs: is for processes on this machine; leave it out with a scheduler")
+    ready = ready_problem(problem)
+    labels = [variant.label for variant in problem.spec.variants]
+    for label in labels:
+        _check_budget(problem, LawSearch(problem, label))
+    is_here = isinstance(problem.spec.reference, ObjectSpec)
+    if is_here and (scheduler is not None or jobs not in (None, 1)):
+        raise Error(
+            "reference: is an object of this program, which other processes do not have; leave out jobs"
+        )
+    seconds = _STEP * ready.searched.steps * problem.block.budget * len(labels)
+    version = program()
+    tasks = [
+        LawTask(problem, label, i, version, kept.part(i) if kept and scheduler is None else None)
+        for i, label in enumerate(labels)
+    ]
+    results: dict[int, LawResult] = {}
+    report = progress or (lambda done, total: None)
+    report(0, len(tasks))
+    with _workers(1 if is_here else jobs, scheduler, seconds, len(tasks)) as carry_out:
+        for part, result in carry_out(tasks):
+            results[part] = result
+            report(len(results), len(tasks))
+    tuned = [_judged(problem, results[i]) for i in range(len(labels))]
+    return Tuning(problem, tuple(sorted(tuned, key=_place)))
+
+
+def _check_budget(problem: TuneProblem, search: LawSearch) -> None:
+    least = 2 * len(search.space.names) + 2
+    if problem.block.budget < least:
+        raise ShapeError(
+            f"{problem.where}: tune.budget: {problem.block.budget} is too small for {len(search.space.names)} free "
+            f"parameters of {search.label}; give {least} or more"
+        )
+
+
+def _place(law: TunedLaw) -> tuple[bool, bool, float, float]:
+    found = law.result
+    held_out = bool(found.held_out_violation) or not math.isfinite(found.held_out_total)
+    return not law.succeeded, held_out, found.held_out_total, found.total
+
+
+def _judged(problem: TuneProblem, result: LawResult) -> TunedLaw:
+    """Return a law as ``check`` sees it."""
+    data = {key: value for key, value in problem.data.items() if key not in ("law", "laws")}
+    spec = as_spec(problem.where, data | {"law": result.law}, problem.folder)
+    (row,) = loop_checks(prepare_spec(spec, problem.folder, {}))
+    margin = None
+    if row.loops:
+        margin = row.worst.margin
+    elif row.numeric:
+        margin = row.numeric.margin
+    return TunedLaw(result, margin, row.verdict, tuple(problem.block.objectives))
+
+
+CarryOut = Callable[[Iterable[LawTask]], Iterator[tuple[int, LawResult]]]
+
+
+@contextmanager
+def _workers(jobs: int | None, scheduler: str | None, seconds: float, count: int) -> Iterator[CarryOut]:
+    """Give what runs tasks: a cluster, processes, or this one."""
+    if scheduler is not None:
+        from dqcontrol.experiments.cluster import connect, on_cluster
+
+        with connect(scheduler) as client:
+            yield lambda tasks: on_cluster(client, LawTask.run, tasks)
+        return
+    if jobs is None:
+        import joblib
+
+        jobs = joblib.cpu_count() if seconds > WORTH_PROCESSES else 1
+    if jobs == 1 or count == 1:
+        yield lambda tasks: map(LawTask.run, tasks)
+        return
+    yield lambda tasks: in_processes(LawTask.run, tasks, min(jobs or 1, count))
+
+
+def tune_text(problem: TuneProblem) -> str:
+    """Return spec and block as YAML with absolute file names, so that it runs anywhere."""
+    block = msgspec.to_builtins(problem.block, enc_hook=str)
+    return _yaml(problem.data | {"tune": _without_empty(block)})
+
+
+def _without_empty(block: Any) -> Any:
+    if isinstance(block, dict):
+        return {key: _without_empty(value) for key, value in block.items() if value not in (None, {}, [])}
+    return block
+
+
+def _fingerprint(problem: TuneProblem) -> str:
+    return prepare_spec(problem.spec, problem.folder, {}).fingerprint()
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+
+
+def _write_json(path: Path, data: Any) -> None:
+    path.write_text(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _jsonable(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _in_short(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,130 @@
+"""Search for the best point of the unit cube: Sobol points, then Nelder–Mead from the best of them.
+
+SciPy's, after measurements on tunings of two parameters: 16 Sobol points and Nelder–Mead came within 2 % of the optimum
+in about 20 evaluations, CMA-ES in 40 to 110, TPE in 25 to 90.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.stats import qmc
+
+from dqcontrol.arrays import Array
+
+_MOST_SOBOL = 16
+_SIDE = 0.15  # of the first simplex
+_REJECTED = 1e9  # rank of what violates constraints, beside which all totals are small
+_APART = 0.25  # between points that simplexes begin at
+_FINE = 1e-3  # of a simplex, in shares of the cube, and of its values
+_MOST_RESTARTS = 100
+
+Point = tuple[float, ...]
+Rank = tuple[float, float]  # violation, total: what is smaller is better
+
+
+class _BudgetSpentError(Exception):
+    """No evaluation is left."""
+
+
+class SimplexSearch:
+    """Asks for the ranks of points until the budget is spent.
+
+    Parameters
+    ----------
+    rank
+        Returns violation and total of a point; constraints count before totals.
+    size
+        Number of coordinates, each 0 … 1.
+    budget
+        Largest number of points.
+    seed
+        Of the first points.
+
+    Attributes
+    ----------
+    points
+        All that were asked for, in their order, with their ranks.
+
+    Examples
+    --------
+    >>> from dqcontrol.tuning.simplex_search import SimplexSearch
+    >>> search = SimplexSearch(lambda point: (0.0, (point[0] - 0.3) ** 2 + (point[1] - 0.6) ** 2), 2, 60, seed=0)
+    >>> [round(number, 2) for number in search.run()]
+    [0.3, 0.6]
+    """
+
+    def __init__(self, rank: Callable[[Point], Rank], size: int, budget: int, seed: int) -> None:
+        self._rank, self._size, self._budget, self._seed = rank, size, budget, seed
+        self.points: dict[Point, Rank] = {}
+
+    def run(self) -> Point:
+        """Return the best point found."""
+        try:
+            for point in sobol_points(self._size, self._first_points(), self._seed):
+                self._value(point)
+            begun: list[Point] = []
+            for _ in range(_MOST_RESTARTS):
+                begin = self._next_start(begun)
+                begun.append(begin)
+                self._descend(np.array(begin), _SIDE / (1 + len(begun) // 4))
+        except _BudgetSpentError:
+            pass
+        return self.best
+
+    @property
+    def best(self) -> Point:
+        """The best point so far."""
+        return min(self.points, key=self.points.__getitem__)
+
+    def _first_points(self) -> int:
+        """Return a power of two, as Sobol points want it, that leaves most of the budget."""
+        most = max(min(_MOST_SOBOL, self._budget // 3), 2)
+        return 1 << (most.bit_length() - 1)
+
+    def _next_start(self, begun: Sequence[Point]) -> Point:
+        """Return the best point away from those that were begun at; the best of all if there is none."""
+        ranked = sorted(self.points, key=self.points.__getitem__)
+        away = (
+            point
+            for point in ranked
+            if all(np.linalg.norm(np.subtract(point, other)) > _APART for other in begun)
+            and self.points[point][0] == 0
+        )
+        return self.best if not begun or len(begun) % 2 == 0 else next(away, self.best)
+
+    def _descend(self, begin: Array, side: float) -> None:
+        simplex = np.vstack([begin, begin + side * np.where(begin > 0.5, -1, 1) * np.eye(self._size)])
+        scale = abs(self.points[self.best][1])
+        minimize(
+            lambda point: self._value(point),
+            begin,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * self._size,
+            options={
+                "initial_simplex": simplex,
+                "xatol": _FINE,
+                "fatol": _FINE * (scale if np.isfinite(scale) else 1.0),
+                "maxfev": self._budget,
+            },
+        )
+
+    def _value(self, shares: Sequence[float] | Array) -> float:
+        point = tuple(float(min(max(share, 0.0), 1.0)) for share in shares)
+        if point not in self.points:
+            if len(self.points) >= self._budget:
+                raise _BudgetSpentError
+            self.points[point] = self._rank(point)
+        violation, total = self.points[point]
+        return _REJECTED * (1 + violation) if violation or not np.isfinite(total) else total
+
+
+def sobol_points(size: int, count: int, seed: int) -> list[Point]:
+    """Return quasi-random points of the unit cube, scrambled by a seed."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The balance properties")
+        drawn = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(count)
+    return [tuple(map(float, point)) for point in drawn]

@@ -1,0 +1,233 @@
+"""The search: every law at its own best, stable, judged on what it did not see, resumable, and clear about mistakes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.measures.stability import gain_limits, stability_limit
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
+from dqcontrol.tuning.law_search import LawSearch
+from dqcontrol.tuning.simplex_search import SimplexSearch
+from dqcontrol.tuning.tune_spec import read_tune
+
+
+def test_every_law_is_better_than_it_was_and_keeps_the_margin(tuned, small_problem):
+    assert {each.label for each in tuned.laws} == {"K", "K+FF+I"}
+    search = {label: LawSearch(tuned.problem, label) for label in ("K", "K+FF+I")}
+    for each in tuned.laws:
+        assert each.result.evaluations == small_problem["tune"]["budget"]
+        assert each.margin >= 2
+        assert each.verdict != "unstable"
+        before = search[each.label]._evaluate(search[each.label].law)
+        assert each.result.total < 0.9 * before.total
+    assert tuned.best.label == "K+FF+I"
+    assert tuned.best.result.held_out_total < 1.3 * tuned.best.result.total
+
+
+def test_the_same_spec_finds_the_same(tuned, problem):
+    del problem["laws"]["K"]
+    again = dqc.tune(problem, jobs=1)
+    assert again.best.to_dict() == tuned.best.to_dict()
+
+
+def test_a_folder_holds_the_winners_and_a_spec_that_runs(problem, tmp_path):
+    problem["tune"] |= {"front": {"objectives": ["position.rms", "command_jerk"], "budget": 20}}
+    found = tune_to(problem, tmp_path / "out", jobs=1)
+    winners = json.loads((tmp_path / "out" / "winners.json").read_text())
+    assert [each["law"] for each in winners] == [each.label for each in found.laws]
+    assert set(winners[0]) == {"law", "parameters", "objectives", "held_out", "margin", "evaluations"}
+    assert set(winners[0]["parameters"]) == {"gain", "integral_gain"}
+    for name in (
+        "report.html",
+        "search.png",
+        "front.png",
+        "fronts.json",
+        "winners.md",
+        "evaluations.parquet",
+    ):
+        assert (tmp_path / "out" / name).is_file(), name
+    run = dqc.run(tmp_path / "out" / "best.yaml")
+    assert run.metrics.position.rms == pytest.approx(winners[0]["objectives"]["position.settled_rms"])
+    front = json.loads((tmp_path / "out" / "fronts.json").read_text())["K"]
+    pairs = [(each["position.rms"], each["command_jerk"]) for each in front]
+    assert len(pairs) == len(nondominated(pairs)) > 5
+    with pytest.raises(Error, match="exists"):
+        tune_to(problem, tmp_path / "out", jobs=1)
+
+
+def test_an_interrupted_search_is_resumed_without_running_anything_again(problem, tmp_path, monkeypatch):
+    del problem["laws"]["K"]
+    whole = tune_to(problem, tmp_path / "whole", jobs=1)
+    monkeypatch.setattr("dqcontrol.tuning.law_search._EVERY", 0.0)
+    evaluate, asked = LawSearch.evaluate, []
+
+    def until_interrupted(self, point):
+        if point not in self._known:
+            asked.append(point)
+            if len(asked) == 9:
+                raise KeyboardInterrupt
+        return evaluate(self, point)
+
+    monkeypatch.setattr(LawSearch, "evaluate", until_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        tune_to(problem, tmp_path / "cut", jobs=1)
+    resumed = tune_to(problem, tmp_path / "cut", jobs=1)
+    assert len(asked) == 9 + problem["tune"]["budget"] - 8
+    assert resumed.winners() == whole.winners()
+
+
+def test_what_is_free_may_be_said(problem):
+    problem["laws"] = {"HIRT": {"kind": "h-infinity-tracking", "orientation_gain": 8, "translation_gain": 4}}
+    problem["tune"]["free"] = {
+        "HIRT": {"orientation_gain": {"low": 2, "high": 8}, "inverse.threshold": {"low": 1e-3, "high": 1e-1}}
+    }
+    found = dqc.tune(problem, jobs=1).best
+    assert set(found.result.parameters) >= {"orientation_gain", "inverse"}
+    assert 2 <= found.result.law["orientation_gain"] <= 8
+    assert found.result.law["translation_gain"] == 4
+
+
+def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):
+    del problem["laws"]["K"]
+    robust = dqc.tune(problem, jobs=1, robust=True).best
+    assert robust.result.total > tuned.best.result.total
+    problem["plant"] |= {"delay": 0.03, "time_constant": 0.06}
+    problem["law"], _ = robust.result.law, problem.pop("laws")
+    del problem["tune"]
+    (row,) = dqc.experiments.check(problem)
+    assert row.worst.margin >= 1.49
+
+
+def test_constraints_bind(problem, tuned):
+    del problem["laws"]["K"]
+    most = 0.7 * tuned.best.result.searched["command_jerk"]
+    found = dqc.tune(problem, jobs=1, constraints={"command_jerk": {"high": most}}).best
+    assert found.succeeded
+    assert found.result.searched["command_jerk"] <= most
+    impossible = dqc.tune(problem, jobs=1, budget=8, constraints={"position.rms": {"high": 1e-6}})
+    assert not impossible.best.succeeded
+    assert "K+FF+I: no parameters keep the constraints; the nearest are shown" in impossible.remarks()
+
+
+MISTAKES = {
+    "an objective that is no number": (
+        {"objectives": {"position.rsm": 1}},
+        UnknownNameError,
+        "tune.objectives: unknown name 'position.rsm'; did you mean 'position.rms'",
+    ),
+    "a log range from 0": (
+        {"free": {"K": {"gain": {"low": 0, "high": 9}}}},
+        ValueRangeError,
+        "tune.free.K.gain: a log range needs low > 0, got 0",
+    ),
+    "an empty range": (
+        {"free": {"K": {"gain": {"low": 9, "high": 2}}}},
+        ValueRangeError,
+        "tune.free.K.gain: low must be < high, got 9 and 2",
+    ),
+    "a law that cannot be stable": (
+        {"free": {"K": {"loop_gain": {"low": 0.6, "high": 3}}}},
+        ValueRangeError,
+        "tune.free.K.loop_gain: no law in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+    ),
+    "a budget of 0": ({"budget": 0}, Error, "tune.budget: expected a whole number >= 1, got 0"),
+    "a small budget": (
+        {"budget": 3},
+        ShapeError,
+        "tune.budget: 3 is too small for 1 free parameters of K; give 4",
+    ),
+    "no such law": (
+        {"free": {"KK": {"gain": {"low": 1, "high": 2}}}},
+        Error,
+        "tune.free: unknown name 'KK'; did you mean 'K'",
+    ),
+    "no such parameter": (
+        {"free": {"K": {"gian": {"low": 1, "high": 2}}}},
+        UnknownNameError,
+        "tune.free.K: unknown name 'gian'; did you mean 'gain'",
+    ),
+    "no such key": ({"objective": {}}, Error, "tune: unknown key 'objective'; did you mean 'objectives'"),
+    "no bound": (
+        {"constraints": {"effort": {}}},
+        ShapeError,
+        "tune.constraints.effort: give 'low', 'high' or both",
+    ),
+    "no weight": ({"objectives": {"effort": 0}}, ValueRangeError, "tune.objectives: all weights are 0"),
+    "a held-out motion out of reach": (
+        {"held_out": {"references": [{"kind": "circle", "radius": 3, "duration": 4}]}},
+        Error,
+        "tune.held_out, motion 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_clear_line_before_anything_runs(name, problem, monkeypatch):
+    changes, kind, text = MISTAKES[name]
+    monkeypatch.setattr("dqcontrol.loop.repeated_loop.RepeatedLoop.run", lambda *_: pytest.fail("it ran"))
+    with pytest.raises(kind) as caught:
+        dqc.tune(problem, jobs=1, **changes)
+    assert text in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_run_names_the_command_for_a_search(problem):
+    with pytest.raises(Error, match="run it with 'dqcontrol tune'"):
+        read_spec(problem)
+
+
+@pytest.mark.parametrize("key", ["plants", "parameter_sets", "repeats"])
+def test_several_of_what_a_search_takes_one_of(key, problem):
+    if key == "plants":
+        problem["plants"] = {"a": problem["plant"], "b": problem.pop("plant")}
+    elif key == "repeats":
+        problem["repeats"] = 3
+    else:
+        problem[key] = {"soft": {"K": {"gain": 2}}}
+    with pytest.raises(Error, match=key):
+        read_tune(problem)
+
+
+def test_the_limit_alone_is_that_of_all_limits():
+    rng = np.random.default_rng(5)
+    for _ in range(12):
+        delay, decay, share = int(rng.integers(0, 4)), rng.uniform(0.5, 0.95), rng.choice([0.0, 0.1, 0.6])
+        servo = dqc.plants.Servo(delay=0.01 * delay, time_constant=-0.01 / math.log(decay))
+        model = servo.linear_model(dqc.load_robot("iiwa7"), None, 0.01)
+        expected = gain_limits(model, 0.01, 1.0, share).stable
+        assert stability_limit(model, 0.01, 1.0, share) == pytest.approx(expected, rel=1e-6)
+    spiral = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
+    way = np.exp(0.5j)
+    assert stability_limit(spiral, 0.01, way) == pytest.approx(
+        gain_limits(spiral, 0.01, way).stable, rel=1e-6
+    )
+
+
+def test_the_simplex_finds_the_least_within_its_constraints():
+    def rank(point):
+        outside = max(point[0] + point[1] - 1.0, 0.0)
+        return outside, (point[0] - 0.8) ** 2 + (point[1] - 0.6) ** 2
+
+    search = SimplexSearch(rank, 2, 80, seed=1)
+    x, y = search.run()
+    assert len(search.points) == 80
+    assert (x - 0.6) ** 2 + (y - 0.4) ** 2 < 2e-2
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_fronts_reach_the_true_area(size):
+    def pair(point):
+        away = sum((each - 0.5) ** 2 for each in point[1:])
+        return point[0] ** 2 + away, (1 - point[0]) ** 2 + away
+
+    found = list(search_front(pair, size, 40, seed=2).values())
+    share = np.linspace(0, 1, 2001)
+    truth = hypervolume(np.column_stack([share**2, (1 - share) ** 2]), (1.1, 1.1))
+    assert len(found) == 40
+    assert hypervolume(found, (1.1, 1.1)) > 0.96 * truth
