@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         browser,
         errors,
         experiments,
+        export,
         figures,
         films,
         geometry,
