@@ -10,7 +10,10 @@ from dqcontrol.ros2.messages import (
     RefusedError,
     Stamps,
     by_name,
+    deviation_of,
     numbers,
+    planar_pose_of,
+    planar_twist_of,
     pose_of,
     trajectory_point,
     twist_of,
@@ -94,3 +97,43 @@ def test_a_trajectory_has_one_point():
     assert trajectory_point(message, ["a", "b"]).tolist() == [2.0, 1.0]
     with pytest.raises(RefusedError, match="expected 1 point, got 2"):
         trajectory_point(Fields(joint_names=["b", "a"], points=[point, point]), ["a", "b"])
+
+
+def odometry(covariance=np.zeros(36), w=1.0, x=0.0, y=0.0, z=0.0, frame="odom"):  # noqa: B008
+    pose = Fields(position=Fields(x=1.0, y=2.0, z=0.1), orientation=Fields(w=w, x=x, y=y, z=z))
+    return Fields(header=Fields(frame_id=frame), pose=Fields(pose=pose, covariance=covariance))
+
+
+def test_odometry_is_a_place_in_the_plane_and_its_worst_deviation():
+    turned = odometry(w=np.cos(-1.2), z=np.sin(-1.2))
+    np.testing.assert_allclose(planar_pose_of(turned, "odom"), [1.0, 2.0, -2.4])
+    tilted = odometry(w=np.cos(0.17) * np.cos(0.4), x=np.sin(0.17), z=np.cos(0.17) * np.sin(0.4))
+    assert planar_pose_of(tilted, "odom")[2] == pytest.approx(0.8)
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = [[0.05, 0.04], [0.04, 0.05]]  # 0.3 m along the diagonal, 0.1 m across
+    assert deviation_of(odometry(covariance.ravel())) == pytest.approx(0.3)
+    covariance[0, 0] = -1.0
+    assert deviation_of(odometry(covariance.ravel())) == 0.0
+    for entry, why in (((0, 1), "negative eigenvalues"), ((5, 5), "negative eigenvalues")):
+        wrong = np.eye(6)
+        wrong[entry] = wrong[entry[::-1]] = -2.0
+        with pytest.raises(RefusedError, match=why):
+            deviation_of(odometry(wrong.ravel()))
+    with pytest.raises(RefusedError, match="odometry: covariance: number 8 is not finite"):
+        deviation_of(odometry(np.where(np.arange(36) == 7, np.nan, 0.0)))
+
+
+def test_velocities_that_a_base_cannot_have_are_refused():
+    def twist(v, w):
+        return Fields(linear=Fields(x=v[0], y=v[1], z=v[2]), angular=Fields(x=w[0], y=w[1], z=w[2]))
+
+    assert planar_twist_of(twist((0.3, 0, 0), (0, 0, 0.5)), sideways=False) == (0.3, 0.0, 0.5)
+    assert planar_twist_of(twist((0, 0.2, 0), (0, 0, 0)), sideways=True) == (0.0, 0.2, 0.0)
+    for v, w, why in (
+        ((0, 0.2, 0), (0, 0, 0), "linear.y: the base cannot move so; expected 0, got 0.2"),
+        ((0, 0, 0.1), (0, 0, 0), "linear.z: the base cannot move so"),
+        ((0, 0, 0), (0.1, 0, 0), "angular.x: the base cannot move so"),
+        ((np.inf, 0, 0), (0, 0, 0), "linear: number 1 is not finite"),
+    ):
+        with pytest.raises(RefusedError, match=why):
+            planar_twist_of(twist(v, w), sideways=False)
