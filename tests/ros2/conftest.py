@@ -37,9 +37,9 @@ def domain():
         except BlockingIOError:
             lock.close()
             continue
-        with lock:  # the system lets it go when this process ends, however it does
+        with lock:  # the system lets it go when this process and those it started have ended, however they do
             os.environ["ROS_DOMAIN_ID"] = str(number)
-            yield
+            yield lock
         return
     raise RuntimeError("all ROS domains are taken")
 
@@ -56,8 +56,11 @@ def spec(tmp_path):
 
 
 @pytest.fixture
-def start():
-    """Return what starts a ``dqcontrol ros2`` process and waits for a line of its log; all are ended after the test."""
+def start(domain):
+    """Return what starts a ``dqcontrol ros2`` process and waits for a line of its log; all are ended after the test.
+
+    They hold the lock of the domain, too: nodes whose tests were killed would answer in place of those of other tests.
+    """
     running = []
 
     def run(*words, until=None, file_limit=resource.RLIM_INFINITY, program=NODES):
@@ -66,6 +69,7 @@ def start():
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            pass_fds=(domain.fileno(),),
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit)),
         )
         running.append(process)
