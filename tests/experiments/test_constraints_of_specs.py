@@ -15,7 +15,7 @@ SPEC = {
     "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7],
     "period": 0.01,
     "duration": 3.0,
-    "reference": {"kind": "set-point", "position": [0.475, 0.3, 0.594]},
+    "reference": {"kind": "set-point", "offset": {"translation": [0.0, 0.3, 0.0]}},
     "law": {"kind": "proportional", "gain": 2},
     "plant": {"kind": "integrator"},
 }
