@@ -35,7 +35,7 @@ def rows(run):
 def test_a_hand_before_a_wall_stands_there_and_the_report_says_so(run):
     found = rows(run)
     assert "no constraint crossed" in found["Constraints"][0]
-    assert "wall: least distance 20" in found["Constraints"][1]
+    assert "wall: least distance 21" in found["Constraints"][1]
     assert "asked 20" in found["Constraints"][1]
     assert "by wall" in found["Deadlock"][1]
     assert deadlocks(run.record)[0].names == ("wall",)
