@@ -146,6 +146,7 @@ bench: $(PEERS)/bench
 	@$(PEERS)/bin/python benchmarks/physics.py
 	@$(PEERS)/bin/python benchmarks/pereira2016.py
 	@$(PEERS)/bin/python benchmarks/sweep.py
+	@$(PEERS)/bin/python benchmarks/constraints.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .

@@ -15,7 +15,7 @@ SPEC = {
     "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7],
     "period": 0.01,
     "duration": 3.0,
-    "reference": {"kind": "set-point", "position": [0.475, 0.3, 0.594]},
+    "reference": {"kind": "set-point", "offset": {"translation": [0.0, 0.3, 0.0]}},
     "law": {"kind": "proportional", "gain": 2},
     "plant": {"kind": "integrator"},
 }
@@ -35,7 +35,7 @@ def rows(run):
 def test_a_hand_before_a_wall_stands_there_and_the_report_says_so(run):
     found = rows(run)
     assert "no constraint crossed" in found["Constraints"][0]
-    assert "wall: least distance 20" in found["Constraints"][1]
+    assert "wall: least distance 21" in found["Constraints"][1]
     assert "asked 20" in found["Constraints"][1]
     assert "by wall" in found["Deadlock"][1]
     assert deadlocks(run.record)[0].names == ("wall",)

