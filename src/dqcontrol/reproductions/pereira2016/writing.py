@@ -25,6 +25,7 @@ from dqcontrol.tuning import learn, tune
 _GAIN = 3.0  # 1/s: what the arm takes without swinging, see docs/physics.md
 _BUDGET = {SERVO: 16}
 _IN_PHYSICS = 8
+_POSTURE = 1.0  # 1/s; the 10 of the other experiments would alone use up the margin
 _SLOW = 0.2  # Hz
 _GOAL = 1.0  # mm
 
@@ -82,6 +83,7 @@ def writing_spec(plant: str) -> dict[str, Any]:
     data.pop("laws")
     return data | {
         "name": "writing",
+        "null_space": data["null_space"] | {"gain": _POSTURE},
         "plant": (linear_twin(data["plant"]) or data["plant"]) | {"command_mode": "integrated"},
         "metrics_from": "true",
         "limits": {"velocity": True},
