@@ -87,14 +87,12 @@ class SimplexSearch:
 
     def _next_start(self, begun: Sequence[Point]) -> Point:
         """Return the best point away from those that were begun at; the best of all if there is none."""
-        ranked = sorted(self.points, key=self.points.__getitem__)
-        away = (
-            point
-            for point in ranked
-            if all(np.linalg.norm(np.subtract(point, other)) > _APART for other in begun)
-            and self.points[point][0] == 0
-        )
-        return self.best if not begun or len(begun) % 2 == 0 else next(away, self.best)
+        if len(begun) % 2 == 0:
+            return self.best
+        points, ranks = np.array(list(self.points)), list(self.points.values())
+        distances = np.linalg.norm(points[:, None] - np.array(begun)[None], axis=2).min(axis=1)
+        away = [i for i in np.flatnonzero(distances > _APART).tolist() if ranks[i][0] == 0]
+        return tuple(points[min(away, key=ranks.__getitem__)].tolist()) if away else self.best
 
     def _descend(self, begin: Array, side: float) -> None:
         simplex = np.vstack([begin, begin + side * np.where(begin > 0.5, -1, 1) * np.eye(self._size)])

@@ -25,6 +25,7 @@ from dqcontrol.tuning import learn, tune
 _GAIN = 3.0  # 1/s: what the arm takes without swinging, see docs/physics.md
 _BUDGET = {SERVO: 16}
 _IN_PHYSICS = 8
+_POSTURE = 1.0  # 1/s; the 10 of the other experiments would alone use up the margin
 _SLOW = 0.2  # Hz
 _GOAL = 1.0  # mm
 
@@ -65,7 +66,7 @@ def reproduce_writing(conditions: Conditions) -> Reproduced:
         whole = data | {
             "plant": published_spec("light-painting", plant)["plant"] | {"command_mode": "integrated"}
         }
-        label = f"K+FF, k = {_GAIN:g} 1/s, with friction and a shaking base"
+        label = "K+FF, with friction and a shaking base"
         records[label] = _run(whole | {"law": kinds["K+FF"]}).record
     asked = learnt.first.desired_position
     tables = [_table(records, asked), tuned.table(), learnt.table()]
@@ -82,6 +83,7 @@ def writing_spec(plant: str) -> dict[str, Any]:
     data.pop("laws")
     return data | {
         "name": "writing",
+        "null_space": data["null_space"] | {"gain": _POSTURE},
         "plant": (linear_twin(data["plant"]) or data["plant"]) | {"command_mode": "integrated"},
         "metrics_from": "true",
         "limits": {"velocity": True},
@@ -130,7 +132,7 @@ def _table(records: Mapping[str, Record], asked: Array) -> Table:
                 rms,
                 float(errors.max()),
                 float(off.max()),
-                VerdictCell("yes" if errors.max() < _GOAL else "no", bool(errors.max() < _GOAL)),
+                VerdictCell("yes" if rms < _GOAL else "no", rms < _GOAL),
             ]
         )
     columns = [
@@ -138,16 +140,16 @@ def _table(records: Mapping[str, Record], asked: Array) -> Table:
         Column("position error RMS", "mm", ".3g"),
         Column("peak", "mm", ".3g"),
         Column("farthest from the line", "mm", ".3g"),
-        Column("below a millimetre everywhere"),
+        Column("RMS below a millimetre"),
     ]
     return Table(columns, rows, "P16's drawing on its arm")
 
 
 def writing_figure(records: Mapping[str, Record], asked: Array):
-    """Return one picture: what each means draws, errors shown twenty times as large, in the plane of the drawing."""
+    """Return one picture: what each means draws, errors shown ten times as large, in the plane of the drawing."""
     from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure
 
-    enlarged = 20.0
+    enlarged = 10.0
     centred = asked - asked.mean(axis=0)
     _, _, axes_of_plane = np.linalg.svd(centred, full_matrices=False)
     across, up = _upright(axes_of_plane)
@@ -159,7 +161,7 @@ def writing_figure(records: Mapping[str, Record], asked: Array):
         for path, colour, width in ((asked, DESIRED, 0.6), (shown, COLOURS[i % len(COLOURS)], 0.9)):
             axes.plot(1e3 * path @ across, 1e3 * path @ up, color=colour, lw=width)
         axes.set_aspect("equal")
-        axes.set_title(label, fontsize="small")
+        axes.set_title(f"{label}\nerrors × {enlarged:g}", fontsize="x-small")
         axes.set_xticks([])
         axes.set_yticks([])
     for axes in grid.flat[len(records) :]:
