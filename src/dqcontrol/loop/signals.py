@@ -115,7 +115,7 @@ def task_errors(law: PreparedLaw, q: NDArray[np.float64]) -> dict[str, Signal]:
     """Return how far the robot is from each further task at configurations (N, n), by its name; NaN where q is."""
     if law.tasks is None:
         return {}
-    finite: NDArray[np.bool_] = np.isfinite(q).all(axis=1)
+    finite = np.asarray(np.isfinite(q).all(axis=1))
     found = law.tasks.errors(np.where(finite[:, None], q, 0.0))
     signals = {}
     for label, values in found.items():

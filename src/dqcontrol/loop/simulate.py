@@ -112,7 +112,7 @@ def simulate(
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     robot = robot.from_start(q0)
-    times = period * np.arange(step_count(reference, period, duration))
+    times = period * np.arange(step_count(reference, period, duration), dtype=np.float64)
     samples = reference.samples(times)
     further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
     return simulate_prepared(

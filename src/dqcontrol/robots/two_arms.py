@@ -244,7 +244,8 @@ def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]
         if label == "base":
             start, mount = parent, end
         coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
-    return TreeJoints(*(np.array(values) for values in zip(*rows, strict=True))), frames
+    names = tuple(_distinct({label: part.joint_names for label, part in parts.items()}))
+    return TreeJoints(*(np.array(values) for values in zip(*rows, strict=True)), names=names), frames
 
 
 def _distinct(names: dict[str, Sequence[str]]) -> list[str]:
