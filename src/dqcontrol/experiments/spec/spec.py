@@ -498,7 +498,8 @@ def _robot_data(robot: Robot) -> dict[str, Any]:
         return {**data, "task": {"kind": task.kind, "frames": list(task.frames), "root": task.root}}
     if not isinstance(robot, SerialArm):
         raise FileFormatError(
-            f"robot: {robot!r} was made in Python; write it as a file with 'parts', or 'left' and 'right', for a spec"
+            f"robot: {robot!r} was made in Python; write it as a file with 'parts' "
+            "(two arms: with 'left' and 'right') for a spec"
         )
     return {"model": plain_arm(robot)}
 
