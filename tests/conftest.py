@@ -9,7 +9,9 @@ import pytest
 from dqcontrol.robots import Inertia, SerialArm
 
 # The same examples in each run, and no bound on how long one takes: a busy machine is no fault.
-hypothesis.settings.register_profile("steady", derandomize=True, deadline=None)
+hypothesis.settings.register_profile(
+    "steady", derandomize=True, deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
 hypothesis.settings.load_profile("steady")
 
 # A shell starts what it runs in the background with SIGINT ignored: the tests are the same there.
