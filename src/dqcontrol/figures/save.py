@@ -18,6 +18,7 @@ from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
 from dqcontrol.figures.readings import has_margins, has_readings, limit_margins, readings
 from dqcontrol.figures.task_range_plot import range_condition
+from dqcontrol.figures.tasks import has_tasks, task_errors
 from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.kept_signals import ROOM
@@ -47,6 +48,7 @@ def run_figures(
     """Return what draws each figure of a run, by name: ``path``, ``errors``, ``pose``, ``joints``.
 
     And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces),
+    ``tasks`` (errors of further ones),
     ``range`` (the range condition), ``lyapunov`` and ``timing``; of a robot that drives also ``base``, where its base
     went, and ``motion``, the robot at several times.
 
@@ -84,6 +86,8 @@ def run_figures(
         draw["disturbance"] = lambda: disturbance(record)
     if has_readings(record):
         draw["readings"] = lambda: readings(record)
+    if has_tasks(record):
+        draw["tasks"] = lambda: task_errors(record)
     if ROOM in record.readings:
         draw["distances"] = lambda: distances(record)
     if RANGE in record.readings:

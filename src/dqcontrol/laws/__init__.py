@@ -41,6 +41,7 @@ from dqcontrol.laws.own_law import OwnLaw
 from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
+from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 
 __all__ = [
     "Angle",
@@ -58,6 +59,7 @@ __all__ = [
     "DecoupledProportional",
     "FeedbackLinearization",
     "FilteredInverse",
+    "FurtherTask",
     "GuidedProportional",
     "HInfinity",
     "HInfinityTracking",
@@ -78,6 +80,7 @@ __all__ = [
     "PlaneZone",
     "Posture",
     "PreparedLaw",
+    "PreparedTasks",
     "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",

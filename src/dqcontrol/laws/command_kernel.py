@@ -16,6 +16,7 @@ from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.constrained.constrained_step import CONSTRAINT
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
+from dqcontrol.laws.task_levels import TASKS
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
 from dqcontrol.references.sample import TIME
@@ -28,6 +29,7 @@ PLAN = types.Array(types.intp, 1, "C")
 STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
+_call_tasks = caller(TASKS)
 _call_constraint = caller(CONSTRAINT)
 
 
@@ -36,14 +38,14 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    kinematics, preference, law, position_limit, limit, constraint
+    kinematics, preference, law, position_limit, limit, tasks, constraint
         Addresses; 0 where nothing is to be done.
     delivered_at, sent_at
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
-    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, constraining,
-    constraint_work
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
+    tasking_work, constraining, constraint_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -52,6 +54,7 @@ class Plan(NamedTuple):
     law: int
     position_limit: int
     limit: int
+    tasks: int
     constraint: int
     delivered_at: int
     sent_at: int
@@ -65,6 +68,8 @@ class Plan(NamedTuple):
     work: int
     position_limiting: int
     limiting: int
+    tasking: int
+    tasking_work: int
     constraining: int
     constraint_work: int
 
@@ -88,6 +93,8 @@ class PreparedMemory(NamedTuple):
         Parameters and scratch of the limit on positions.
     limiting
         Parameters of the limit on velocities.
+    tasking, tasking_work
+        Parameters and scratch of further tasks.
     constraining, constraint_work
         Parameters and scratch of constraints; the scratch begins with the report of the last sample.
     """
@@ -101,6 +108,8 @@ class PreparedMemory(NamedTuple):
     position_limiting: Annotated[Array, "position_limiting"]
     position_limit_work: Annotated[Array, "2 * inputs + state"]
     limiting: Annotated[Array, "limiting"]
+    tasking: Annotated[Array, "tasking"]
+    tasking_work: Annotated[Array, "tasking_work"]
     constraining: Annotated[Array, "constraining"]
     constraint_work: Annotated[Array, "constraint_work"]
 
@@ -162,6 +171,10 @@ def compute_command(prepared, q, sample, k, state, out):
         )
     if status != OK:
         return LAW_FAILED + status
+    if plan.tasks != 0:
+        status = _call_tasks(plan.tasks, q, pose, twist_jacobian, k, memory.tasking, memory.tasking_work, out)
+        if status != OK:
+            return LAW_FAILED + status
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
     if plan.constraint != 0:

@@ -60,6 +60,26 @@ class Robot(InverseKinematics):
         return ()
 
     @property
+    def parents(self) -> NDArray[np.intp]:
+        """For each row of `chain` and `frames` the row that carries it, −1 for the base."""
+        return np.arange(-1, len(self.chain) - 1)
+
+    @property
+    def row_coordinates(self) -> NDArray[np.intp]:
+        """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
+        return np.arange(self.configuration_size)
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Rows of `chain` and `frames` that are hands."""
+        return (len(self.chain) - 1,)
+
+    @property
+    def follows(self) -> tuple[str, ...]:
+        """Names of joints that follow others."""
+        return ()
+
+    @property
     def reach(self) -> float:
         """Length of the stretched arm, m, from its first axis (that of the part after the last base) to the tool."""
         return chain_reach(self)

@@ -203,33 +203,18 @@ def load_robot_file(path: str | Path) -> SerialArm:
 
 def plain_arm(arm: SerialArm) -> dict[str, Any]:
     """Return the content of a robot file for an arm, from which `arm_from` makes it again."""
-    types, limits, bodies = arm.joint_types, arm.limits, arm.inertia
     joints: list[dict[str, Any]] = []
     for i, name in enumerate(arm.joint_names):
-        bounds = {key: float(getattr(limits, key)[i]) for key in ("lower", "upper", "velocity", "effort")}
         joint = {
             "name": name,
-            "type": types[i],
-            "pose": _plain_pose(arm.chain[i]),
-            "limits": {key: value for key, value in bounds.items() if math.isfinite(value)},
+            "type": arm.joint_types[i],
+            "pose": plain_pose(arm.chain[i]),
+            "limits": plain_limits(arm.limits, i),
         }
-        if bodies is not None:
-            t = bodies.tensor[i]
-            moments = {
-                "xx": t[0, 0],
-                "yy": t[1, 1],
-                "zz": t[2, 2],
-                "xy": t[0, 1],
-                "xz": t[0, 2],
-                "yz": t[1, 2],
-            }
-            joint["inertia"] = {
-                "mass": float(bodies.mass[i]),
-                "center": bodies.center[i].tolist(),
-                "tensor": {key: float(value) for key, value in moments.items()},
-            }
+        if arm.inertia is not None:
+            joint["inertia"] = plain_inertia(arm.inertia, i)
         joints.append(joint)
-    plain = {"name": arm.name, "angles": "radians", "joints": joints, "tool": _plain_pose(arm.chain[-1])}
+    plain = {"name": arm.name, "angles": "radians", "joints": joints, "tool": plain_pose(arm.chain[-1])}
     return plain | (plain_shapes(arm) if arm.shapes else {})
 
 
@@ -256,8 +241,26 @@ def plain_shapes(arm: SerialArm) -> dict[str, Any]:
     return {"shapes": shapes, "kept_apart": pairs}
 
 
-def _plain_pose(row: Array) -> dict[str, Any]:
+def plain_pose(row: Array) -> dict[str, Any]:
+    """Return a pose (7,) or a row of a chain as a file has it."""
     return {"position": row[4:7].tolist(), "quaternion": row[:4].tolist()}
+
+
+def plain_limits(limits: Limits, i: int) -> dict[str, Any]:
+    """Return the limits of a joint as a file has them, in radians."""
+    bounds = {key: float(getattr(limits, key)[i]) for key in ("lower", "upper", "velocity", "effort")}
+    return {key: value for key, value in bounds.items() if math.isfinite(value)}
+
+
+def plain_inertia(bodies: Inertia, i: int) -> dict[str, Any]:
+    """Return the body of a joint as a file has it."""
+    t = bodies.tensor[i]
+    moments = {"xx": t[0, 0], "yy": t[1, 1], "zz": t[2, 2], "xy": t[0, 1], "xz": t[0, 2], "yz": t[1, 2]}
+    return {
+        "mass": float(bodies.mass[i]),
+        "center": bodies.center[i].tolist(),
+        "tensor": {key: float(value) for key, value in moments.items()},
+    }
 
 
 def arm_from(path: str | Path, plain: Any) -> SerialArm:

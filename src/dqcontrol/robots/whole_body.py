@@ -300,8 +300,8 @@ def _inverse(pose: Array) -> Array:
 def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
     """Return which coordinates are x, y and φ of mobile bases, shape (n,)."""
     found = np.zeros(robot.configuration_size, dtype=bool)
-    for first, part in parts_with_offsets(robot.parts) if isinstance(robot, WholeBody) else ():
-        found[first : first + 3] |= not isinstance(part, SerialArm)
+    for first, _ in robot.bases:
+        found[first : first + 3] = True
     return found
 
 
