@@ -33,7 +33,7 @@ class PageSpec:
     def take(self, text: str) -> None:
         """Take in a block; raise if it means nothing."""
         part = parse_yaml("page", text)
-        if {"joints", "parts"} & part.keys():
+        if {"joints", "parts", "left"} & part.keys():
             path = self.folder / "robot.yaml"
             path.write_text(text, encoding="utf-8")
             assert load_robot(path).configuration_size > 0

@@ -34,7 +34,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",
     "clip": "Save a clip of a run, .mp4, .webp or .gif, or one picture of it, .png.",
-    "export": "Write all signals of a run for other programs.",
+    "export": "Write the controller of a spec as a library in C, or all signals of a run for other programs.",
     "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",
     "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",

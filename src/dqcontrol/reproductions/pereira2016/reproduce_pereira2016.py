@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dqcontrol.experiments.run_study import run_study
-from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
+from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
 from dqcontrol.measures.tables import Table
@@ -107,7 +107,10 @@ def _verdicts(name: str, evidence: Evidence, title: str = "") -> Table:
 def _in_real_time(chosen: Reproduction, conditions: Conditions) -> Reproduced:
     (spec,), plant, samples = chosen.specs.values(), conditions.plant, conditions.samples
     source, periods = published_spec(spec, plant), list(PERIODS.values())
-    rows = sampling_times(source, periods, samples, progress=conditions.of(spec))
+    rows = [
+        *bare_loops(periods, samples),
+        *sampling_times(source, periods, samples, progress=conditions.of(spec)),
+    ]
     sets = {period: label for label, period in PERIODS.items()}
     measured = [
         {
