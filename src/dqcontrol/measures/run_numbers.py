@@ -14,6 +14,7 @@ from numba import types
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, kernel
+from dqcontrol.errors import ShapeError
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.measures.metrics import SETTLED_FRACTION
 from dqcontrol.measures.table_cells import Column
@@ -232,6 +233,8 @@ class RunMeasure:
     """
 
     def __init__(self, robot: Robot, limits: Limits) -> None:
+        if robot.table.shape != robot.chain.shape:
+            raise ShapeError(f"robot: {robot.name} branches, and numbers are found of single chains only")
         self._chain = robot.chain
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
         self._velocity = np.ascontiguousarray(limits.velocity)
