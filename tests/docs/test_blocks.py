@@ -48,6 +48,7 @@ SLOW = {  # parts of commands and of Python
     "silva2017.md": ("reproduce",),
     "tune.md": ("tune examples/",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
+    "two-arms.md": ("run examples/",),
     "view.md": ("run examples/", "clip"),
 }
 MADE = "make -C results/"  # in folders that commands of ours wrote

@@ -78,6 +78,10 @@ OF_BODIES = {
     "guided-proportional": {"law": {"kind": "guided-proportional", "gain": 1}, "reference": DRIVE_TO},
     "best-heading": {"law": K | {"null_space": {"kind": "best-heading"}}, "reference": SET_POINT},
 }
+CONSTRAINED = {
+    "margin": 0.01,
+    "obstacles": {"ball": {"kind": "sphere", "center": [0.5, 0.1, 0.9], "radius": 0.05}},
+}
 SPECS = (
     {name: SPEC | {"law": law, "supervisor": False} for name, law in LAWS.items()}
     | {
@@ -86,6 +90,7 @@ SPECS = (
     }
     | {name: SPEC | {"law": K, "limits": one, "supervisor": False} for name, one in LIMITS.items()}
     | {name: SPEC | MOBILE | {"duration": 4} | one for name, one in OF_BODIES.items()}
+    | {"constraints": SPEC | {"law": K | {"constraints": CONSTRAINED}, "supervisor": False}}
     | {"integrated clamping": SPEC | {"law": K, "limits": LIMITS["modified-clamping"]}}
 )
 

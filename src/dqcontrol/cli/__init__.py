@@ -21,6 +21,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "run": "Run an experiment and write its table, recordings and plots.",
     "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
     "tune": "Find the best parameters of laws for your robot and task, each law at its own best.",
+    "learn": "Repeat a motion and learn from each repeat, until the hand goes where it should.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
     "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
     "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",

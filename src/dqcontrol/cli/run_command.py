@@ -56,7 +56,7 @@ def run(
     if compiled and not real_time:
         raise ShapeError("compiled: only with --real-time; other runs are compiled anyway")
     if real_time:
-        _in_real_time(spec, folder, force=force, compiled=compiled)
+        _in_real_time(spec, folder, force=force, compiled=compiled, figures=figures is not False)
         return
     try:
         with progress_bar() as progress:
@@ -86,7 +86,7 @@ def _show(study: Study) -> None:
     sys.stdout.flush()
 
 
-def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool) -> None:
+def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool, figures: bool) -> None:
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
     from dqcontrol.figures import timing_table
@@ -95,7 +95,7 @@ def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool) -> N
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
     run_now = run_compiled_in_real_time if compiled else run_in_real_time
-    done = run_now(spec, folder, force=force, watch=watch)
+    done = run_now(spec, folder, force=force, figures=figures, watch=watch)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))

@@ -35,6 +35,7 @@ _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
 
 
+@functools.cache
 def _file(module: str) -> Path | None:
     """Return where the source of a module or package of ours lies, None if there is no such module."""
     base = _PACKAGE.joinpath(*module.split(".")[1:])

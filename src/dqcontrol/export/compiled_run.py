@@ -71,6 +71,7 @@ def run_compiled_in_real_time(
     folder: str | Path,
     *,
     force: bool = False,
+    figures: bool = True,
     watch: Watch | None = None,
 ) -> Run:
     """Do what `experiments.run_in_real_time` does, with law, supervisor and plant in a thread of C.
@@ -85,6 +86,8 @@ def run_compiled_in_real_time(
         A new folder.
     force
         Replace it, if it holds an earlier run.
+    figures
+        Draw the figures of the report.
     watch
         Called with time (s) and reasons whenever what the supervisor does changes.
 
@@ -108,7 +111,7 @@ def run_compiled_in_real_time(
             recording.close(record.stopped)
     timing = Timing(parts.period, rows.begin, rows.computation, rows.idle, rows.late != 0.0)
     done = replace(as_run(setting, case, 0, record), timing=timing, expected=expected)
-    streamed.complete(done)
+    streamed.complete(done, figures=figures)
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 

@@ -267,7 +267,7 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_AT_REST {layout.AT_REST}",
         f"#define DQC_SOFT_STOP {SOFT_STOP}u",
     ]
-    for stage in ("preference", "position_limit", "limit"):
+    for stage in ("preference", "position_limit", "limit", "tasks", "constraint"):
         if f"dqc_kernel_{stage}" in parts.kernels:
             lines.append(f"#define DQC_HAS_{stage.upper()}")
     return "\n".join(lines) + "\n"

@@ -39,6 +39,8 @@ _STAGES = {  # of a prepared law, as `Plan` calls them: their names in C
     "law": "dqc_kernel_law",
     "position_limit": "dqc_kernel_position_limit",
     "limit": "dqc_kernel_limit",
+    "tasks": "dqc_kernel_tasks",
+    "constraint": "dqc_kernel_constraint",
 }
 
 
