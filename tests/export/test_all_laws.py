@@ -91,6 +91,7 @@ SPECS = (
     | {name: SPEC | {"law": K, "limits": one, "supervisor": False} for name, one in LIMITS.items()}
     | {name: SPEC | MOBILE | {"duration": 4} | one for name, one in OF_BODIES.items()}
     | {"constraints": SPEC | {"law": K | {"constraints": CONSTRAINED}, "supervisor": False}}
+    | {"constraints": Path(__file__).parents[2] / "examples/keep-out.yaml"}
     | {"integrated clamping": SPEC | {"law": K, "limits": LIMITS["modified-clamping"]}}
 )
 

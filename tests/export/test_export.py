@@ -190,6 +190,7 @@ def test_own_laws_are_exported(own_laws, tmp_path):
     assert "largest difference to Python 0 (bits compared)" in said
 
 
+@pytest.mark.slow  # compiles the law three times
 def test_own_laws_that_need_python_are_refused_with_the_line(own_laws, tmp_path):
     spec = OWN | {"law": OWN["law"] | {"function": "laws.py:with_arrays"}}
     message = r"laws.py:13: 'error = np.zeros\(8\)' needs NRT_\w+, which only Python has: write loops"

@@ -167,8 +167,8 @@ class ControllerParts:
         Error
             If the first state depends on the configuration in another way.
         """
-        n, rng = self.robot.configuration_size, np.random.default_rng(0)
-        q, other = rng.uniform(-1.0, 1.0, (2, n))
+        start, rng = self.case.scene.start, np.random.default_rng(0)
+        q, other = start + 1e-6 * rng.uniform(-1.0, 1.0, (2, len(start)))
         first, second = self.law.initial_state(q), self.law.initial_state(other)
         found = []
         for i in np.flatnonzero(first != second):

@@ -68,6 +68,12 @@ int dqc_init(dqc_controller *controller, const dqc_config *config) {
 #ifdef DQC_HAS_CONSTRAINT
   controller->plan_[6] = (int64_t)(intptr_t)&dqc_kernel_constraint;
 #endif
+#ifdef DQC_HAS_TASKS
+  controller->plan_[5] = (int64_t)(intptr_t)&dqc_kernel_tasks;
+#endif
+#ifdef DQC_HAS_CONSTRAINT
+  controller->plan_[6] = (int64_t)(intptr_t)&dqc_kernel_constraint;
+#endif
 #if DQC_SUPERVISED
   memcpy(controller->supervisor_, dqc_supervisor_memory, DQC_SUPERVISOR * sizeof(double));
 #endif
