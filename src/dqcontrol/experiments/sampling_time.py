@@ -99,7 +99,9 @@ def sampling_times(
     for period in [as_positive("periods", period) for period in periods]:
         for case in setting.cases:
             scene = case.scene
-            law = case.variant.law.prepare(scene.robot, scene.reference, period, case.limits)
+            law = case.variant.law.prepare(
+                scene.robot, scene.reference, period, case.limits, tasks=scene.tasks
+            )
             plant = case.plant.start(scene.robot, scene.start, period, samples, setting.spec.seed)
             runs.append((case, law, plant, scene.reference.samples(period * np.arange(samples))))
     rows = []
