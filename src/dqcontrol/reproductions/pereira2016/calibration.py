@@ -19,7 +19,7 @@ _LAW = "K"
 _TOLERANCE = 1e-4  # relative
 
 
-class PublishedFit(NamedTuple):
+class FittedNumber(NamedTuple):
     """A number of a plant and the published cell of law K that it is fitted on.
 
     Attributes
@@ -46,12 +46,12 @@ class PublishedFit(NamedTuple):
 
 FITS = {
     SERVO: (
-        PublishedFit(
+        FittedNumber(
             "sag", "α, factor on the gravity sag", "spiral", "spiral", "", "best", "error", (0.2, 2.0)
         ),
     ),
     PHYSICS: (
-        PublishedFit(
+        FittedNumber(
             "gravity_factor",
             "f, share of gravity that the controllers know",
             "spiral",
@@ -61,7 +61,7 @@ FITS = {
             "error",
             (0.4, 1.1),
         ),
-        PublishedFit(
+        FittedNumber(
             "base_shaking",
             "shaking of the base, m/s²/√Hz",
             "circle",
@@ -71,7 +71,7 @@ FITS = {
             "hand_speed",
             (0.01, 0.06),
         ),
-        PublishedFit(
+        FittedNumber(
             "stiffness",
             "stiffness in appendix C",
             "circle-and-square",
@@ -104,7 +104,7 @@ def calibrate(plant: str = PLANTS[0]) -> Table:
     return Table(columns, rows, f"Fits on single published cells, plant {plant}")
 
 
-def _published(fit: PublishedFit) -> float:
+def _published(fit: FittedNumber) -> float:
     wanted = (_LAW, "" if fit.set == "fixed" else fit.set, fit.metric, fit.experiment)
     return next(
         cell.mean
@@ -113,7 +113,7 @@ def _published(fit: PublishedFit) -> float:
     )
 
 
-def _found(plant: str, fit: PublishedFit, number: float) -> float:
+def _found(plant: str, fit: FittedNumber, number: float) -> float:
     data: dict[str, Any] = published_spec(fit.spec, plant)
     data["plant"] |= {fit.key: number}
     law = data["laws"][_LAW] | data.pop("parameter_sets")[fit.set][_LAW]
