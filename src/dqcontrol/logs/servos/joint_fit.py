@@ -32,7 +32,7 @@ _SHARES = (
     0.6,
     0.9,
 )  # of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
-_VALLEY = 0.99  # correlation of lag and delay
+_VALLEY = 0.9  # correlation of lag and delay
 _BEGIN_DAMPINGS = (0.5, 1.0)
 
 
