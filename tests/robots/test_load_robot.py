@@ -14,7 +14,13 @@ PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 
 def test_presets():
     arms = {"ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"}
-    assert set(robot_names()) == arms | {"little-john", "little-john-wrist", "youbot"}
+    assert set(robot_names()) == arms | {
+        "little-john",
+        "little-john-wrist",
+        "meka-a2-both",
+        "two-pandas",
+        "youbot",
+    }
     for name in robot_names():
         assert load_robot(name).name == name
 
@@ -42,7 +48,7 @@ def test_example_robot_data():
         (
             "iiwa",
             UnknownNameError,
-            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml, .urdf or .xacro",
+            r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml, .urdf, .xacro or .xml",
         ),
         ("", UnknownNameError, "robot: unknown name ''"),
         ("none.yaml", FileFormatError, "none.yaml: cannot be read: No such file"),
@@ -65,7 +71,7 @@ def test_bad_sources(source, error, text):
 
 def test_links_are_for_urdf_only():
     with pytest.raises(
-        ShapeError, match="tip_link: only URDF files have links to choose from; 'iiwa7' has none"
+        ShapeError, match="tip_link: only URDF and MJCF files have links to choose from; 'iiwa7' has none"
     ):
         load_robot("iiwa7", tip_link="flange")
 

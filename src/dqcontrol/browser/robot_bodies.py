@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
 from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
+from dqcontrol.robots.description import rod_radii
 from dqcontrol.robots.dh import compose
+from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
 
@@ -101,22 +103,23 @@ def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[CarriedBody]:
 
 def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
     """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
-    n, points = robot.configuration_size, robot.chain[:, 4:7]
-    reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
-    radii = reach * np.linspace(0.048, 0.026, n + 1)
-    bases = base_coordinates(robot)
-    for i in range(n + 1):
-        if i in own or (i == n and n - 1 in own):
+    points, parents, ends = robot.chain[:, 4:7], robot.parents, robot.ends
+    count, bases = len(robot.row_coordinates), base_coordinates(robot)
+    radii = rod_radii(robot)
+    for i in [*range(count), *ends]:
+        carrier, joint = int(parents[i]), i < count
+        if i in own or (not joint and carrier in own):
             continue
-        if i == 0 and not bases[0]:
+        on_base = joint and bases[robot.row_coordinates[i]]
+        if i == 0 and not on_base:
             yield -1, rod(np.zeros(3), np.array([0, 0, 0.2 * radii[0]]), 1.7 * radii[0]), DARK
-        if not (i < n and bases[i]):
+        if not on_base:
             radius = 0.85 * radii[i]
             if np.linalg.norm(points[i]) > 0.5 * radius:
-                yield i - 1, rod(np.zeros(3), points[i], radius, round_ends=i < n), SHELL if i else DARK
-        if i < n and not bases[i] and robot.joint_types[i] == "prismatic":
+                yield carrier, rod(np.zeros(3), points[i], radius, round_ends=joint), SHELL if i else DARK
+        if joint and not on_base and robot.chain[i, 7] == PRISMATIC:
             yield from _rail(robot, i, 0.4 * radii[i])
-        if i < n and not bases[i]:
+        if joint and not on_base:
             below = (
                 0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0
             )  # the first stands on the floor
@@ -126,10 +129,11 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
 
 def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Any, Colour]]:
     """Yield the way along which joint i slides, if it has ends."""
-    way = np.array([robot.limits.lower[i], robot.limits.upper[i]])
+    at = robot.row_coordinates[i]
+    way = np.array([robot.limits.lower[at], robot.limits.upper[at]])
     if np.isfinite(way).all() and np.ptp(way) > 0:
         start, end = robot.chain[i, 4:7] + way[:, None] * pose_matrix(robot.chain[i, :7])[:3, 2]
-        yield i - 1, rod(start, end, radius, round_ends=True), DARK
+        yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK
 
 
 def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:

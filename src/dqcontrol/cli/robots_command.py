@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from cyclopts import App
 
@@ -105,6 +106,84 @@ def view(
     print(f"{about.name}{ends}, {len(about.joints)} coordinates, reach {about.reach:.3g} m")
     print(f"view: {page.url} (Ctrl+C ends)", flush=True)
     page.serve()
+
+
+@robots.command
+def convert(
+    source: str,
+    out: Path,
+    /,
+    *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    tips: str | None = None,
+) -> None:
+    """Write a URDF, xacro or MJCF file as a robot file of ours: the chain between two links, or a tree.
+
+    Parameters
+    ----------
+    source
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
+    out
+        New .yaml file.
+    tips
+        Links with commas between them, or "all": the tree of the joints above them in place of a chain.
+    """
+    import yaml
+
+    from dqcontrol.errors import ExistsError, ShapeError
+    from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot, load_tree
+    from dqcontrol.robots.robot_file import plain_arm
+    from dqcontrol.robots.tree_file import plain_tree
+
+    if out.exists():
+        raise ExistsError(f"{out}: exists; choose another name")
+    if tips is None:
+        robot = load_robot(source, base_link, tip_link)
+    elif tip_link is not None:
+        raise ShapeError("--tips: makes a tree and --tip-link a chain; give one of them")
+    else:
+        robot = load_tree(source, None if tips == "all" else tips.split(","), base_link)
+    if isinstance(robot, TreeRobot) and not isinstance(robot, TwoArms):
+        data = plain_tree(robot)
+    elif isinstance(robot, SerialArm):
+        data = plain_arm(robot)
+    else:
+        raise ShapeError(f"{source}: is made of several files; convert those")
+    data["sources"] = [f"converted from {Path(source).name}"]
+    out.write_text(
+        yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+    )
+    print(f"{out}: {robot.name}, {robot.configuration_size} coordinates")
+
+
+@robots.command
+def shapes(
+    source: str,
+    /,
+    *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    write: Path | None = None,
+    pairs: bool = False,
+) -> None:
+    """Show the shapes of a robot's links and the pairs that are kept apart; of a URDF file find both.
+
+    Primitives of a URDF file stay, capsules are fitted to its meshes, and random configurations tell which pairs are
+    worth keeping apart.
+
+    Parameters
+    ----------
+    source
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+    write
+        A new robot file with shapes and pairs, to be edited and loaded in place of the source.
+    pairs
+        List all pairs, how near they come and why they are left out.
+    """
+    from dqcontrol.cli.shapes_listing import list_shapes
+
+    list_shapes(source, base_link, tip_link, write, pairs)
 
 
 @robots.command

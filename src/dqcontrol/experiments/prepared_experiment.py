@@ -33,7 +33,7 @@ from dqcontrol.experiments.spec import (
 )
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
-from dqcontrol.laws import PreparedLaw
+from dqcontrol.laws import PreparedLaw, PreparedTasks
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
@@ -59,6 +59,7 @@ class PreparedRobot:
     start: Array
     reference: Reference
     samples: Array
+    tasks: PreparedTasks | None = None
 
 
 class Names(NamedTuple):
@@ -106,7 +107,7 @@ class Combination:
         if self.prepared is not None:
             return self.prepared.in_mode(mode)
         return self.variant.law.prepare(
-            self.scene.robot, self.scene.reference, spec.period, self.limits, mode
+            self.scene.robot, self.scene.reference, spec.period, self.limits, mode, self.scene.tasks
         )
 
 
@@ -164,7 +165,8 @@ class PreparedExperiment:
             robot = scene.robot
             limits = [robot.limits.lower, robot.limits.upper, robot.limits.velocity, robot.limits.effort]
             masses = [robot.inertia.mass, robot.inertia.center, robot.inertia.tensor] if robot.inertia else []
-            for array in (robot.chain, robot.table, *limits, *masses, scene.samples):
+            tasks = [scene.tasks.parameters] if scene.tasks else []
+            for array in (robot.chain, robot.table, *limits, *masses, scene.samples, *tasks):
                 digest.update(np.ascontiguousarray(array).data)
             digest.update(repr((robot.joint_names, _bases(robot))).encode())
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
@@ -225,7 +227,7 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
     scenes, cases = {}, []
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
-            parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot
+            parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot, spec.tasks
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
@@ -259,7 +261,8 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
     reference = spec.reference.of_robot(reference, robot, start)
-    samples = reference.samples(spec.period * np.arange(step_count(reference, spec.period, spec.duration)))
+    times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
+    samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
         raise ValueRangeError(
             f"skip_initial: must be ≤ the run's {samples[-1, -1]:g} s, got {spec.skip_initial:g}"
@@ -269,7 +272,22 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     except ReachError as error:
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
-    return PreparedRobot(robot, start, reference, samples)
+    return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:
+    """Return what is to be done beside the law's task; raise if a task's reference is out of reach."""
+    if spec.tasks is None:
+        return None
+    further = []
+    for i, each in enumerate(spec.tasks):
+        with error_prefix(f"tasks[{i}]"):
+            further.append(each.further_task(robot, start, folder))
+    tasks = PreparedTasks(robot, further, start, times)
+    for i, (task, samples) in enumerate(zip(tasks.tasks, tasks.samples, strict=True)):
+        with error_prefix(f"tasks[{i}]"):
+            check_reach(tasks.robot.with_task(task), start, samples)
+    return tasks
 
 
 def _start(given: Start, robot: Robot) -> Array:
@@ -301,8 +319,14 @@ def _prepared_laws(
     for variant in variants:
         with error_prefix(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
             first = variant.law.prepare(
-                scene.robot, scene.reference, spec.period, next(iter(different.values()))
+                scene.robot,
+                scene.reference,
+                spec.period,
+                next(iter(different.values())),
+                tasks=scene.tasks,
             )
+            if first.constraints:
+                first.constraints.check_start(scene.start)
         bytes_left -= len(different) * first.parameters.nbytes
         kept = {
             velocity: (first.with_limits(limits) if i else first) if bytes_left > 0 else None

@@ -17,6 +17,7 @@ from dqcontrol.figures.style import column_width
 from dqcontrol.figures.surfaces import surface, surface_figure
 from dqcontrol.figures.sweeps import sweep_figure
 from dqcontrol.figures.task_range_plot import range_condition
+from dqcontrol.figures.tasks import task_errors
 from dqcontrol.figures.timing_plot import timing_histogram, timing_table
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "surface",
     "surface_figure",
     "sweep_figure",
+    "task_errors",
     "timing_histogram",
     "timing_table",
 ]

@@ -22,6 +22,7 @@ _TITLES = {  # those that are drawn, in this order; the others stand in the reco
     "wrist_torque": "wrist",
     "payload": "payload",
     "spring_torque": "springs",
+    "grip_force": "grip",
 }
 
 

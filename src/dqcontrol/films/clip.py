@@ -27,6 +27,7 @@ from dqcontrol.films.film_physics import film_physics
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.tree_robot import TreeRobot
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
@@ -243,7 +244,8 @@ def _film(robot: Robot, plant: Plant | None, record: Record) -> Film:
     """Return what a camera needs of a run."""
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record)
-    if isinstance(robot, SerialArm):
+    is_tree = isinstance(robot, TreeRobot) and not robot.bases and not robot.follows
+    if isinstance(robot, SerialArm) or is_tree:
         return film_arm(robot, plant, record)
     raise ValueRangeError(
         f"clip: draws arms, and mobile manipulators that were in physics (plant: {{kind: mobile}}); "

@@ -4,8 +4,20 @@ from dqcontrol.laws.cascade import Cascade
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.classic_whole_body import ClassicWholeBody
 from dqcontrol.laws.constrained import (
+    Angle,
+    BoxObstacle,
+    BoxZone,
+    CapsuleObstacle,
+    Constraints,
+    CylinderObstacle,
+    CylinderZone,
     LevelSolution,
+    LineOfSight,
+    PlaneObstacle,
+    PlaneZone,
     ProgramSolution,
+    SphereObstacle,
+    SphereZone,
     lexicographic_program,
     quadratic_program,
 )
@@ -29,16 +41,25 @@ from dqcontrol.laws.own_law import OwnLaw
 from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
 from dqcontrol.laws.riccati import Steps
+from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 
 __all__ = [
+    "Angle",
     "BestHeading",
+    "BoxObstacle",
+    "BoxZone",
+    "CapsuleObstacle",
     "Cascade",
     "ClassicProportional",
     "ClassicWholeBody",
+    "Constraints",
+    "CylinderObstacle",
+    "CylinderZone",
     "DampedInverse",
     "DecoupledProportional",
     "FeedbackLinearization",
     "FilteredInverse",
+    "FurtherTask",
     "GuidedProportional",
     "HInfinity",
     "HInfinityTracking",
@@ -47,6 +68,7 @@ __all__ = [
     "Law",
     "LevelSolution",
     "LimitAvoidance",
+    "LineOfSight",
     "LinearQuadraticDQ",
     "LinearQuadraticR8",
     "ManipulabilityAscent",
@@ -54,12 +76,17 @@ __all__ = [
     "OpenLoop",
     "OwnLaw",
     "PartialProportional",
+    "PlaneObstacle",
+    "PlaneZone",
     "Posture",
     "PreparedLaw",
+    "PreparedTasks",
     "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",
     "Schedule",
+    "SphereObstacle",
+    "SphereZone",
     "Steps",
     "lexicographic_program",
     "quadratic_program",

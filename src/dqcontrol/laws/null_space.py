@@ -17,7 +17,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
-from dqcontrol.robots.kinematics_kernels import HEADING
+from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -329,7 +329,10 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
 def _headings(robot: Robot) -> NDArray[np.intp]:
     """Return which inputs are forward speeds of drives."""
-    return np.flatnonzero(robot.chain[robot.input_coordinates, 7] == HEADING)
+    if robot.input_size == robot.configuration_size:
+        return np.zeros(0, dtype=np.intp)
+    coordinates = [first for first, kind in robot.bases if kind == DifferentialDrive.kind]
+    return np.flatnonzero(np.isin(robot.input_coordinates, coordinates))
 
 
 @kernel(PREFERENCE)

@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import WholeBody
 
 ACTUATORS = "actuator_command"
+TASK = "task."  # before the names of further tasks
 
 
 class Signal(NamedTuple):
@@ -107,3 +109,17 @@ def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.f
         parts[j], parts[j + 1] = f"{prefix}right_wheel", f"{prefix}left_wheel"
         units[j] = units[j + 1] = "rad/s"
     return {ACTUATORS: Signal(ACTUATORS, tuple(parts), tuple(units), values)}
+
+
+def task_errors(law: PreparedLaw, q: NDArray[np.float64]) -> dict[str, Signal]:
+    """Return how far the robot is from each further task at configurations (N, n), by its name; NaN where q is."""
+    if law.tasks is None:
+        return {}
+    finite = np.asarray(np.isfinite(q).all(axis=1))
+    found = law.tasks.errors(np.where(finite[:, None], q, 0.0))
+    signals = {}
+    for label, values in found.items():
+        values[~finite] = np.nan
+        name = TASK + label.replace(" ", "_")
+        signals[name] = Signal(name, ("position_error", "orientation_error"), ("m", "rad"), values)
+    return signals

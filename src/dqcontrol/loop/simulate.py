@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,13 +11,15 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law, PreparedLaw
+from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.kept_signals import kept_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.sample_sink import SampleSink
-from dqcontrol.loop.signals import actuator_command
+from dqcontrol.loop.signals import actuator_command, task_errors
 from dqcontrol.loop.supervision import Supervision, Watch
 from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
@@ -42,6 +44,7 @@ def simulate(
     disturbance: Disturbance | None = None,
     supervisor: Supervisor | None = None,
     seed: int = 0,
+    tasks: Sequence[FurtherTask] = (),
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Record:
@@ -72,6 +75,8 @@ def simulate(
         What stands between law and plant; nothing if omitted.
     seed
         Of the plant's noise and the disturbance.
+    tasks
+        What two arms or another tree are to do beside the law's task; see `laws.FurtherTask`.
     interpreted
         True: step in Python even if all parts are compiled; the result is the same to the last bit.
     progress
@@ -108,9 +113,13 @@ def simulate(
     period = as_positive("period", period)
     q0 = as_array("start", start, (robot.configuration_size,))
     robot = robot.from_start(q0)
-    samples = reference.samples(period * np.arange(step_count(reference, period, duration)))
+    times = period * np.arange(step_count(reference, period, duration), dtype=np.float64)
+    samples = reference.samples(times)
+    further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
     return simulate_prepared(
-        law.prepare(robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant)),
+        law.prepare(
+            robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant), further
+        ),
         plant,
         q0,
         samples,
@@ -175,7 +184,10 @@ def simulate_prepared(
         input_names=robot.input_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
-        readings=trace.readings | actuator_command(robot, trace.q, trace.command),
+        readings=trace.readings
+        | actuator_command(robot, trace.q, trace.command)
+        | task_errors(law, trace.q)
+        | kept_signals(law, trace.q, done[:, -1], trace.kept),
     )
 
 

@@ -92,6 +92,10 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     for key, column in METRIC_COLUMNS.items():
         if flat[key] not in (None, ""):
             rows.append([column.title, column.show(flat[key]), column.unit])
+    for name, key, (title, unit) in _of_tasks(metrics):
+        for part, part_title in _PARTS.items():
+            shown = METRIC_COLUMNS[f"{key}.{part}"].show(flat[f"tasks.{name}.{key}.{part}"])
+            rows.append([f"{title} {part_title}, {_plain(name)}", shown, unit])
     return Table([Column("Metric"), Column("Value"), Column("Unit")], rows, title)
 
 
@@ -112,6 +116,10 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         [title, shown, *(flat[f"{key}.{part}"] for part in _PARTS)]
         for key, (title, shown) in _DEVIATIONS.items()
     ]
+    deviations += [
+        [f"{title}, {_plain(name)}", shown, *(flat[f"tasks.{name}.{key}.{part}"] for part in _PARTS)]
+        for name, key, (title, shown) in _of_tasks(metrics)
+    ]
     parts = {"mean": "mean", "rms": "RMS", "peak": "peak", "integral": "integral"}
     signals: list[list[Cell]] = [
         [title, fitting(shown), *(flat[f"{key}.{part}"] for part in parts), fitting(whole)]
@@ -129,6 +137,15 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         Table([*first, *map(Column, parts.values()), Column("its unit")], signals, "Norms of signals"),
         Table([Column("Number"), Column("Value"), Column("Unit")], others, "Further numbers"),
     ]
+
+
+def _of_tasks(metrics: Metrics) -> list[tuple[str, str, tuple[str, str]]]:
+    """Return name, deviation, and its title and unit, of each further task."""
+    return [(name, key, shown) for name in metrics.tasks for key, shown in _DEVIATIONS.items()]
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def comparison_table(runs: Mapping[str, Metrics], keys: Sequence[str] = SHORT, title: str = "") -> Table:

@@ -9,7 +9,7 @@ number of its threads.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
-from dqcontrol.loop.signals import ACTUATORS
+from dqcontrol.loop.signals import ACTUATORS, TASK
 from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
@@ -82,6 +82,14 @@ class Deviation:
     settled_mean: float
     settled_rms: float
     settled_peak: float
+
+
+@dataclass(frozen=True)
+class TaskDeviation:
+    """How far a further task was from its pose: position in mm, orientation in degrees."""
+
+    position: Deviation
+    orientation: Deviation
 
 
 @dataclass(frozen=True)
@@ -150,6 +158,8 @@ class Metrics:
     hand_clearance
         Least height of the hand above the floor, or distance from the chassis where the robot's file has one, m;
         negative inside; see `clearance`. NaN without a mobile base.
+    tasks
+        Of each further task by its name; empty without any.
     """
 
     duration: float
@@ -178,6 +188,7 @@ class Metrics:
     saturation: float
     outside_range: float
     hand_clearance: float = math.nan
+    tasks: dict[str, TaskDeviation] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return the errors that matter most, in a line."""
@@ -202,7 +213,10 @@ class Metrics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
-        return _jsonable(asdict(self))
+        plain = _jsonable(asdict(self))
+        if not self.tasks:
+            del plain["tasks"]
+        return plain
 
     def flat(self) -> dict[str, float | int | str | None]:
         """Return one level with dotted names, as ``"error.integral"``."""
@@ -310,6 +324,14 @@ def evaluate(
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),
+            tasks={
+                name.removeprefix(TASK): TaskDeviation(
+                    _deviation(time, 1e3 * signal.values[:, 0], start),
+                    _deviation(time, np.degrees(signal.values[:, 1]), start),
+                )
+                for name, signal in record.readings.items()
+                if name.startswith(TASK)
+            },
         )
 
 

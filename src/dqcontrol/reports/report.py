@@ -41,6 +41,7 @@ _CAPTIONS = {
     "disturbance": "Twist that the disturbance gave the hand, inertial axes.",
     "timing": "How often periods, computation and idle times of the loop occurred; counts are logarithmic.",
     "readings": "Forces that the plant sensed.",
+    "tasks": "Distance and angle of each further task from its pose.",
     "range": "The twist that leads to the goal, and what of it the robot cannot give its hand.",
     "lyapunov": "The Lyapunov function V with its parts and rate, and how near the robot is to what it cannot do.",
     "repeats": "Error integral of every repeat, with mean and confidence interval.",

@@ -115,16 +115,20 @@ class ChainRobot:
         >>> arm.kinematics(np.zeros(7)).twist_jacobian.shape
         (6, 7)
         """
+        return self._kinematics(self._table, q, out)
+
+    def _kinematics(self, table: Array, q: Array, out: Kinematics | None) -> Kinematics:
+        """Compute what a table says in one pass."""
         if out is None:
             out, m = _new(Kinematics), self.input_size
             out.pose, out.pose_jacobian, out.twist_jacobian = _empty(8), _empty((8, m)), _empty((6, m))
         compute = self.kernels.kinematics_apart.compiled
         try:
-            status = compute(self._table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
+            status = compute(table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
         except TypeError:  # a list, integers, several configurations
             values, status = as_array("q", q), WRONG_SIZE
             if values.ndim == 1:
-                status = compute(self._table, values, out.pose, out.pose_jacobian, out.twist_jacobian)
+                status = compute(table, values, out.pose, out.pose_jacobian, out.twist_jacobian)
         if status:
             size = out.pose_jacobian.shape[1]
             if size != self.input_size:

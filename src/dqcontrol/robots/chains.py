@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
@@ -83,6 +84,43 @@ def reverse(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
 
 def _limits_at(limits: Limits, part: slice) -> Limits:
     return Limits(limits.lower[part], limits.upper[part], limits.velocity[part], limits.effort[part])
+
+
+def mirror(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
+    """Return the mirror image of an arm in the plane y = 0; see `SerialArm.mirrored`.
+
+    Reflection of a frame in y takes (w, x, y, z) to (w, −x, y, −z) and y to −y. It turns rotations about z around, but
+    not displacements along it: a half turn of each revolute joint's frame about its own x axis makes its angle the
+    same, and the reflected axis the opposite one.
+    """
+    flip = np.array([1.0, -1, 1, -1, 1, -1, 1])
+    fixed = [row * flip for row in arm.chain[:, :7]]
+    turn = rotation_x(np.pi)
+    for i, kind in enumerate(arm.joint_types):
+        if kind == "revolute":
+            fixed[i], fixed[i + 1] = compose(fixed[i], turn), compose(inverse7(turn), fixed[i + 1])
+    return arm_class(
+        np.array(fixed),
+        arm.joint_types,
+        limits=arm.limits,
+        joint_names=[_other_side(name) for name in arm.joint_names],
+        name=arm.name,
+        inertia=arm.inertia and _mirrored_inertia(arm.inertia, arm.joint_types),
+    )
+
+
+def _other_side(name: str) -> str:
+    """Return a joint's name with left and right changed for each other."""
+    return re.sub("left|right", lambda side: "right" if side[0] == "left" else "left", name)
+
+
+def _mirrored_inertia(inertia: Inertia, joint_types: Sequence[str]) -> Inertia:
+    flips = [
+        np.array([1.0, -1, 1]) * (np.array([1.0, -1, -1]) if kind == "revolute" else 1.0)
+        for kind in joint_types
+    ]
+    flip = np.array(flips)
+    return Inertia(inertia.mass, inertia.center * flip, inertia.tensor * flip[:, :, None] * flip[:, None, :])
 
 
 def joined_limits(limits: list[Limits]) -> Limits:

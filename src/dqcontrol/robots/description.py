@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.arrays import Array
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -101,3 +104,24 @@ def chain_reach(robot: Robot) -> float:
             step[2] = 0.0  # along the first axis: measured from the point nearest to the next joint
         total += float(np.linalg.norm(step))
     return total
+
+
+def drawn_reach(robot: Robot) -> float:
+    """Return the length of the longest stretched chain of a robot, m: 1 for one without."""
+    return float(_lengths_and_depths(robot)[0].max()) or 1.0
+
+
+def rod_radii(robot: Robot) -> Array:
+    """Return the radius, m, of what is drawn at each row of `Robot.chain`: less towards the hands."""
+    depth = _lengths_and_depths(robot)[1]
+    return drawn_reach(robot) * np.linspace(0.048, 0.026, depth.max() + 1)[depth]
+
+
+def _lengths_and_depths(robot: Robot) -> tuple[Array, NDArray[np.intp]]:
+    """Return for each row of `Robot.chain` the length of the chain up to it, m, and how many rows carry it."""
+    length = np.linalg.norm(robot.chain[:, 4:7], axis=1)
+    depth = np.zeros(len(length), dtype=np.intp)
+    for i, parent in enumerate(robot.parents):
+        if parent >= 0:
+            length[i], depth[i] = length[parent] + length[i], depth[parent] + 1
+    return length, depth

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,21 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.robots.link_tree import LinkTree
+from dqcontrol.robots.mjcf import mjcf_tree
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.urdf import load_urdf
+from dqcontrol.robots.tree_file import tree_from
+from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots.two_arms_file import two_arms_from
+from dqcontrol.robots.urdf import load_urdf, urdf_tree
 from dqcontrol.robots.urdf_xml import XACRO
 from dqcontrol.robots.whole_body_file import whole_body_from
 
 EXAMPLES = "example-robot-data"
+_SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
+MJCF = ".xml"
 
 _MODELS = Path(__file__).parent / "models"
 
@@ -38,16 +46,16 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     Parameters
     ----------
     source
-        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`); or a
-        ``.urdf`` or ``.xacro`` file; or ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that
-        package.
+        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`,
+        `TwoArmsFile`, `TreeFile`); or a ``.urdf`` or ``.xacro`` file, or an ``.xml`` file of MuJoCo (MJCF); or
+        ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
     base_link, tip_link
-        Ends of the chain, for URDF files only; see `load_urdf`.
+        Ends of the chain, for URDF and MJCF files only; see `load_urdf`.
 
     Returns
     -------
-    SerialArm or WholeBody
-        A whole body if the source is a file with ``parts``.
+    SerialArm, WholeBody or TwoArms
+        A whole body if the source is a file with ``parts``, two arms if it is one with ``left`` and ``right``.
 
     Raises
     ------
@@ -65,22 +73,103 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     7
     """
     found = _read(source, base_link, tip_link)
-    robot = found if isinstance(found, SerialArm) else whole_body_from(*found, _load_arm)
+    robot = found if isinstance(found, SerialArm) else robot_from(*found)
     text = str(source)
     robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, base_link, tip_link)
     return robot
 
 
+def load_tree(
+    source: str | Path,
+    tips: Sequence[str] | None = None,
+    base: str | None = None,
+    *,
+    floating: bool = False,
+) -> TreeRobot:
+    """Load a robot with all its joints and links from a file.
+
+    Parameters
+    ----------
+    source
+        A ``.urdf`` or ``.xacro`` file, an ``.xml`` file of MuJoCo (MJCF), or ``example-robot-data:PATH.urdf``.
+    tips
+        Links that are to be driven: only the joints above them are kept, and the first is the task. All joints if
+        omitted.
+    base
+        Link in whose frame the task's pose is given; the root if omitted.
+    floating
+        Whether the root moves freely, by x, y, z, yaw, pitch and roll before all others.
+
+    Returns
+    -------
+    TreeRobot
+        Every link is a named frame, joints that follow others (mimic) have no coordinate of their own.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such file or link.
+    FileFormatError
+        If the file is malformed, or holds what no tree of hinges and slides can.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "fork.urdf"
+    >>> _ = path.write_text('''<robot name="fork"><link name="base"/><link name="left"/><link name="right"/>
+    ... <joint name="a" type="continuous"><parent link="base"/><child link="left"/></joint>
+    ... <joint name="b" type="continuous"><origin xyz="0 1 0"/><parent link="base"/><child link="right"/></joint>
+    ... </robot>''')
+    >>> fork = dqc.load_tree(path)
+    >>> fork.joint_names, fork.frame_names
+    (('a', 'b'), ('base', 'left', 'right'))
+    >>> dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation.tolist()
+    [0.0, 1.0, 0.0]
+    """
+    robot = _links(source).tree(tips, base, floating=floating)
+    robot.tips = tuple(tips or ())
+    text = str(source)
+    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, None, None)
+    return robot
+
+
+def _links(source: str | Path) -> LinkTree:
+    text = str(source)
+    package, colon, inner = text.partition(":")
+    suffix = Path(text).suffix.lower()
+    if package == EXAMPLES and colon:
+        return urdf_tree(_example(inner))
+    if suffix == MJCF:
+        return mjcf_tree(text)
+    if suffix in (".urdf", XACRO):
+        return urdf_tree(text)
+    raise UnknownNameError(
+        f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, whose links form a tree"
+    )
+
+
+def robot_from(path: str | Path, data: Any) -> Robot:
+    """Make a robot of the plain data of one of our files; ``path`` is for the messages and the places of others."""
+    if isinstance(data, dict) and "parts" in data:
+        return whole_body_from(path, data, _load_arm)
+    if isinstance(data, dict) and "frames" in data:
+        return tree_from(path, data)
+    if isinstance(data, dict) and ("left" in data or "right" in data):
+        return two_arms_from(path, data, load_robot)
+    return arm_from(path, data)
+
+
 def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:
-    """Load an arm; a whole body is refused, so that no file can be a part of itself."""
+    """Load an arm; others are refused, so that no file can be a part of itself."""
     found = _read(source, base_link, tip_link)
     if not isinstance(found, SerialArm):
-        raise ValueRangeError(f"robot: '{source}' is a whole body, not an arm; list its parts instead")
+        what = next((text for key, text in _SEVERAL.items() if key in found[1]), "two arms")
+        raise ValueRangeError(f"robot: '{source}' is {what}, not an arm; list its parts instead")
     return found
 
 
 def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm | tuple[Path, Any]:
-    """Return an arm, or the file of a whole body and its plain data."""
+    """Return an arm, or the file of a whole body or of two arms and its plain data."""
     text = str(source)
     package, colon, inner = text.partition(":")
     suffix = Path(text).suffix.lower()
@@ -88,19 +177,22 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
         return load_urdf(_example(inner), base_link, tip_link)
     if suffix in (".urdf", XACRO):
         return load_urdf(text, base_link, tip_link)
+    if suffix == MJCF:
+        return mjcf_tree(text).chain(base_link, tip_link)
     if suffix not in (".yaml", ".yml") and text not in robot_names():
         raise UnknownNameError(
-            f"{unknown_name('robot', text, robot_names())}; or give the path of a .yaml, .urdf or .xacro file, "
-            f"or {EXAMPLES}:PATH.urdf"
+            f"{unknown_name('robot', text, robot_names())}; or give the path of a "
+            f".yaml, .urdf, .xacro or .xml (MJCF) file, or {EXAMPLES}:PATH.urdf"
         )
     for field, link in (("base_link", base_link), ("tip_link", tip_link)):
         if link is not None:
             raise ShapeError(
-                f"{field}: only URDF files have links to choose from; '{text}' has none, got '{link}'"
+                f"{field}: only URDF and MJCF files have links to choose from; '{text}' has none, got '{link}'"
             )
     path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
     data = parse_yaml(path, read_text(path))
-    return (path, data) if isinstance(data, dict) and "parts" in data else arm_from(path, data)
+    several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right", "frames"))
+    return (path, data) if several else arm_from(path, data)
 
 
 def example_urdfs() -> dict[str, Path]:

@@ -250,6 +250,22 @@ class SerialArm(Robot):
         """
         return chains.reverse(SerialArm, self)
 
+    def mirrored(self) -> SerialArm:
+        """Return the mirror image in the plane y = 0 of the base frame: a left arm of a right one.
+
+        At the same q, hand and axes are mirror images: p = (x, y, z) becomes (x, −y, z), a turn about n = (a, b, c)
+        one about (−a, b, −c). Limits and inertias are those of this arm; left and right change in the names of joints.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> arm, q = dqc.load_robot("panda"), [0.3, -0.6, 0.1, -2.2, 0, 1.6, 0.8]
+        >>> right, left = (dqc.DualQuaternion(each.fkm(q)).translation for each in (arm, arm.mirrored()))
+        >>> (left - right * [1, -1, 1]).round(12).tolist()
+        [0.0, 0.0, 0.0]
+        """
+        return chains.mirror(SerialArm, self)
+
 
 def _with_ends(fixed: list[Array], base: ArrayLike | None, tool: ArrayLike | None) -> Array:
     """Return the fixed poses with base and tool added."""

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol.algebra.conversions import matrix_from_pose
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
-from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import pose_task_kernels as task_kernels
-from dqcontrol.robots.chain_robot import RobotKernels
+from dqcontrol.robots.chain_robot import Kinematics, RobotKernels
 from dqcontrol.robots.inverse_kinematics import (
     Problem,
     Solution,
@@ -22,7 +23,7 @@ from dqcontrol.robots.inverse_kinematics import (
     as_whole_number,
     prepare_inverse,
 )
-from dqcontrol.robots.kinematics_kernels import PRISMATIC
+from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.pose_task_kernels import (
     COLUMNS,
@@ -111,6 +112,8 @@ class TreeJoints(NamedTuple):
         Index of the coordinate that moves it, and of the input (−1: none).
     multiplier, offset
         It is moved by multiplier · q + offset.
+    names
+        Of the joints.
     """
 
     fixed: Array
@@ -120,6 +123,7 @@ class TreeJoints(NamedTuple):
     column: NDArray[np.intp]
     multiplier: Array
     offset: Array
+    names: tuple[str, ...] = ()
 
     def path(self, joint: int) -> list[int]:
         """Return the rows of the joints from the base to one, both included; none for −1."""
@@ -188,6 +192,7 @@ class TreeRobot(Robot):
         n = len(joint_names)
         identity = NamedFrame(-1, np.array([1.0, 0, 0, 0, 0, 0, 0]))
         self.joints = joints
+        self.tips: tuple[str, ...] = ()  # those that its file was loaded for
         self.named_frames: dict[str, NamedFrame] = {_BASE: identity, **frames}
         self.name = name
         self.configuration_size = n
@@ -220,6 +225,49 @@ class TreeRobot(Robot):
         """For each row of `chain` and `frames` the row that carries it, −1 for the base: joints, then named frames."""
         return self._tree[1:, PARENT].astype(np.intp)
 
+    @property
+    def row_coordinates(self) -> NDArray[np.intp]:
+        """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
+        return self.joints.coordinate
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Rows of `chain` and `frames` that are hands: frames of the task, and of joints that carry no other."""
+        count, names = len(self.joints.kind), list(self.named_frames)
+        driven = {self.named_frames[name].joint for name in self.task.frames}
+        last = {frame.joint: count + k for k, frame in enumerate(self.named_frames.values())}
+        leaves = set(last) - set(self.joints.parent.tolist()) - driven - {-1}
+        rows = {count + names.index(name) for name in self.task.frames}
+        return tuple(sorted(rows | {last[joint] for joint in leaves}))
+
+    @property
+    def follows(self) -> tuple[str, ...]:
+        """Coordinates that more than one joint follows."""
+        used = self.joints.coordinate.tolist()
+        return tuple(name for i, name in enumerate(self.joint_names) if used.count(i) > 1)
+
+    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
+        """Return the torques that hold the robot still, τ_g = ∂U/∂q, shape (…, n): see `Robot.gravity_torque`."""
+        if self.inertia is None:
+            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
+        values, fall = self._rows("q", q), as_array("gravity", gravity, (3,))
+        joints, count = self.joints, len(self.joints.kind)
+        places = matrix_from_pose(self.frames(values)[..., :count, :])
+        turns, origins = places[..., :3, :3], places[..., :3, 3]
+        mass = np.zeros((*values.shape[:-1], count)) + self.inertia.mass
+        moment = mass[..., None] * ((turns @ self.inertia.center[:, :, None])[..., 0] + origins)
+        out = np.zeros_like(values)
+        for i in range(count - 1, -1, -1):  # what a joint carries, its children included
+            axis = turns[..., i, :, 2]
+            weight = mass[..., i, None] * fall
+            arm = moment[..., i, :] - mass[..., i, None] * origins[..., i, :]
+            lift = np.cross(axis, arm) @ fall if joints.kind[i] == REVOLUTE else (axis * weight).sum(axis=-1)
+            out[..., joints.coordinate[i]] -= joints.multiplier[i] * lift
+            if (parent := joints.parent[i]) >= 0:
+                mass[..., parent] += mass[..., i]
+                moment[..., parent, :] += moment[..., i, :]
+        return out
+
     def with_task(self, task: PoseTask | str) -> TreeRobot:
         """Return the same robot with something else to be driven.
 
@@ -243,12 +291,15 @@ class TreeRobot(Robot):
 
     def from_start(self, q: Array) -> TreeRobot:
         """Return the robot for a run from a configuration: the sign of the relative pose is kept from there on."""
-        if self.task.kind != "absolute" or self.task.sign:
-            return self
-        first, second = self.task.frames
-        return self.with_task(
-            PoseTask("absolute", (first, second), self.task.root, self.relative_sign(q, first, second))
-        )
+        task = self.for_start(self.task, q)
+        return self if task == self.task else self.with_task(task)
+
+    def for_start(self, task: PoseTask | str, q: Array) -> PoseTask:
+        """Return a task with the sign that an absolute pose keeps in a run from a configuration."""
+        wanted = self.as_task(task)
+        if wanted.kind != "absolute" or wanted.sign:
+            return wanted
+        return replace(wanted, sign=self.relative_sign(q, *wanted.frames))
 
     def relative_sign(self, q: ArrayLike, first: str, second: str, previous: ArrayLike = 0) -> Any:
         """Return the sign h of x₂*x₁ for which h Re(r) ≥ −0.2: the previous one as long as that allows it.
@@ -263,11 +314,11 @@ class TreeRobot(Robot):
         sign = np.where((last == 0) | (last * real < -_HYSTERESIS), short, last).astype(int)
         return int(sign) if sign.ndim == 0 else sign
 
-    def fkm(self, q: ArrayLike, frame: str | None = None) -> Array:
-        """Return the pose of the task, or of a named frame, shape (…, 8), base frame."""
+    def fkm(self, q: ArrayLike, frame: str | None = None, base: str | None = None) -> Array:
+        """Return the pose of the task, or of a named frame seen from the base or another frame, shape (…, 8)."""
         if frame is None:
             return super().fkm(q)
-        return self.pose_of(PoseTask("frame", (frame,)), q)
+        return self.pose_of(seen_from(frame, base), q)
 
     def frames(self, q: ArrayLike) -> Array:
         """Return the poses of all joint frames after their screws, then of all named frames: shape (…, N + F, 8)."""
@@ -277,15 +328,21 @@ class TreeRobot(Robot):
 
     def pose_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the pose of any task or named frame, shape (…, 8)."""
-        return self._map(self.kernels.forward, q, self.configuration_size, 8, self._table_of(task))
+        return self._map(self.kernels.forward, q, self.configuration_size, 8, self.table_of(task))
 
     def pose_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the pose Jacobian of any task or named frame, shape (…, 8, m)."""
-        return self._columns(q, self.kernels.kinematics, 0, 8, self._table_of(task))
+        return self._columns(q, self.kernels.kinematics, 0, 8, self.table_of(task))
 
     def twist_jacobian_of(self, task: PoseTask | str, q: ArrayLike) -> Array:
         """Return the twist Jacobian of any task or named frame, shape (…, 6, m)."""
-        return self._columns(q, self.kernels.kinematics, 8, 6, self._table_of(task))
+        return self._columns(q, self.kernels.kinematics, 8, 6, self.table_of(task))
+
+    def kinematics_of(
+        self, task: PoseTask | str | Array, q: Array, out: Kinematics | None = None
+    ) -> Kinematics:
+        """Compute pose and both Jacobians of any task in one pass; fastest with what `table_of` gives."""
+        return self._kinematics(task if isinstance(task, np.ndarray) else self.table_of(task), q, out)
 
     @property
     def reach(self) -> float:
@@ -384,7 +441,7 @@ class TreeRobot(Robot):
 
     def _inverse_table(self, task: PoseTask) -> Array:
         """Return the table of a task in which each coordinate has an input, those of drives too."""
-        table = self._table_of(task).copy()
+        table = self.table_of(task).copy()
         rows = table[1:]
         drives = rows[:, 7] > PRISMATIC
         rows[drives, 7] = PRISMATIC
@@ -392,8 +449,8 @@ class TreeRobot(Robot):
         rows[joints, INPUT_COLUMN] = rows[joints, COORDINATE]
         return table
 
-    def _table_of(self, task: PoseTask | str) -> Array:
-        """Return the table of a task, made once."""
+    def table_of(self, task: PoseTask | str) -> Array:
+        """Return the table of a task or named frame as compiled code reads it, made once."""
         wanted = self.as_task(task)
         if wanted not in self._tables:
             self._tables[wanted] = self._task_table(wanted)
@@ -401,7 +458,10 @@ class TreeRobot(Robot):
 
     def _choose(self, task: PoseTask) -> None:
         self.task = task
-        self._keep_table(self._table_of(task))
+        self._keep_table(self.table_of(task))
+
+    def _rates(self, q: ArrayLike, u: ArrayLike) -> Array:
+        raise ValueRangeError(f"u: rates of Jacobians are known of chains only, and {self.name} is a tree")
 
     def _raise(self, status: int, q: Any) -> None:
         if status == SINGULAR:
@@ -459,6 +519,11 @@ class TreeRobot(Robot):
         head[0, FIRST_ROWS] = len(parts[0])
         head[0, SECOND_ROWS] = len(parts[1]) if len(parts) > 1 else 0
         return np.vstack([head, *parts])
+
+
+def seen_from(frame: str, base: str | None) -> PoseTask:
+    """Return the task of a frame, seen from the base of the robot or from another frame."""
+    return PoseTask("frame", (frame,)) if base is None else PoseTask("relative", (frame, base))
 
 
 _HYSTERESIS = 0.2

@@ -104,10 +104,10 @@ class TwoArms(TreeRobot):
             name=name or "+".join(robot.name for robot in robots),
         )
         self.input_names = tuple(_distinct({label: robot.input_names for label, robot in known.items()}))
-        self._relative = self._table_of(self._named_task("relative", "midpoint"))
+        self._relative = self.table_of(self._named_task("relative", "midpoint"))
         self._short, self._positive, self._negative = (
             {
-                each: self._table_of(PoseTask("absolute", (_LEFT, _RIGHT), each, sign))
+                each: self.table_of(PoseTask("absolute", (_LEFT, _RIGHT), each, sign))
                 for each in get_args(Root)
             }
             for sign in (0, 1, -1)
@@ -118,6 +118,16 @@ class TwoArms(TreeRobot):
         if isinstance(task, str) and task in get_args(TwoArmsTask):
             return self._named_task(task, self.task.root)
         return super().as_task(task)
+
+    @property
+    def bases(self) -> tuple[tuple[int, str], ...]:
+        """Index of the first coordinate of each mobile base, and its kind."""
+        found, first = [], 0
+        for part in (self.base, self.left, self.right):
+            if part is not None:
+                found += [(first + at, kind) for at, kind in part.bases]
+                first += part.configuration_size
+        return tuple(found)
 
     def relative_pose(self, q: ArrayLike) -> Array:
         """Return x_r = x₂*x₁, the left hand seen from the right one, shape (…, 8).
@@ -234,7 +244,8 @@ def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]
         if label == "base":
             start, mount = parent, end
         coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
-    return TreeJoints(*(np.array(values) for values in zip(*rows, strict=True))), frames
+    poses, kinds, parents, moved, driven, multipliers, offsets = map(np.array, zip(*rows, strict=True))
+    return TreeJoints(poses, kinds, parents, moved, driven, multipliers, offsets), frames
 
 
 def _distinct(names: dict[str, Sequence[str]]) -> list[str]:

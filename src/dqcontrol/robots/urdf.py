@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError, suggest
-from dqcontrol.robots.axes import chain_from_axes
+from dqcontrol.errors import Error, FileFormatError, NoteWarning, UnknownNameError, suggest
+from dqcontrol.robots.axes import chain_from_axes, inverse_turn, z_onto
+from dqcontrol.robots.dh import compose
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.link_inertias import lump
+from dqcontrol.robots.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
 
@@ -100,6 +102,62 @@ def load_urdf(
     return arm
 
 
+def urdf_tree(path: str | Path) -> LinkTree:
+    """Read all links and joints of a URDF or xacro file.
+
+    Raises
+    ------
+    FileFormatError
+        As for `load_urdf`, but mimic joints are allowed, and floating ones.
+    """
+    tree = UrdfTree(CheckedXml(path))
+    joints = [_link_joint(tree, tree.parent[link]) for link in tree.below(tree.root) if link != tree.root]
+    bodies = {}
+    for name, link in tree.links.items():
+        if link.inertial is not None and link.inertial.mass:
+            frame = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+            own = np.zeros((3, 3)) if link.inertial.inertia is None else link.inertial.inertia
+            tensor = frame[:3, :3] @ own @ frame[:3, :3].T
+            bodies[name] = LinkBody(float(link.inertial.mass), frame[:3, 3].copy(), tensor)
+
+    def error(joint: str, text: str) -> Error:
+        return tree.xml.error("joint", joint, text)
+
+    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error)
+
+
+def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
+    """Return a joint of a file, turned so that its axis is z."""
+    place = _pose7(origin_matrix(joint))
+    if joint.type in ("fixed", "floating"):
+        return LinkJoint(joint.name, joint.type, joint.parent, joint.child, place)
+    if joint.type not in _MOVABLE:
+        raise tree.xml.error(
+            "joint",
+            joint.name,
+            f"is {joint.type}; a tree has only {', '.join(_MOVABLE)}, floating and fixed joints",
+        )
+    turn = z_onto(_axis(tree, joint))
+    limits, mimic = _limits(tree, [joint]), joint.mimic
+    follows = None
+    if mimic is not None:
+        multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+        follows = Mimic(mimic.joint, multiplier, float(mimic.offset or 0.0))
+    return LinkJoint(
+        joint.name,
+        "prismatic" if joint.type == "prismatic" else "revolute",
+        joint.parent,
+        joint.child,
+        compose(place, turn),
+        inverse_turn(turn),
+        float(limits.lower[0]),
+        float(limits.upper[0]),
+        float(limits.velocity[0]),
+        float(limits.effort[0]),
+        follows,
+    )
+
+
 def _note_gripper(robot: str, joints: list[Any]) -> None:
     """Say that a chain nobody chose would move the hand with its gripper."""
     names, link = ", ".join(joint.name for joint in joints), joints[0].parent
@@ -167,6 +225,16 @@ class UrdfTree:
             link = pending.pop()
             yield link
             pending += [joint.child for joint in reversed(self.children[link])]
+
+    def places(self, moving: tuple[str, ...]) -> Iterator[tuple[str, Array, int]]:
+        """Yield the pose of each link with all joints at zero, and how many joints of a chain carry it."""
+        pending = [(self.root, np.eye(4), 0)]
+        while pending:
+            link, place, carrier = pending.pop()
+            yield link, place, carrier
+            for joint in reversed(self.children[link]):
+                number = moving.index(joint.name) + 1 if joint.name in moving else carrier
+                pending.append((joint.child, place @ origin_matrix(joint), number))
 
     def path(self, base: str, tip: str) -> list[Any]:
         """Return the joints from one link down to another."""

@@ -17,6 +17,7 @@ from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.loop.repeated_loop import RepeatedLoop
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
+from dqcontrol.robots import TreeRobot
 from dqcontrol.tuning.plant_family import PlantFamily
 from dqcontrol.tuning.stability_slack import Slack, StabilityJudge
 from dqcontrol.tuning.tune_spec import TuneProblem
@@ -84,6 +85,8 @@ class LawEvaluation:
         self._block, self._spec, self._judge = problem.block, spec, judge
         self._scenes, self._family = list(scenes), family
         robot, plant = scenes[0].robot, family.plants[0]
+        if isinstance(robot, TreeRobot):
+            raise ValueRangeError(f"tune: searches for laws of one chain, and {robot.name} is a tree")
         self._limits = spec.limits_of(plant, robot)
         self._mode: CommandMode = lagging_mode(plant)
         limits = robot.limits

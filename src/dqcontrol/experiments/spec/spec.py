@@ -24,14 +24,27 @@ from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files,
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
-from dqcontrol.laws import Law
+from dqcontrol.laws import Constraints, Law
 from dqcontrol.laws.null_space import AnyNullSpace
+from dqcontrol.laws.task_levels import FurtherTask, TaskPart
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.robots import ReachingPosture, Robot, SerialArm, load_robot, postures
-from dqcontrol.robots.robot_file import arm_from, plain_arm
+from dqcontrol.robots import (
+    PoseTask,
+    ReachingPosture,
+    Robot,
+    SerialArm,
+    TreeRobot,
+    TwoArms,
+    load_robot,
+    load_tree,
+    postures,
+)
+from dqcontrol.robots.load import robot_from
+from dqcontrol.robots.robot_file import plain_arm
+from dqcontrol.robots.tree_robot import Root, TaskKind
 
 if TYPE_CHECKING:
     AnyLaw: TypeAlias = Law
@@ -42,8 +55,25 @@ else:
 MetricsFrom = Literal["true", "measured"]
 
 
+class TaskSpec(Part, frozen=True, kw_only=True):
+    """What of two arms, or of another tree, is driven; see `robots.PoseTask`."""
+
+    kind: TaskKind
+    frames: Annotated[list[str], Meta(min_length=1, max_length=2)]
+    root: Root = "midpoint"
+
+    def task(self) -> PoseTask:
+        """Return the task."""
+        return PoseTask(self.kind, tuple(self.frames), self.root)
+
+
 class RobotSpec(Part, frozen=True, kw_only=True):
-    """A robot by name or file, and the ends of its chain; or the content of a robot file."""
+    """A robot by name or file, and the ends of its chain; or the content of a robot file.
+
+    ``tips`` are links of a URDF or MJCF file, or ``all``: the robot is the tree of joints above them, the first one is
+    its task, and ``base_link`` the frame in which that is given. ``task`` says what of two arms, or of a tree, is
+    driven: ``relative``, ``absolute``, ``left``, ``right``, the name of a frame, or a mapping.
+    """
 
     source: (
         Annotated[str, Meta(min_length=1, description="preset, .yaml or .urdf, or example-robot-data:PATH")]
@@ -52,6 +82,8 @@ class RobotSpec(Part, frozen=True, kw_only=True):
     base_link: str | None = None
     tip_link: str | None = None
     model: Annotated[dict[str, Any] | None, Meta(description="content of a robot file")] = None
+    tips: list[str] | Literal["all"] | None = None
+    task: str | TaskSpec | None = None
 
     def load(self, folder: Path | None = None) -> Robot:
         """Return the robot; relative file names start from a folder.
@@ -64,10 +96,52 @@ class RobotSpec(Part, frozen=True, kw_only=True):
         if (self.source is None) == (self.model is None):
             raise ShapeError("robot: give either 'source' or 'model'")
         if self.model is not None:
-            return arm_from("robot.model", self.model)
-        source = str(self.source)
-        near = (folder or Path()) / source
-        return load_robot(near if near.is_file() else source, self.base_link, self.tip_link)
+            robot: Robot = robot_from("robot.model", self.model)
+        else:
+            source = str(self.source)
+            near = (folder or Path()) / source
+            place = near if near.is_file() else source
+            if self.tips is None:
+                robot = load_robot(place, self.base_link, self.tip_link)
+            elif self.tip_link is not None:
+                raise ShapeError("robot: give either 'tip_link' (a chain) or 'tips' (a tree)")
+            else:
+                robot = load_tree(place, None if self.tips == "all" else self.tips, self.base_link)
+        if self.task is None:
+            return robot
+        if not isinstance(robot, TreeRobot):
+            raise ShapeError(
+                f"robot.task: {robot.name} is one chain and has one hand; tasks are for two arms and trees"
+            )
+        with error_prefix("robot.task"):
+            return robot.with_task(self.task.task() if isinstance(self.task, TaskSpec) else self.task)
+
+
+class FurtherTaskSpec(Part, frozen=True, kw_only=True):
+    """A task beside that of the law, of two arms or another tree; see `laws.FurtherTask`.
+
+    Without ``reference`` the pose at the start is held.
+    """
+
+    task: str | TaskSpec
+    gain: Annotated[float, Meta(ge=0, description="k, 1/s; 0: corrects nothing")]
+    reference: AnyReference | None = None
+    level: Annotated[
+        int, Meta(ge=0, le=9, description="0: before the law's task, 1: with it, 2: after it")
+    ] = 2
+    weight: Annotated[float, Meta(gt=0, description="against tasks of the same level")] = 1.0
+    part: TaskPart = "pose"
+
+    def further_task(self, robot: Robot, start: Array, folder: Path) -> FurtherTask:
+        """Return the task of a robot that starts somewhere, shape (n,)."""
+        if not isinstance(robot, TreeRobot):
+            raise ShapeError(f"{robot.name} is one chain and has one hand; tasks are for two arms and trees")
+        task = robot.for_start(self.task.task() if isinstance(self.task, TaskSpec) else self.task, start)
+        reference = None
+        if self.reference is not None:
+            reference = self.reference.build(robot.pose_of(task, start), folder)
+            reference = self.reference.of_robot(reference, robot.with_task(task), start)
+        return FurtherTask(task, self.gain, reference, self.level, self.weight, self.part)
 
 
 class HandStart(Part, frozen=True, kw_only=True):
@@ -119,7 +193,12 @@ class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
     def without_start(self) -> RobotSpec:
         """Return the robot alone."""
         return RobotSpec(
-            source=self.source, base_link=self.base_link, tip_link=self.tip_link, model=self.model
+            source=self.source,
+            base_link=self.base_link,
+            tip_link=self.tip_link,
+            model=self.model,
+            tips=self.tips,
+            task=self.task,
         )
 
 
@@ -171,8 +250,10 @@ class Spec(Part, frozen=True, kw_only=True):
     metrics_from
         ``"true"``: metrics are computed from the true joint angles; ``"measured"``: from those that the
         encoders gave, as on a real robot.
-    null_space
+    null_space, constraints
         Of all laws that name none.
+    tasks
+        What two arms or another tree are to do beside the law's task.
     """
 
     name: Annotated[
@@ -212,6 +293,8 @@ class Spec(Part, frozen=True, kw_only=True):
     skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
     metrics_from: MetricsFrom = "true"
     null_space: AnyNullSpace | None = None
+    tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
+    constraints: Constraints | None = None
 
     @property
     def robot_by_label(self) -> dict[str, StartedRobotSpec]:
@@ -251,13 +334,17 @@ class Spec(Part, frozen=True, kw_only=True):
     @property
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
-        laws = {label: self._with_null_space(law) for label, law in self.law_by_label.items()}
+        laws = {label: self._completed(law) for label, law in self.law_by_label.items()}
         return variants(laws, self.parameter_sets, self.grids)
 
-    def _with_null_space(self, law: AnyLaw) -> AnyLaw:
-        if self.null_space is None or law.null_space is not None:
-            return law
-        return msgspec.structs.replace(law, null_space=self.null_space)
+    def _completed(self, law: AnyLaw) -> AnyLaw:
+        """Return a law with what the spec says of all laws."""
+        missing = {
+            key: getattr(self, key)
+            for key in ("null_space", "constraints")
+            if getattr(self, key) is not None and getattr(law, key) is None
+        }
+        return msgspec.structs.replace(law, **missing) if missing else law
 
     @property
     def keeps_records(self) -> bool:
@@ -402,10 +489,16 @@ def _started_robot(given: Any) -> Any:
 def _robot_data(robot: Robot) -> dict[str, Any]:
     """Return what a spec says of a robot that was loaded, or of an arm that was made in Python."""
     if robot.origin is not None:
-        return dict(zip(("source", "base_link", "tip_link"), robot.origin, strict=True))
+        data: dict[str, Any] = dict(zip(("source", "base_link", "tip_link"), robot.origin, strict=True))
+        if not isinstance(robot, TreeRobot):
+            return data
+        task = robot.task
+        if not isinstance(robot, TwoArms):
+            data["tips"] = list(robot.tips) or "all"
+        return {**data, "task": {"kind": task.kind, "frames": list(task.frames), "root": task.root}}
     if not isinstance(robot, SerialArm):
         raise FileFormatError(
-            f"robot: {robot!r} was made in Python; write it as a file with 'parts' for a spec"
+            f"robot: {robot!r} was made in Python; write it as a file with 'parts', or 'left' and 'right', for a spec"
         )
     return {"model": plain_arm(robot)}
 

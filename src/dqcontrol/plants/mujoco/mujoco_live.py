@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, as_each
 from dqcontrol.plants.live_plant import LivePlant
+from dqcontrol.plants.mujoco.carried_box import CHANNELS, BoxSensors
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
 
@@ -35,9 +36,13 @@ class LiveMujoco(LivePlant):
     data: Any
 
     def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
-        n = model.nv
+        n = model.nu
         self.model, self.data = model, data
-        self.q, self.measured = data.qpos, np.empty(n)
+        self.q, self.measured = data.qpos[:n], np.empty(n)
+        self._box = BoxSensors(model, data) if plant.box else None
+        if self._box is not None:
+            self.channels, self.readings = CHANNELS, self._box.readings
+            self._box.read()
         self._rate, self._target = data.ctrl, data.act
         self._advance = import_mujoco().mj_step
         self._substeps = substeps
@@ -54,12 +59,12 @@ class LiveMujoco(LivePlant):
     @property
     def torque(self) -> Array:
         """Torque of servos and gravity compensation in the last time step, shape (n,), N·m or N."""
-        return self.data.qfrc_actuator.copy()
+        return self.data.qfrc_actuator[: len(self.q)].copy()
 
     @property
     def velocity(self) -> Array:
         """Joint velocities, shape (n,), rad/s or m/s."""
-        return self.data.qvel.copy()
+        return self.data.qvel[: len(self.q)].copy()
 
     @property
     def target(self) -> Array:
@@ -90,6 +95,8 @@ class LiveMujoco(LivePlant):
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
         self._encoders.read(self.q, self.measured)
+        if self._box is not None:
+            self._box.read()
 
 
 def check_rate(rate: Array) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
-import logging
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import MissingExtraError, ValueRangeError
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.robots.description import drawn_reach, rod_radii
+from dqcontrol.robots.mujoco_package import import_mujoco as import_mujoco
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -22,25 +22,6 @@ _SHELL = (0.93, 0.94, 0.95, 1.0)
 _HUB = (0.95, 0.45, 0.10, 1.0)
 _BASE = (0.25, 0.27, 0.30, 1.0)
 _TRIAD = ((0.85, 0.15, 0.15, 1.0), (0.15, 0.65, 0.20, 1.0), (0.15, 0.30, 0.85, 1.0))
-
-
-def import_mujoco() -> Any:
-    """Return the mujoco package.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    try:
-        mujoco: Any = importlib.import_module("mujoco")
-    except ImportError as error:
-        raise MissingExtraError(
-            f"mujoco: physics needs it and it cannot be imported ({error}); pip install 'dqcontrol[physics]'"
-        ) from None
-    if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a log file to the working folder
-        mujoco.set_mju_user_warning(logging.getLogger("dqcontrol.mujoco").info)
-    return mujoco
 
 
 def skeleton(robot: Robot) -> Any:
@@ -80,24 +61,28 @@ def add_arm(parent: Any, robot: Robot) -> None:
     """Add the bodies, joints, hand and shapes of a `skeleton` to a body."""
     mujoco = import_mujoco()
     draw = _Shapes(mujoco, robot)
+    bodies = {-1: parent}
     for i, name in enumerate(robot.joint_names):
         row, lower, upper = robot.chain[i], robot.limits.lower[i], robot.limits.upper[i]
         slides = robot.joint_types[i] == "prismatic"
-        draw.link(parent, i)
+        carrier = bodies[int(robot.parents[i])]
+        draw.link(carrier, i)
         if slides:
-            draw.rail(parent, i)
-        body = parent.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
+            draw.rail(carrier, i)
+        body = carrier.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
         body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1])
         if np.isfinite(lower) and np.isfinite(upper):
             joint.range, joint.limited = (lower, upper), mujoco.mjtLimited.mjLIMITED_TRUE
         draw.drum(body, i)
-        parent = body
-    tool = robot.chain[-1]
-    draw.link(parent, len(robot.joint_names))
-    parent.add_site(name="hand", pos=tool[4:7], quat=tool[:4], size=[1e-3] * 3, group=4)
-    draw.triad(parent)
+        bodies[i] = body
+    for k, end in enumerate(robot.ends):
+        tool, carrier = robot.chain[end], bodies[int(robot.parents[end])]
+        draw.link(carrier, end)
+        name = f"hand_{k + 1}" if k else "hand"
+        carrier.add_site(name=name, pos=tool[4:7], quat=tool[:4], size=[1e-3] * 3, group=4)
+        draw.triad(carrier, tool)
 
 
 def add_inertias(spec: Any, robot: Robot) -> None:
@@ -169,9 +154,8 @@ class _Shapes:
 
     def __init__(self, mujoco: Any, robot: Robot) -> None:
         self.mujoco, self.robot = mujoco, robot
-        points = robot.chain[:, 4:7]
-        self.reach = float(np.linalg.norm(points, axis=1).sum()) or 1.0
-        self.radii = self.reach * np.linspace(0.048, 0.026, len(points))
+        self.reach = drawn_reach(robot)
+        self.radii = rod_radii(robot)
 
     def add(self, body: Any, kind: str, size: Any, colour: Any, *, group: int = RODS, **place: Any) -> None:
         """Add a geom that only shows."""
@@ -186,11 +170,13 @@ class _Shapes:
         """Draw what leads from joint i − 1 to joint i (or to the hand)."""
         end, radius = self.robot.chain[i, 4:7], 0.85 * self.radii[i]
         length = np.linalg.norm(end)
-        if i == 0:
-            self.add(body, "CYLINDER", [1.7 * self.radii[0], 0.1 * self.radii[0]], _BASE)
+        if self.robot.parents[i] < 0 and i not in self.robot.ends:
+            self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE)
         if length > 0.5 * radius:
-            kind = "CYLINDER" if i == len(self.radii) - 1 else "CAPSULE"  # the hand's point lies on the end
-            self.add(body, kind, [radius], _BASE if i == 0 else _SHELL, fromto=[0, 0, 0, *end])
+            kind = "CYLINDER" if i in self.robot.ends else "CAPSULE"  # the hand's point lies on the end
+            self.add(
+                body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[0, 0, 0, *end]
+            )
 
     def drum(self, body: Any, i: int) -> None:
         """Draw joint i as a drum about its axis."""
@@ -209,9 +195,9 @@ class _Shapes:
         ends = [*(row[4:7] + limits.lower[i] * axis), *(row[4:7] + limits.upper[i] * axis)]
         self.add(body, "CAPSULE", [0.4 * self.radii[i]], _BASE, fromto=ends)
 
-    def triad(self, body: Any) -> None:
-        """Draw the axes of the hand: x red, y green, z blue."""
-        tool, length, axis = self.robot.chain[-1], 0.06 * self.reach, np.empty(3)
+    def triad(self, body: Any, tool: NDArray[np.float64]) -> None:
+        """Draw the axes of a hand: x red, y green, z blue."""
+        length, axis = 0.06 * self.reach, np.empty(3)
         for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
             self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))
             ends = [*tool[4:7], *(tool[4:7] + length * axis)]

@@ -9,6 +9,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.mujoco.carried_box import CarriedBox
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
@@ -54,6 +55,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         Rotor inertia seen at the joint, kg m² (kg for sliding joints): one number, or one a joint.
     viscous_friction, dry_friction
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
+    box
+        What two hands carry between them; nothing if omitted.
     position_limit
         True: targets do not leave the position limits either.
     encoder_resolution
@@ -75,6 +78,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     >>> bool(abs(plant.q - 0.3).max() < 1e-6)
     True
     """
+
+    box: CarriedBox | None = None
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
         """Return the arm at rest at q0.
@@ -104,34 +109,46 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             raise ValueRangeError(
                 f"plant.kind: mujoco moves arms, and {robot.name} has a mobile base; {plants_that_drive(robot)}"
             )
+        if robot.follows:
+            raise ValueRangeError(
+                f"plant.kind: in physics of {robot.name} {robot.follows[0]} would have to follow another joint "
+                "(mimic), which no servo of it does; take the ideal or the servo plant"
+            )
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
-        model = self._model(robot)
+        model = self._model(robot, start)
         data = self._balance(robot, model, start)
+        if self.box is not None:
+            data.act[:] += self.box.squeezed(robot, start)
         return LiveMujoco(self, model, data, substeps, seed)
 
-    def _model(self, robot: Robot) -> Any:
+    def _model(self, robot: Robot, start: Array) -> Any:
         """Build the model; gains are set later, at the start configuration."""
         mujoco = import_mujoco()
         n = robot.configuration_size
         spec = skeleton(robot)
         add_inertias(spec, robot)
         self.add_servos(spec, robot)
-        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
+        if self.box is None:
+            spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
+        else:
+            self.box.add(spec, robot, start, self.timestep)
         for i, name in enumerate(robot.joint_names):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
             spec.joint(name).actgravcomp = True
         model = compiled(spec)
-        model.dof_damping.reshape(n, -1)[:, 0] = as_each("plant.viscous_friction", self.viscous_friction, n)
+        model.dof_damping.reshape(model.nv, -1)[:n, 0] = as_each(
+            "plant.viscous_friction", self.viscous_friction, n
+        )
         return model
 
     def _balance(self, robot: Robot, model: Any, start: Array) -> Any:
         """Return the model's state at rest in the start configuration."""
         mujoco = import_mujoco()
         data = mujoco.MjData(model)
-        data.qpos[:] = start
+        data.qpos[: len(start)] = start
         mujoco.mj_forward(model, data)
-        self.set_servos(robot, model, data, start, np.arange(model.nv))
+        self.set_servos(robot, model, data, start, np.arange(len(start)))
         mujoco.mj_forward(model, data)
         return data
 
@@ -144,8 +161,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """
         h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
         live = self.start(robot, q0, dt, 1, 0)
-        mass, unit, zero = mass_matrix(live.model, live.data), np.eye(n), np.zeros((n, n))
-        damping = np.diag(live.damping + live.model.dof_damping.reshape(n, -1)[:, 0])
+        mass, unit, zero = mass_matrix(live.model, live.data)[:n, :n], np.eye(n), np.zeros((n, n))
+        damping = np.diag(live.damping + live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
         velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
         step = np.eye(3 * n)  # of q, v and q*

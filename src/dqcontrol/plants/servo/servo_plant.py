@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
-from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
@@ -33,6 +32,7 @@ from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.robots.gravity import WORK, body_table
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import base_coordinates
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
@@ -125,6 +125,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         own = {key: value for key, value in data.items() if key != "file"}
         return servo_parameters(folder / data["file"]) | own
 
+    def base_errors(self) -> tuple[float, float]:
+        """Return the camera's standard deviations, m and rad."""
+        return (self.camera.position_noise, self.camera.angle_noise) if self.camera else (0.0, 0.0)
+
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
 
@@ -136,6 +140,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         """
         q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
         if base_coordinates(robot).any():
+            if isinstance(robot, TreeRobot):
+                raise ValueRangeError(
+                    f"plant.kind: servos drive a base under one arm, and {robot.name} is a tree; take integrator"
+                )
             return start_on_base(self, robot, q0, dt, steps, seed)
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
@@ -168,8 +176,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 joint[i, layout.IS_SECOND :] = 1.0, *each.second
         joint[:, layout.RESOLUTION] = self._each("encoder_resolution", n)
         joint[:, layout.NOISE] = self._each("encoder_noise", n)
+        if sag and isinstance(robot, TreeRobot):
+            raise ValueRangeError(f"plant.sag: is that of a chain, and {robot.name} is a tree; take physics")
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
-        parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), robot.chain.ravel()])
+        chain = np.zeros((n + 1, 8)) if isinstance(robot, TreeRobot) else robot.chain  # for the sag alone
+        parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), chain.ravel()])
         state = np.concatenate(
             [target, np.zeros(n), np.tile(target, oldest + 1), np.zeros((WORK + 1) * n), q0]
         )
@@ -204,6 +215,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         answers = [(self._answer(i, n, dt), float(gain[i])) for i in range(n)]
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], dt)
+        from scipy.linalg import block_diag
+
         models = [self._joint_model(*each, dt) for each in answers]
         sizes = [len(model.transition) for model in models]
         begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)

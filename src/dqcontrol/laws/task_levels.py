@@ -1,0 +1,355 @@
+"""Several tasks at once: what is added to a law's command so that further tasks are done, level after level.
+
+A law drives one pose of a robot. Further tasks, each with a reference and a gain of its own, stand on levels with it: a
+level does what it can without disturbing those before it, and those of one level share by weights. For the command u
+that the law gave, δ is found from level to level (P = I, δ = 0 at first): [Siciliano and Slotine 1991]
+
+    A = J P,   δ ← δ + A⁺ (y − J (u + δ)),   P ← P − A⁺A,   A⁺ = Aᵀ(AAᵀ + λ²I)⁻¹
+
+with y = J u for the law's own pose. λ is 0 where the level's rows are well apart, as with `FilteredInverse`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    half_angle,
+    position,
+    quaternion_product,
+)
+from dqcontrol.algebra.symmetric import cholesky, inverse_trace
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import (
+    INPUT,
+    NOT_FINITE,
+    OK,
+    READ,
+    READ2,
+    STATUS,
+    WRITE,
+    inline,
+    kernel,
+    types,
+)
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, error_prefix
+from dqcontrol.references import Reference
+from dqcontrol.references.sample import SAMPLE_SIZE
+from dqcontrol.robots.kinematics_kernels import hand_jacobian
+from dqcontrol.robots.pose_task_kernels import COLUMNS, task_twist_kinematics
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import PoseTask, TreeRobot
+
+TaskPart = Literal["pose", "position", "orientation"]
+
+_THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
+
+# q, pose and twist Jacobian of the law's task, number of the sample, parameters, work, command
+TASKS = STATUS(INPUT, READ, READ2, types.intp, READ, WRITE, WRITE)
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherTask:
+    """A task beside that of the law.
+
+    Attributes
+    ----------
+    task
+        What of the robot is driven: a `PoseTask`, or its name; as for `TreeRobot.with_task`.
+    gain
+        k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart. 0: it moves as the reference
+        does and corrects nothing, as hands do that press something between them.
+    reference
+        The motion to follow; None: the pose at the start is held.
+    level
+        Levels are done in order; the law's own task is on level 1. On 0 a task comes before the law's, on 2 after it.
+    weight
+        Against the tasks of the same level.
+    part
+        ``"pose"``, ``"position"`` or ``"orientation"``: what of it counts.
+    """
+
+    task: PoseTask | str
+    gain: float
+    reference: Reference | None = None
+    level: int = 2
+    weight: float = 1.0
+    part: TaskPart = "pose"
+
+
+class TaskRow(NamedTuple):
+    """What compiled code knows of a task: where its table and its samples begin, and the rest of `FurtherTask`."""
+
+    table: float
+    table_rows: float
+    samples: float
+    sample_rows: float
+    gain: float
+    level: float
+    turns: float
+    moves: float
+
+
+class TaskLevels(NamedTuple):
+    """Tasks as compiled code reads them.
+
+    Attributes
+    ----------
+    tasks, rows
+        How many there are, and the most rows that a level has.
+    first, last
+        Levels.
+    data
+        A `TaskRow` for each, then their tables and samples.
+    """
+
+    tasks: float
+    rows: float
+    first: float
+    last: float
+    data: Annotated[Array, ...]
+
+
+class LevelWork(NamedTuple):
+    """Scratch for m inputs and the most rows of a level."""
+
+    left: Annotated[Array, "m", "m"]
+    jacobian: Annotated[Array, "rows", "m"]
+    projected: Annotated[Array, "rows", "m"]
+    gram: Annotated[Array, "rows", "rows"]
+    residual: Annotated[Array, "rows"]
+    column: Annotated[Array, "rows"]
+    change: Annotated[Array, "m"]
+    pose: Annotated[Array, 8]
+    turn: Annotated[Array, 4]
+    error: Annotated[Array, 6]
+    twist: Annotated[Array, 6, "m"]
+    hand: Annotated[Array, 6, "m"]
+    scratch: Annotated[Array, "8 * m"]
+
+
+task_row, task_levels = MemoryLayout(TaskRow), MemoryLayout(TaskLevels)
+level_work = MemoryLayout(LevelWork, "m", "rows")
+_ROW = task_row.size()
+
+
+@inline
+def _add_rows(count, hand, y, turns, moves, out, own):
+    """Append the rows of a task's [ω ; ṗ] and what they lack under the command so far; return how many there are."""
+    for i in range(6):
+        weight = turns if i < 3 else moves
+        if weight == 0.0:
+            continue
+        missing = y[i]
+        for j in range(out.shape[0]):
+            own.jacobian[count, j] = weight * hand[i, j]
+            missing -= hand[i, j] * (out[j] + own.change[j])
+        own.residual[count] = weight * missing
+        count += 1
+    return count
+
+
+@inline
+def _asked(task, sample, own):
+    """Write the [ω ; ṗ] that a task asks for: k times what is left, and what its reference does."""
+    pose, turn, error = own.pose, own.turn, own.error
+    quaternion_product(sample, (pose[0], -pose[1], -pose[2], -pose[3]), turn)
+    if turn[0] < 0.0:  # the short way round
+        turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
+    half_angle(turn, error)
+    px, py, pz = position(pose)
+    x, y, z = position(sample)
+    a, b, c = sample[8], sample[9], sample[10]
+    error[0] = 2.0 * task.gain * error[0] + a
+    error[1] = 2.0 * task.gain * error[1] + b
+    error[2] = 2.0 * task.gain * error[2] + c
+    error[3] = task.gain * (x - px) + sample[11] + b * z - c * y
+    error[4] = task.gain * (y - py) + sample[12] + c * x - a * z
+    error[5] = task.gain * (z - pz) + sample[13] + a * y - b * x
+
+
+@inline
+def _do_level(count, out, own):
+    """Add to the change what the rows of a level ask for, and take what they use from what is left."""
+    m, left, projected, gram = out.shape[0], own.left, own.projected, own.gram
+    residual, column = own.residual, own.column
+    for i in range(count):
+        for j in range(m):
+            value = 0.0
+            for k in range(m):
+                value += own.jacobian[i, k] * left[k, j]
+            projected[i, j] = value
+    damping = _DAMPING * _DAMPING
+    for attempt in range(2):
+        for i in range(count):
+            for j in range(i + 1):
+                value = 0.0
+                for k in range(m):
+                    value += projected[i, k] * projected[j, k]
+                gram[i, j] = value
+            if attempt == 1:
+                gram[i, i] += damping
+        regular = cholesky(gram, count)
+        if attempt == 0 and regular:
+            least = 1.0 / inverse_trace(gram, count, column)
+            if least >= _THRESHOLD * _THRESHOLD:
+                break
+            damping *= 1.0 - least / (_THRESHOLD * _THRESHOLD)
+    for i in range(count):  # L⁻¹ of rows and residual
+        value = residual[i]
+        for k in range(i):
+            value -= gram[i, k] * residual[k]
+        residual[i] = value * gram[i, i]
+        for j in range(m):
+            value = projected[i, j]
+            for k in range(i):
+                value -= gram[i, k] * projected[k, j]
+            projected[i, j] = value * gram[i, i]
+    for i in range(m):
+        for k in range(count):
+            own.change[i] += projected[k, i] * residual[k]
+        for j in range(m):
+            for k in range(count):
+                left[i, j] -= projected[k, i] * projected[k, j]
+
+
+@kernel(TASKS)
+def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
+    """Add to a law's command what further tasks need."""
+    given, m = task_levels(parameters), out.shape[0]
+    own = level_work(work, m, int(given.rows))
+    data, tasks = given.data, int(given.tasks)
+    for i in range(m):
+        own.change[i] = 0.0
+        for j in range(m):
+            own.left[i, j] = 1.0 if i == j else 0.0
+    for level in range(int(given.first), int(given.last) + 1):
+        count = 0
+        if level == 1:
+            hand_jacobian(position(pose), twist_jacobian, own.hand)
+            for i in range(6):
+                own.error[i] = 0.0
+                for j in range(m):
+                    own.error[i] += own.hand[i, j] * out[j]
+            count = _add_rows(count, own.hand, own.error, _LENGTH, 1.0, out, own)
+        for t in range(tasks):
+            task = task_row(data[_ROW * t : _ROW * (t + 1)])
+            if int(task.level) != level:
+                continue
+            begin, rows = int(task.table), int(task.table_rows)
+            table = as_matrix(data[begin : begin + COLUMNS * rows], rows, COLUMNS)
+            status = task_twist_kinematics(table, q, own.pose, own.twist, own.scratch)
+            if status != OK:
+                return status
+            at = int(task.samples) + SAMPLE_SIZE * min(k, int(task.sample_rows) - 1)
+            _asked(task, data[at : at + SAMPLE_SIZE], own)
+            hand_jacobian(position(own.pose), own.twist, own.hand)
+            count = _add_rows(count, own.hand, own.error, task.turns, task.moves, out, own)
+        if count > 0:
+            _do_level(count, out, own)
+    check = 0.0
+    for i in range(m):
+        out[i] += own.change[i]
+        check += 0.0 * out[i]
+    return OK if check == 0.0 else NOT_FINITE
+
+
+class PreparedTasks:
+    """Further tasks made ready for one robot, start and period.
+
+    Parameters
+    ----------
+    robot
+        A tree; for a chain a task would be its only hand.
+    tasks
+        What is to be done beside the law's task.
+    start
+        Configuration, shape (n,), whose poses are held by tasks without reference.
+    times
+        Of the samples, shape (N,), s.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError, UnknownNameError
+        If a task is not allowed.
+    """
+
+    kernel = do_tasks
+
+    def __init__(self, robot: Robot, tasks: list[FurtherTask], start: Array, times: Array) -> None:
+        if not isinstance(robot, TreeRobot):
+            raise ShapeError(
+                f"tasks: {robot.name} is one chain and has one hand; tasks are for two arms and trees"
+            )
+        self.robot, self.tasks, self.labels = robot, [], []
+        rows, blocks, at = [], [], _ROW * len(tasks)
+        self.samples: list[Array] = []
+        self.parts = [each.part for each in tasks]
+        for i, each in enumerate(tasks):
+            with error_prefix(f"tasks[{i}]"):
+                task = robot.for_start(each.task, start)
+                table = np.ascontiguousarray(robot.table_of(task))
+                samples = _samples(each, robot.pose_of(task, start), times)
+                rows.append(_checked_row(each, at, table, samples))
+            if task == robot.task:
+                raise ValueRangeError(
+                    f"tasks[{i}]: {task.label} is what the law drives; give it another task"
+                )
+            self.tasks.append(task)
+            self.labels.append(f"{task.label} {i + 1}" if task.label in self.labels else task.label)
+            self.samples.append(samples)
+            blocks += [table.ravel(), samples.ravel()]
+            at += table.size + samples.size
+        levels = [int(row.level) for row in rows]
+        most = 6 * max(levels.count(level) + (level == 1) for level in {*levels, 1})
+        self.parameters: Array = task_levels.pack(
+            tasks=len(tasks),
+            rows=most,
+            first=min(*levels, 1),
+            last=max(*levels, 1),
+            data=np.concatenate([*(np.array(row) for row in rows), *blocks]),
+        )
+        self.work_size = level_work.size(robot.input_size, most)
+
+    def errors(self, q: Array) -> dict[str, Array]:
+        """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2).
+
+        What of the pose does not count is NaN.
+        """
+        found = {}
+        for label, task, samples, part in zip(self.labels, self.tasks, self.samples, self.parts, strict=True):
+            desired = samples[np.minimum(np.arange(len(q)), len(samples) - 1), :8]
+            poses = self.robot.pose_of(task, q)
+            moved = np.linalg.norm(algebra.translation(poses) - algebra.translation(desired), axis=1)
+            error = algebra.multiply(algebra.conjugate(poses), desired)
+            turned = 2 * np.arctan2(np.linalg.norm(error[:, 1:4], axis=1), np.abs(error[:, 0]))
+            found[label] = np.column_stack([moved, turned])
+            if part != "pose":
+                found[label][:, 0 if part == "orientation" else 1] = np.nan
+        return found
+
+
+def _checked_row(each: FurtherTask, at: int, table: Array, samples: Array) -> TaskRow:
+    gain = as_positive("gain", each.gain, zero_allowed=True)
+    weight = as_positive("weight", each.weight)
+    if not isinstance(each.level, int) or not 0 <= each.level <= 9:
+        raise ValueRangeError(f"level: must be a whole number from 0 to 9, got {each.level!r}")
+    if each.part not in ("pose", "position", "orientation"):
+        raise ValueRangeError(f"part: must be pose, position or orientation, got {each.part!r}")
+    scale = math.sqrt(weight)
+    turns = 0.0 if each.part == "position" else scale * _LENGTH
+    moves = 0.0 if each.part == "orientation" else scale
+    return TaskRow(at, len(table), at + table.size, len(samples), gain, each.level, turns, moves)
+
+
+def _samples(each: FurtherTask, pose: Array, times: Array) -> Array:
+    if each.reference is None:
+        return np.concatenate([pose, np.zeros(SAMPLE_SIZE - 8)])[None]
+    return np.ascontiguousarray(each.reference.samples(times))

@@ -1,0 +1,252 @@
+"""MJCF files, read by MuJoCo: bodies and joints as a tree, gains of actuators as servo parameters."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.robots.axes import z_onto
+from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.mujoco_package import import_mujoco
+from dqcontrol.robots.poses import inverse7
+
+_FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
+_CONNECT, _WELD, _JOINT, _TENDON = range(4)  # mjtEq
+_TO_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
+
+
+@dataclass(frozen=True)
+class ServoGains:
+    """What an MJCF file says of the servo of a joint, as `plants.MujocoPlant` takes it.
+
+    Attributes
+    ----------
+    stiffness, damping
+        k_p and k_d of a position actuator: N·m/rad and N·m·s/rad, or N/m and N·s/m.
+    effort
+        Largest torque or force, N·m or N.
+    armature
+        Rotor inertia seen at the joint, kg m² or kg.
+    """
+
+    stiffness: float
+    damping: float
+    effort: float
+    armature: float
+
+
+def mjcf_tree(path: str | Path) -> LinkTree:
+    """Read an MJCF file, with its includes, defaults and assets, as MuJoCo does.
+
+    Bodies become links, named as there; joints between them are hinges and slides. Equalities of two joints become
+    mimic joints. What cannot be: ball joints, and equalities that close loops.
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed.
+    FileFormatError
+        If MuJoCo cannot read it, or it has something that a tree of hinges and slides cannot hold: it is named.
+    """
+    return _Reader(path).tree()
+
+
+def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
+    """Return the gains of the position actuators of an MJCF file by their joints.
+
+    Raises
+    ------
+    MissingExtraError, FileFormatError
+        As for `mjcf_tree`.
+    """
+    reader = _Reader(path)
+    model, found = reader.model, {}
+    for i in range(model.nu):
+        kp, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
+        if int(model.actuator_trntype[i]) not in _TO_JOINT or not kp > 0 or bias[1] != -kp:
+            continue
+        joint = int(model.actuator_trnid[i, 0])
+        gear = float(model.actuator_gear[i, 0])
+        force = float(model.actuator_forcerange[i, 1]) if model.actuator_forcelimited[i] else math.inf
+        dof = int(model.jnt_dofadr[joint])
+        found[reader.joint_name(joint)] = ServoGains(
+            kp * gear * gear, -float(bias[2]) * gear * gear, force * abs(gear), float(model.dof_armature[dof])
+        )
+    return found
+
+
+class _Reader:
+    """A compiled MJCF file, and where in it everything is."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = path
+        self.mujoco: Any = import_mujoco(f"{path}: is read by mujoco, which")
+        if not Path(path).is_file():
+            raise FileFormatError(f"{path}: cannot be read: No such file or directory")
+        try:
+            with warnings.catch_warnings():  # on attributes that MuJoCo will drop
+                warnings.simplefilter("ignore")
+                self.spec = self.mujoco.MjSpec.from_file(str(path))
+                self.model = self.spec.compile()
+        except (ValueError, RuntimeError, OSError) as error:
+            raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+
+    def name(self, kind: str, index: int) -> str:
+        found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return found or f"{kind.lower()}_{index}"
+
+    def joint_name(self, index: int) -> str:
+        return self.name("JOINT", index)
+
+    def refuse(self, what: str, text: str, element: Any = None) -> FileFormatError:
+        info = re.search(r"line (\d+)", getattr(element, "info", "") or "")
+        line = f":{info[1]}" if info and info[1] != "0" else ""
+        return FileFormatError(f"{self.path}{line}: {what}: {text}")
+
+    def tree(self) -> LinkTree:
+        model = self.model
+        follows = self._equalities()
+        names = ["world", *(self.name("BODY", b) for b in range(1, model.nbody))]
+        joints: list[LinkJoint] = []
+        for body in range(1, model.nbody):
+            joints += self._body_joints(body, names, follows)
+        bodies = {
+            names[b]: LinkBody(
+                float(model.body_mass[b]),
+                model.body_ipos[b].copy(),
+                _rotated(model.body_iquat[b], model.body_inertia[b]),
+            )
+            for b in range(1, model.nbody)
+            if model.body_mass[b] > 0
+        }
+
+        def error(joint: str, text: str) -> Error:
+            return self.refuse(f"joint '{joint}'", text, self.spec.joint(joint))
+
+        stem = self.spec.modelname or Path(self.path).stem
+        name = Path(self.path).stem if stem == "MuJoCo Model" else stem
+        return LinkTree(name, str(self.path), "world", tuple(joints), bodies, error)
+
+    def _body_joints(self, body: int, names: list[str], follows: dict[int, Mimic]) -> Iterator[LinkJoint]:
+        """Yield the joints of a body, one after the other, or that which fixes it to its parent."""
+        model, parent = self.model, names[int(self.model.body_parentid[body])]
+        place = np.concatenate([model.body_quat[body], model.body_pos[body]])
+        count, first = int(model.body_jntnum[body]), int(model.body_jntadr[body])
+        if model.body_mocapid[body] >= 0 or count == 0:
+            yield LinkJoint(f"{names[body]} fixed", "fixed", parent, names[body], place)
+            return
+        if int(model.jnt_type[first]) == _FREE:
+            adr = int(model.jnt_qposadr[first])
+            place = model.qpos0[[*range(adr + 3, adr + 7), *range(adr, adr + 3)]].copy()
+            yield LinkJoint(self.joint_name(first), "floating", parent, names[body], place)
+            return
+        for j in range(first, first + count):
+            name = self.joint_name(j)
+            kind = int(model.jnt_type[j])
+            if kind == _BALL:
+                raise self.refuse(
+                    f"joint '{name}'",
+                    "is a ball joint; a tree of screws has hinges and slides only",
+                    self.spec.joint(name),
+                )
+            child = names[body] if j == first + count - 1 else f"{names[body]} after {name}"
+            anchor = compose(shift(*model.jnt_pos[j]), z_onto(model.jnt_axis[j]))
+            limited = bool(model.jnt_limited[j])
+            lower, upper = model.jnt_range[j] if limited else (-math.inf, math.inf)
+            yield LinkJoint(
+                name,
+                "revolute" if kind == _HINGE else "prismatic",
+                parent,
+                child,
+                compose(place, anchor),
+                inverse7(anchor),
+                float(lower),
+                float(upper),
+                effort=self._effort(j),
+                mimic=follows.get(j),
+                offset=-float(model.qpos0[model.jnt_qposadr[j]]),
+            )
+            parent, place = child, shift()
+
+    def _effort(self, joint: int) -> float:
+        """Return the largest torque or force of a joint."""
+        model = self.model
+        found = [math.inf]
+        if model.jnt_actfrclimited[joint] and model.jnt_actfrcrange[joint, 1] > 0:
+            found.append(float(model.jnt_actfrcrange[joint, 1]))
+        for i in range(model.nu):
+            acts = int(model.actuator_trntype[i]) in _TO_JOINT and int(model.actuator_trnid[i, 0]) == joint
+            if acts and model.actuator_forcelimited[i] and model.actuator_forcerange[i, 1] > 0:
+                found.append(float(model.actuator_forcerange[i, 1] * abs(model.actuator_gear[i, 0])))
+        return min(found)
+
+    def _equalities(self) -> dict[int, Mimic]:
+        """Return what joints follow, by their numbers; refuse what closes loops."""
+        model, follows = self.model, {}
+        for i in range(model.neq):
+            if not model.eq_active0[i]:
+                continue
+            kind, element = int(model.eq_type[i]), self.spec.equalities[i]
+            what = f"equality '{self.name('EQUALITY', i)}'"
+            if kind == _WELD and self._is_mocap(i):
+                continue  # what drags a body about from outside
+            if kind in (_CONNECT, _WELD):
+                pair = " and ".join(f"'{self._object_name(model, i, side)}'" for side in (1, 2))
+                text = "connects" if kind == _CONNECT else "welds"
+                raise self.refuse(what, f"{text} {pair}: that closes a loop, and a tree has none", element)
+            if kind != _JOINT:
+                text = "ties tendons" if kind == _TENDON else "is of a kind"
+                raise self.refuse(what, f"{text}, which a tree of joints cannot hold", element)
+            first, second, poly = int(model.eq_obj1id[i]), int(model.eq_obj2id[i]), model.eq_data[i, :5]
+            if second < 0:
+                raise self.refuse(
+                    what, f"holds joint '{self.joint_name(first)}' at a value; make it a fixed body", element
+                )
+            if np.abs(poly[2:]).max() > 0:
+                raise self.refuse(
+                    what,
+                    f"ties joint '{self.joint_name(first)}' to '{self.joint_name(second)}' by a polynomial; only "
+                    "multiplier and offset are possible",
+                    element,
+                )
+            start = model.qpos0[model.jnt_qposadr[first]], model.qpos0[model.jnt_qposadr[second]]
+            follows[first] = Mimic(
+                self.joint_name(second), float(poly[1]), float(start[0] + poly[0] - poly[1] * start[1])
+            )
+        return follows
+
+    def _is_mocap(self, equality: int) -> bool:
+        """Return whether one of two welded bodies is moved by hand."""
+        model = self.model
+        if int(model.eq_objtype[equality]) != int(self.mujoco.mjtObj.mjOBJ_BODY):
+            return False
+        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        return any(body >= 0 and model.body_mocapid[body] >= 0 for body in pair)
+
+    def _object_name(self, model: Any, equality: int, side: int) -> str:
+        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
+        index = int((model.eq_obj1id if side == 1 else model.eq_obj2id)[equality])
+        return self.name("SITE" if sites else "BODY", index) if index else "world"
+
+
+def _rotated(quaternion: Array, moments: Array) -> Array:
+    """Return the tensor of principal moments whose axes are turned by a quaternion."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return turn @ np.diag(moments) @ turn.T

@@ -1,0 +1,223 @@
+"""Several tasks at once: levels against projections written out, runs of two arms, and what is refused."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.errors import ReachError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.laws import FurtherTask, PreparedTasks
+from dqcontrol.loop import Record
+
+Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
+LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
+
+
+@pytest.fixture(scope="module")
+def arms():
+    return dqc.load_robot("two-pandas")
+
+
+@pytest.fixture(scope="module")
+def on_a_torso():
+    torso = dqc.SerialArm.from_dh([0, 0], [0.4, 0.1], [0, 0.1], [1.2, 0.3])
+    sides = [
+        dqc.SerialArm.join([dqc.DualQuaternion.from_translation([0, y, 0]), dqc.load_robot("ur5")])
+        for y in (0.4, -0.4)
+    ]
+    return dqc.TwoArms(*sides, base=torso)
+
+
+def circle(robot, q, **other):
+    return dqc.references.Circle(robot.fkm(q), radius=0.06, duration=2.0, **other)
+
+
+def run(robot, tasks, plant=None, q=Q, law=LAW, **other):
+    plant = plant or dqc.plants.Integrator()
+    return dqc.simulate(robot, circle(robot, q), law, plant, q, period=0.01, tasks=tasks, **other)
+
+
+def asked(robot, task, q, sample, gain):
+    """Return the Jacobian of a task's [ω ; ṗ] and what it asks for."""
+    chosen = robot.with_task(task)
+    x, want = dqc.DualQuaternion(chosen.fkm(q)), dqc.DualQuaternion(sample[:8])
+    error = (want * x.conj()).short()
+    axis, angle = dqc.DualQuaternion.from_pose(error.rotation, [0, 0, 0]).axis_angle()
+    move = (
+        gain * (want.translation - x.translation) + sample[11:14] + np.cross(sample[8:11], want.translation)
+    )
+    return chosen.hand_jacobian(q), np.concatenate([gain * angle * axis + sample[8:11], move])
+
+
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_levels_are_projections(on_a_torso, level):
+    """Both hands on one torso want to go where they cannot go together: six, then eight rows of 14 inputs."""
+    robot, rng = on_a_torso.with_task("left"), np.random.default_rng(3)
+    length = np.diag([0.3, 0.3, 0.3, 1, 1, 1])
+    for _ in range(5):
+        q, u = rng.uniform(-1, 1, 14), rng.uniform(-0.3, 0.3, 14)
+        sample = dqc.Sample(robot.fkm(q + 0.1, "right"), rng.uniform(-0.1, 0.1, 6))
+        held = FurtherTask("right", 4.0, level=level)
+        tasks = PreparedTasks(robot, [held, FurtherTask("relative", 2.0, level=3)], q + 0.1, np.zeros(1))
+        samples = [np.concatenate([each[0, :8], np.zeros(13)]) for each in tasks.samples]
+        found = robot.kinematics(q)
+        out = u.copy()
+        assert (
+            tasks.kernel(
+                q, found.pose, found.twist_jacobian, 0, tasks.parameters, np.zeros(tasks.work_size), out
+            )
+            == 0
+        )
+        first = robot.hand_jacobian(q), robot.hand_jacobian(q) @ u
+        right, last = asked(robot, "right", q, samples[0], 4.0), asked(robot, "relative", q, samples[1], 2.0)
+        stages = {0: ([right], [first]), 1: ([first, right],), 2: ([first], [right])}[level]
+        change, left = np.zeros(14), np.eye(14)
+        for stage in (*stages, [last]):
+            jacobian = np.vstack([length @ each[0] for each in stage])
+            rate = np.concatenate([length @ each[1] for each in stage])
+            projected = jacobian @ left
+            least = 1 / np.trace(np.linalg.pinv(projected @ projected.T))
+            damping = 0.02**2 * max(0.0, 1 - least / 0.04**2)
+            gram = projected @ projected.T
+            if np.linalg.eigvalsh(gram)[0] < 1e-12 or damping:
+                if np.linalg.eigvalsh(gram)[0] < 1e-9:
+                    damping = 0.02**2
+                gram = gram + damping * np.eye(len(gram))
+            inverse = projected.T @ np.linalg.inv(gram)
+            change = change + inverse @ (rate - jacobian @ (u + change))
+            left = left - inverse @ projected
+        np.testing.assert_allclose(out, u + change, rtol=1e-5, atol=1e-7)
+        del sample
+
+
+def test_a_task_before_the_law_s_is_done_whatever_that_wants(arms):
+    absolute = arms.with_task("absolute")
+    alone, held = run(absolute, []), run(absolute, [FurtherTask("relative", 20.0, level=0)])
+    assert held.position_error.max() < 1e-3
+    relative = held.metrics.tasks["left_seen_from_right"]
+    assert relative.position.peak < 0.05  # mm
+    drift = np.abs(arms.relative_pose(alone.q) - arms.relative_pose(Q)).max()
+    assert drift > 20 * np.abs(arms.relative_pose(held.q) - arms.relative_pose(Q)).max()
+
+
+def test_tasks_follow_references_of_their_own(arms):
+    relative = arms.with_task("relative")
+    sheet = dqc.references.Circle(arms.fkm(Q, "right"), radius=0.05, duration=2.0, plane="yz")
+    record = run(relative, [FurtherTask("right", 5.0, sheet)])
+    assert record.position_error.max() < 1e-3
+    assert record.metrics.tasks["right"].position.peak < 1.0  # mm
+    only = run(relative, [FurtherTask("right", 5.0, sheet, part="position")])
+    assert only.metrics.tasks["right"].position.peak < 1.0
+    assert np.isnan(only.metrics.tasks["right"].orientation.peak)
+
+
+@pytest.mark.parametrize("plant", [dqc.plants.Integrator(), dqc.plants.Servo()])
+def test_interpreted_and_compiled_are_equal(arms, plant):
+    tasks = [FurtherTask("relative", 20.0, level=0), FurtherTask("left", 1.0, part="orientation")]
+    records = [run(arms.with_task("absolute"), tasks, plant, interpreted=each) for each in (False, True)]
+    assert (records[0].q == records[1].q).all()
+
+
+def test_half_a_turn_between_the_hands_is_no_jump():
+    """The hands pass half a turn while both are driven: the command stays small."""
+    panda = dqc.load_robot("panda")
+    q = np.concatenate([Q[:7], Q[:7]])
+    x = dqc.DualQuaternion(panda.fkm(Q[:7]))
+    turn = dqc.DualQuaternion.from_axis_angle([0, 0, 1], np.radians(170))
+    away = dqc.DualQuaternion.from_translation([0.2, 0.3, 0])
+    arms = dqc.TwoArms(dqc.SerialArm.join([panda, turn]), dqc.SerialArm.join([away, panda]))
+    assert x.vec8.shape == (8,)
+    absolute = arms.with_task("absolute")
+    poses = np.array([arms.relative_pose(q)] * 2)
+    poses[1] = (
+        dqc.DualQuaternion(poses[1]) * dqc.DualQuaternion.from_axis_angle([0, 0, 1], np.radians(30))
+    ).vec8
+    turning = dqc.references.ViaPoints([0.0, 3.0], poses)
+    still = dqc.references.SetPoint(absolute.fkm(q))
+    for sign in (1, -1):
+        start = type(still)(sign * still.at(0).pose)
+        record = dqc.simulate(
+            absolute, start, LAW, dqc.plants.Integrator(), q, period=0.01, duration=3.0,
+            tasks=[FurtherTask("relative", 10.0, turning, level=0)],
+        )  # fmt: skip
+        assert isinstance(record, Record)
+        real = arms.relative_pose(record.q)[:, 0]
+        assert real.min() < 0 < real.max()  # past half a turn
+        assert np.abs(np.diff(record.command[:-2], axis=0)).max() < 0.02  # it ends at speed
+        assert record.position_error.max() < 1e-4
+        assert record.orientation_error.max() < 1e-3
+
+
+def spec(**other):
+    return {
+        "name": "both", "robot": {"source": "two-pandas", "task": "absolute"}, "start": Q.tolist(), "period": 0.01,
+        "reference": {"kind": "circle", "radius": 0.05, "duration": 1}, "law": {"kind": "proportional", "gain": 5},
+        "plant": {"kind": "integrator"}, "tasks": [{"task": "relative", "gain": 10, "level": 0}],
+    } | other  # fmt: skip
+
+
+def test_a_spec_keeps_its_tasks(tmp_path):
+    ready = prepare(spec())
+    (tmp_path / "spec.yaml").write_text(ready.text)
+    again = prepare(tmp_path / "spec.yaml")
+    assert again.text == ready.text
+    assert again.fingerprint() == ready.fingerprint()
+    assert (
+        again.fingerprint()
+        != prepare(spec(tasks=[{"task": "relative", "gain": 9, "level": 0}])).fingerprint()
+    )
+
+
+PANDA = {"robot": "panda", "start": Q[:7].tolist()}
+FAR = {"kind": "set-point", "start": {"position": [0, 3, 0]}}
+REFUSED = (
+    (PANDA, ShapeError, r"tasks\[0\]: panda is one chain and has one hand"),
+    (
+        PANDA | {"robot": {"source": "panda", "task": "relative"}},
+        ShapeError,
+        r"robot\.task: panda is one chain",
+    ),
+    (
+        {"tasks": [{"task": "rigth", "gain": 1}]},
+        UnknownNameError,
+        r"tasks\[0\]: frame: unknown name 'rigth'; did you mean 'right'",
+    ),
+    (
+        {"tasks": [{"task": "absolute", "gain": 1}]},
+        ValueRangeError,
+        r"tasks\[0\]: left and right is what the law drives",
+    ),
+    (
+        {"tasks": [{"task": {"kind": "relative", "frames": ["left"]}, "gain": 1}]},
+        ShapeError,
+        r"tasks\[0\]: task: relative needs 2 frames, got left",
+    ),
+    (
+        {
+            "robot": {"source": "two-pandas", "task": "relative"},
+            "tasks": None,
+            "reference": FAR,
+            "duration": 1,
+        },
+        ReachError,
+        r"out of reach of two-pandas: the position is [\d.]+ m beyond",
+    ),
+    (
+        {"tasks": [{"task": "right", "gain": 1, "reference": FAR}]},
+        ReachError,
+        r"tasks\[0\]: reference: at t = 0 s .* m beyond the reach",
+    ),
+    (
+        {"limits": {"position": {"kind": "modified-clamping"}}},
+        ValueRangeError,
+        r"limits\.position: keeps the limits for the law's own task alone",
+    ),
+    ({"supervisor": True}, ValueRangeError, "supervisor: guards chains, and two-pandas is a tree"),
+    ({"plant": {"kind": "servo", "sag": 0.1}}, ValueRangeError, r"plant\.sag: is that of a chain"),
+)
+
+
+@pytest.mark.parametrize(("change", "error", "message"), REFUSED)
+def test_what_is_refused_is_named(change, error, message):
+    with pytest.raises(error, match=message):
+        prepare({key: value for key, value in spec(**change).items() if value is not None})
