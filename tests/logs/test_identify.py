@@ -242,11 +242,11 @@ def test_sag_is_found_beside_lag_and_delay(tmp_path):
         (["time", "q1", "still"], r"log\.csv: no command ever changes"),
         (
             ["time", "q1", "q2", "moved"],
-            r"log\.csv:1: column q2: arm has 1 joints; is this another robot",
+            r"log\.csv:1: column q2: bench has 1 joints; is this another robot",
         ),
         (
             ["time", "q1", "degrees"],
-            r"log\.csv: joint_1: its commands move 57\.\d times .* degrees beside rad",
+            r"log\.csv: joint_1: its commands move 59\.\d times .* degrees beside rad",
         ),
         (["time", "moved"], r"log\.csv:1: joints missing: joint_1"),
         (["back", "q1", "moved"], r"log\.csv:52: time: must increase, got 0\.1 after 0\.49"),
@@ -347,7 +347,7 @@ def test_a_table_without_column_names_and_a_file_of_another_robot_are_said(tmp_p
     motion = np.sin(time)[:, None]
     path = write_log(tmp_path / "one.csv", time, motion, 0.99 * motion)
     two = write_log(tmp_path / "two.csv", time, np.hstack([motion] * 2), 0.99 * np.hstack([motion] * 2))
-    with pytest.raises(FileFormatError, match=r"two\.csv:1: column q2: arm has 1 joints"):
+    with pytest.raises(FileFormatError, match=r"two\.csv:1: column q2: bench has 1 joints"):
         dqc.identify([path, two], arm_of(1))
     path.write_text("\n".join(path.read_text().splitlines()[1:]))
     with pytest.raises(FileFormatError, match=r"one\.csv:1: expected a line of column names"):

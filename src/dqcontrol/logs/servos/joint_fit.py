@@ -32,6 +32,7 @@ _SHARES = (
     0.6,
     0.9,
 )  # of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
+_VALLEY = 0.9  # correlation of lag and delay
 _BEGIN_DAMPINGS = (0.5, 1.0)
 
 
@@ -168,6 +169,13 @@ def fit(segments: list[Segment], period: float, near: Fit | None = None) -> Fit:
         return fit_at(segments, near.kind, _descend(segments, near.kind, near.values)[1])
     values = _searched(segments)
     starts = [values + np.array([0.0, late]) for late in (0.0, -period / 2, period / 2)]
+    found = fit_at(segments, FIRST_ORDER, _descended(segments, FIRST_ORDER, starts))
+    if abs(found.correlation) < _VALLEY:
+        return found
+    both = (
+        found.lag + found.delay
+    )  # a long valley with a bend at each whole period: from other places in it, too
+    starts = [found.values, *(np.array([share * both, (1 - share) * both]) for share in _SHARES)]
     return fit_at(segments, FIRST_ORDER, _descended(segments, FIRST_ORDER, starts))
 
 

@@ -235,7 +235,7 @@ def _judged(
         sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
         if found.sag < _SURE * found.sag_error:  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period, near=found)
+            found = fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
     if _is_coarse(found, bare.resolution):
         found = refined(segments, found, bare.resolution)

@@ -53,7 +53,7 @@ class ServoOrder(Protocol):
         ...
 
 
-class _FirstOrder:
+class _LagServo:
     """A lag τ: numbers τ and D, s."""
 
     order = 1
@@ -74,7 +74,7 @@ class _FirstOrder:
         return float(values[0]), np.array([1.0, 0.0])
 
 
-class _SecondOrder:
+class _SecondOrderServo:
     """ω, rad/s, and damping ratio ζ: numbers ω, ζ and D."""
 
     order = 2
@@ -100,5 +100,5 @@ class _SecondOrder:
         return 2 * damping / bandwidth, np.array([-2 * damping / bandwidth**2, 2 / bandwidth, 0.0])
 
 
-FIRST_ORDER: ServoOrder = _FirstOrder()
-SECOND_ORDER: ServoOrder = _SecondOrder()
+FIRST_ORDER: ServoOrder = _LagServo()
+SECOND_ORDER: ServoOrder = _SecondOrderServo()

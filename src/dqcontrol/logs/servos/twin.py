@@ -71,8 +71,8 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
     if mode != "positions":
         moves = np.cumsum(period * targets, axis=0)
         targets = measured[0] + np.concatenate([np.zeros((1, moves.shape[1])), moves[:-1]])
-    elif count > 1:  # the command of a sample is in force at once; the law's leads to the next one
-        targets = np.concatenate([targets[1:], targets[-1:]])
+    else:  # a sample's command is in force at once; that of the law leads to what the next sample wants
+        targets = np.concatenate([targets[:1], targets[:-1]])
     plant = {"kind": "servo", "file": "plant.yaml", "rate_limit": False, "position_limit": False}
     note = "The commands of a log on the servos identified from it."
     write_joint_motion(folder / "twin.yaml", robot, time, targets, measured[0], plant, note)
