@@ -49,7 +49,7 @@ def test_the_whole_body_of_the_page(tmp_path, capsys):
 
 
 def test_the_table_of_presets():
-    rows = re.findall(r"^\| `([\w-]+)` \| (\d) \| (yes|no) \|", PAGE, re.MULTILINE)
+    rows = re.findall(r"^\| `([\w-]+)` \| (\d+) \| (yes|no) \|", PAGE, re.MULTILINE)
     assert [name for name, _, _ in rows] == list(robot_names())
     for name, joints, inertia in rows:
         arm = load_robot(name)

@@ -85,7 +85,11 @@ CHANGES = [  # text, what it becomes, message
     ("robot: mine.yaml", "robot: none.yaml", r"none.yaml: cannot be read"),
     ("robot: mine.yaml", "robot: toy.yaml", r"parts\[4\]: robot: .*toy.yaml' is a whole body, not an arm"),
     ("robot: ax18", "robot: youbot", r"parts\[2\]: robot: 'youbot' is a whole body, not an arm"),
-    ("robot: ax18", "robot: ax18, tip_link: hand", r"parts\[2\]: tip_link: only URDF files have links"),
+    (
+        "robot: ax18",
+        "robot: ax18, tip_link: hand",
+        r"parts\[2\]: tip_link: only URDF and MJCF files have links",
+    ),
     ("angles: degrees", "angles: degrees\nform: holonomic", r"form: unknown name 'holonomic'"),
     ("angles: degrees", "angles: degrees\njoints: []", r"unknown key 'joints'"),
     (BODY[BODY.index("  - ") :], "  []\n", r"parts: expected a list of length >= 1"),
@@ -105,7 +109,7 @@ def test_bad_files(file, old, new, message):
 
 
 def test_links_of_a_whole_body():
-    with pytest.raises(Error, match="tip_link: only URDF files have links to choose from"):
+    with pytest.raises(Error, match="tip_link: only URDF and MJCF files have links to choose from"):
         load_robot("little-john", tip_link="hand")
 
 
