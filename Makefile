@@ -12,7 +12,7 @@ LOCKED := $(if $(CI),-c ci.lock)
 # Without bytecode kept beside them, each process that a test starts would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all test-oldest test-newest lint docs gallery chromium format bench lock release-check clean
+.PHONY: demo test test-all test-oldest test-newest lint style types pytest pytest-all docs gallery chromium format bench lock release-check clean
 .DEFAULT_GOAL := help
 
 help:
@@ -59,18 +59,30 @@ demo: $(VENV)/demo
 	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force
 	@$(BIN)/dqcontrol clip results/demo/K+FF-physics results/demo.png --force $(LOOK) || true  # needs OpenGL
 
-lint: $(VENV)/test
+lint: style types
+
+style: $(VENV)/test
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
-	@$(BIN)/pyright --threads 2 --project pyproject.toml
-	@$(BIN)/mypy
 
-test: lint chromium
+# Types of tests, which take as long as all others together, are checked by `make release-check`.
+types: $(VENV)/test
+	@$(BIN)/mypy
+	@$(BIN)/pyright src examples benchmarks tests/test_typed_program.py
+
+pytest: $(VENV)/test
 	@$(BIN)/pytest $(WORKERS)
 
-test-all: lint chromium
+pytest-all: $(VENV)/test
 	@$(BIN)/pytest $(WORKERS) -m ''
+
+# The type checkers use one core each: beside the tests they cost half the time.
+test: style chromium
+	@$(MAKE) --no-print-directory -j2 types pytest
+
+test-all: style chromium
+	@$(MAKE) --no-print-directory -j2 types pytest-all
 
 docs: $(VENV)/test
 	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs
@@ -115,6 +127,7 @@ release-check: $(VENV)/test $(RELEASE)/tools
 	@$(RELEASE)/bin/twine check --strict dist/*
 	@$(RELEASE)/bin/repo-review .
 	@$(RELEASE)/bin/zizmor --offline --quiet .github
+	@$(BIN)/pyright --threads 2 --project pyproject.toml
 	@$(BIN)/python tools/check_release.py dist
 
 PEERS := $(VENV)-bench

@@ -44,7 +44,9 @@ def energy_drift(name: str, springs: str, hand: bool) -> tuple[float, int]:
     arm, q0 = dqc.load_robot(name), ARMS[name]
     file = load_controllers(arm)
     real = file.actuation(springs)
-    free = Actuation(real.rotor_inertia, 0 * real.friction, real.stiffness, 0 * real.damping)
+    free = Actuation(
+        real.rotor_inertia, 0 * real.friction, real.stiffness, 0 * real.damping, 0 * real.friction
+    )
     model = elastic_model(arm, free, hand=file.hand(hand), accurate=True, stops=False)
     steps = assemble(CompliantPlant(springs=springs, hand=hand, accurate=True), arm, q0, TICK).steps
     model.opt.timestep = TICK / steps

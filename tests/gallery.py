@@ -1,5 +1,6 @@
 """One figure of each kind that we can draw, of small runs made here."""
 
+import functools
 import types
 
 import numpy as np
@@ -18,6 +19,12 @@ from dqcontrol.robots.limits import symmetric_limits
 
 print("seed 8")
 RNG = np.random.default_rng(8)
+NAMES = (  # known without a run: tests have parameters before they run
+    *("path", "path-in-space", "paths", "errors", "errors-of-many", "pose", "joints"),
+    *("margins", "inputs", "disturbance", "readings", "criteria", "base", "motion"),
+    *("poses", "compared-joints", "compared-inputs", "range", "lyapunov", "timing", "histogram"),
+    *("repeats", "gains", "sweep", "surface", "parity", "painting"),
+)
 
 
 def shifted(points):
@@ -89,6 +96,7 @@ class Ranked:
         return self.columns[name]
 
 
+@functools.cache
 def figures():
     """Return what draws each kind of figure, by name."""
     one, spiral = run(), run(pitch=0.1)

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter
 
 GRID = 1e-3  # s, of the torque
@@ -59,3 +60,29 @@ def write_log(path, time, targets, positions, *, what="target"):
     table = np.column_stack([time, positions, targets])
     np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.10g")
     return path
+
+
+def second_order_answer(edges, values, bandwidth, damping, delay, times):
+    """Return what a servo of second order does whose target is held from each edge to the next, a delay later."""
+    system = np.array([[0.0, 1.0], [-(bandwidth**2), -2 * damping * bandwidth]])
+    out, state, now, k = np.zeros(len(times)), np.array([values[0], 0.0]), min(edges[0], times[0]) - 1.0, -1
+    for j, time in enumerate(times):
+        while True:
+            is_step = k + 1 < len(edges) and edges[k + 1] + delay <= time
+            until = edges[k + 1] + delay if is_step else time
+            goal = np.array([values[max(k, 0)], 0.0])
+            state, now = goal + expm(system * (until - now)) @ (state - goal), until
+            if not is_step:
+                break
+            k += 1
+        out[j] = state[0]
+    return out
+
+
+def played(positions, half_width):
+    """Return what a joint does that stays behind in a play of ± half_width."""
+    out, at = np.zeros(len(positions)), positions[0]
+    for k, position in enumerate(positions):
+        at = min(max(at, position - half_width), position + half_width)
+        out[k] = at
+    return out

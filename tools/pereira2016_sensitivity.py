@@ -3,10 +3,11 @@
 `python tools/pereira2016_sensitivity.py` for the arm in physics, `… servo` for servos; names of variants after that
 choose some.
 
-Each variant of the plant has its one number fitted anew to the error of K on the spiral with the best gains, if it has
-one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how far
-the joints go beyond their limits. In physics: the loop gain k T at which K starts to shake on the spiral, so that its
-hand moves twice the printed 1.409 m; and the robust laws with their gains times a factor.
+Each variant of the plant has its first number fitted anew to the error of K on the spiral with the best gains, if it
+has one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how
+far the joints go beyond their limits. In physics: L.Acc of K on the spiral, Eff, L.Vel and L.Acc of K on the circle;
+the loop gain k T at which K starts to shake on the spiral, so that its hand moves twice the printed 1.409 m; the robust
+laws with their gains times a factor; and what the damping λ of P16's pseudoinverses would do.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.compliant import controller_file
 from dqcontrol.reproductions.pereira2016 import PLANTS, published_cells, published_spec
+from dqcontrol.reproductions.pereira2016.calibration import FITS
+from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
-from dqcontrol.reproductions.pereira2016.published_specs import FITTED
-from dqcontrol.reproductions.pereira2016.second_fit import scaled_spec
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
@@ -49,8 +50,16 @@ SERVOS: dict[str, Variant] = {
     "τ = 100 ms": {"time_constant": 0.1},
     "no encoder noise": {"encoder_noise": 0.0},
 }
+FRICTION = [2, 2, 1, 1, 0.3, 0.3, 0.3]  # N·m, as in use
+WITHOUT: Variant = {"exchange_period": None, "dry_friction": 0.0, "base_shaking": 0.0}
 IN_PHYSICS: dict[str, Variant] = {
     "as chosen": {},
+    "no exchange, friction or shaking": WITHOUT,
+    "exchange at 100 Hz alone": WITHOUT | {"exchange_period": 0.01},
+    "dry friction alone": WITHOUT | {"dry_friction": FRICTION},
+    "shaking base alone": WITHOUT | {"base_shaking": 0.029},
+    "half the dry friction": {"dry_friction": [0.5 * each for each in FRICTION]},
+    "twice the dry friction": {"dry_friction": [2 * each for each in FRICTION]},
     "springs twice as stiff": {"springs": TWICE_AS_STIFF},
     "soft springs": {"springs": "soft"},
     "no hand": {"hand": False},
@@ -75,7 +84,8 @@ CELLS = (
     ("circle", "LQR-DQ", "q=1 r=0.001"),
 )
 GAIN, SPEED = 125.0, 1.409  # of K, spiral, best: gain, 1/s, and printed integral of the hand's speed, m
-FACTORS = (20, 30, 40, 60, 93.7)
+FACTORS = (20, 30, 40, 60, 100)
+DAMPINGS = (1e-6, 0.03, 0.1, 0.2)  # λ of the damped pseudoinverse
 
 
 def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant: Variant) -> Metrics | None:
@@ -114,7 +124,7 @@ def error(found: Metrics | None) -> float:
 def fitted(plant: str, variant: Variant) -> float | None:
     """Return the plant's one number, fitted to the error of K; None where runs fail on the way."""
     place = ("spiral", "K", "best")
-    target, key = published(*place), FITTED[plant]
+    target, key = published(*place), FITS[plant][0].key
 
     def distance(value: float) -> float:
         found = cell(plant, place, variant | {key: value})
@@ -149,26 +159,38 @@ def row(plant: str, label: str, variant: Variant) -> list[Any]:
     """Fit a variant, and return its row of the table."""
     number = None if "mode" in variant else fitted(plant, variant)  # the servos of THETA know no gravity
     if number is not None:
-        variant = variant | {FITTED[plant]: number}
+        variant = variant | {FITS[plant][0].key: number}
     ratios = [error(cell(plant, place, variant)) / published(*place) for place in CELLS]
     best = cell(plant, ("spiral", "K", "best"), variant)
     share = math.nan if best is None else PERIOD * best.control.mean
     if plant == SERVO:
         beyond = math.nan if best is None else math.degrees(min(best.limit_margin, 0.0))
         return [label, number, *ratios, share, beyond]
-    first = error(best) / published("spiral", "K", "best")
-    return [label, number, first, *ratios, share, limit(plant, variant)]
+    circle = cell(plant, ("circle", "K", "fixed"), variant)
+    rough = [
+        math.nan if found is None else getattr(found, metric).integral / published(*place, metric)
+        for found, place, metric in (
+            (best, ("spiral", "K", "best"), "hand_acceleration"),
+            *(
+                (circle, ("circle", "K", "fixed"), each)
+                for each in ("joint_step", "hand_speed", "hand_acceleration")
+            ),
+        )
+    ]
+    return [label, number, *ratios, share, *rough, limit(plant, variant)]
 
 
 def table(plant: str, variants: dict[str, Variant]) -> Table:
     """Return the table of a plant's variants."""
     columns = [Column("Variant"), Column("α" if plant == SERVO else "f", "", ".3f")]
-    cells = CELLS if plant == SERVO else (("spiral", "K", "best"), *CELLS)
-    columns += [Column(" ".join(place).removesuffix(" fixed"), "", ".2f") for place in cells]
+    columns += [Column(" ".join(place).removesuffix(" fixed"), "", ".2f") for place in CELLS]
     columns += [Column("T mean|u|", "rad", ".3f")]
-    columns += [
-        Column("beyond limits", "°", ".0f") if plant == SERVO else Column("K shakes from k T", "", ".2f")
-    ]
+    if plant == SERVO:
+        columns += [Column("beyond limits", "°", ".0f")]
+    else:
+        columns += [Column("L.Acc, spiral K best", "", ".2f")]
+        columns += [Column(f"{metric}, circle K", "", ".2f") for metric in ("Eff", "L.Vel", "L.Acc")]
+        columns += [Column("K shakes from k T", "", ".2f")]
     return Table(columns, [row(plant, label, variant) for label, variant in variants.items()])
 
 
@@ -176,14 +198,14 @@ def robust_laws() -> Table:
     """Return what HIR does in physics with all gains times a factor, as printed and turning as fast as it moves."""
     rows = []
     for factor in FACTORS:
-        spec = scaled_spec("spiral", PHYSICS, factor=factor)
-        printed = spec["laws"]["HIR scaled"]
+        spec = with_hundredfold(published_spec("spiral", PHYSICS), factor)
+        printed = spec["laws"][f"HIR{SUFFIX}"]
         slow = printed["translation_gain"]
         # The orientation's error is half an angle: twice the gain makes turning as fast as moving.
         even = {"orientation_gain": slow | {"values": [2 * value for value in slow["values"]]}}
         cells: list[Any] = [factor, PERIOD * slow["values"][-1]]
         for parameters in ({}, even):
-            found = metrics(spec, "HIR scaled", parameters, {})
+            found = metrics(spec, f"HIR{SUFFIX}", parameters, {})
             speed = math.nan if found is None else found.hand_speed.integral
             cells += [error(found) / published("spiral", "HIR", "best")]
             cells += [speed / published("spiral", "HIR", "best", "hand_speed")]
@@ -191,6 +213,29 @@ def robust_laws() -> Table:
     names = ("Err", "L.Vel", "Err, turning as fast", "L.Vel, turning as fast")
     columns = [Column("HIR, gains times", "", "g"), Column("k T of its position", "", ".2f")]
     return Table([*columns, *(Column(name, "", ".2f") for name in names)], rows)
+
+
+def damped_inverse() -> Table:
+    """Return what the damping of the pseudoinverse that three footnotes of [P16] name does to errors and commands."""
+    rows: list[list[Any]] = []
+    for damping in DAMPINGS:
+        row: list[Any] = [damping]
+        for law in ("K", "LQR-R8", "LQR-DQ"):
+            spec = published_spec("spiral", PHYSICS)
+            found = metrics(spec, law, {"inverse": {"kind": "damped", "damping": damping}}, {})
+            row += [error(found) / published("spiral", law, "best")]
+            row += [
+                math.nan
+                if found is None
+                else found.control.integral / published("spiral", law, "best", "control")
+            ]
+        rows.append([*row, row[5] / row[1]])
+    names = [f"{law}: {metric}" for law in ("K", "LQR-R8", "LQR-DQ") for metric in ("Err", "θ̇")]
+    columns = [Column("λ", "", "g"), *(Column(name, "", ".2f") for name in names)]
+    title = (
+        "Damped pseudoinverse of P16's footnotes, spiral, best gains; ours over printed, nothing fitted anew"
+    )
+    return Table([*columns, Column("Err of LQR-DQ over K's", "", ".2f")], rows, title)
 
 
 def with_feedforward(folder: str) -> str:
@@ -223,6 +268,7 @@ def main() -> None:
         print(table(plant, variants).markdown())
     if not wanted:
         print(robust_laws().markdown())
+        print(damped_inverse().markdown())
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         browser,
         errors,
         experiments,
+        export,
         figures,
         films,
         geometry,
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
         load_tree,
         robot_names,
     )
-    from dqcontrol.tuning import Tuning, tune
+    from dqcontrol.tuning import Learning, Tuning, learn, tune
 
 __version__ = "0.1.0"
 
@@ -69,6 +70,7 @@ __all__ = [
     "HolonomicBase",
     "Inertia",
     "Kinematics",
+    "Learning",
     "Limits",
     "Record",
     "Robot",
@@ -87,11 +89,13 @@ __all__ = [
     "errors",
     "excite",
     "experiments",
+    "export",
     "figures",
     "films",
     "geometry",
     "identify",
     "laws",
+    "learn",
     "limits",
     "load_robot",
     "load_tree",
@@ -117,6 +121,7 @@ _ROOMS = (
     "browser",
     "errors",
     "experiments",
+    "export",
     "figures",
     "films",
     "geometry",
@@ -146,6 +151,8 @@ _HOMES = {
     "run": "experiments",
     "run_study": "experiments",
     "simulate": "loop",
+    "Learning": "tuning",
+    "learn": "tuning",
     "tune": "tuning",
     "Tuning": "tuning",
 }  # of all others: robots

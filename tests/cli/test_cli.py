@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dqcontrol import cli
+from dqcontrol import cli, load_robot
 
 SPEC = {
     "name": "tiny",
@@ -148,6 +148,16 @@ def test_trials_that_diverge_are_said_at_the_end(here, capsys):
     code, out, _ = call("run", "bad.yaml", "--no-figures", capsys=capsys)
     assert code == 0
     assert "bad · servo: 3 of 3 repeats diverged at 0 s: the command is not finite (seed 0)\n" in out
+
+
+def test_shapes_of_robots(here, capsys):
+    code, out, _ = call("robots", "shapes", "panda", "--pairs", "--write", "mine.yaml", capsys=capsys)
+    assert code == 0
+    assert "panda: 8 shapes, 9 of" in out
+    assert load_robot("mine.yaml").shapes == load_robot("panda").shapes
+    code, _, err = call("robots", "shapes", "iiwa7", capsys=capsys)
+    assert code == 2
+    assert "has no shapes" in err
 
 
 def test_robots(here, capsys):

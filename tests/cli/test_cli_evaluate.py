@@ -21,13 +21,14 @@ def run():
 
 @pytest.fixture(scope="module")
 def saved(run, tmp_path_factory):
-    return run.save(tmp_path_factory.mktemp("saved") / "run")
+    return run.save(tmp_path_factory.mktemp("saved") / "run", figures=False)
 
 
 @pytest.fixture
 def here(run, saved, tmp_path, monkeypatch):
     """Work in a folder with a run, its table and its reference."""
     shutil.copytree(saved, tmp_path / "run")
+    (tmp_path / "run/errors.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
     run.export(tmp_path / "log.csv")
     (tmp_path / "circle.yaml").write_text(yaml.safe_dump({"reference": CIRCLE["reference"]}))
     monkeypatch.chdir(tmp_path)

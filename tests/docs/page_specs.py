@@ -9,6 +9,7 @@ from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import read_sweep
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.robots import load_robot
+from dqcontrol.tuning.learning.learn_spec import read_learn
 from dqcontrol.tuning.tune_spec import read_tune
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
@@ -47,6 +48,9 @@ class PageSpec:
         if "tune" in self.data:
             assert read_tune(self.data).block.objectives
             del self.data["tune"]
+        if "learn" in self.data:
+            assert read_learn(self.data).block.repeats
+            del self.data["learn"]
         spec = as_spec("page", self.data, self.folder / "examples")
         motion = spec.reference.build(load_robot("iiwa7").fkm(START), self.folder / "examples")
         assert np.isfinite(motion.samples(np.linspace(0, min(motion.duration, 100), 20))).all()

@@ -7,6 +7,7 @@ What takes long waits for the slow tests.
 import math
 import re
 import shlex
+import subprocess
 import sys
 import tomllib
 
@@ -34,6 +35,7 @@ NOT_RUN = {  # patterns of whole commands
 }
 SLOW = {  # parts of commands and of Python
     "README.md": ("run examples/", "reproduce", "paint", "clip", "report results"),
+    "export.md": ("dqcontrol run", "bench", "aarch64"),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "mobile-bases.md": ("run examples/",),
     "mobile-physics.md": ("run examples/",),
@@ -49,8 +51,9 @@ SLOW = {  # parts of commands and of Python
     "two-arms.md": ("run examples/",),
     "view.md": ("run examples/", "clip"),
 }
+MADE = "make -C results/"  # in folders that commands of ours wrote
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
-NOTHING_TO_RUN = ("", "text", "csv", "toml")  # what is printed; formats; files, if they have a name
+NOTHING_TO_RUN = ("", "text", "c", "csv", "toml")  # what is printed; formats; files, if they have a name
 BUILT = ("{include}", "{toctree}", "{eval-rst}")  # by Sphinx: test_site.py
 KNOWN = ("python", "console", "yaml", *NOTHING_TO_RUN, *BUILT)
 WITH_BLOCKS = [page for page in PAGES if blocks(page) and page not in SEPARATELY]
@@ -61,6 +64,10 @@ def reader(tmp_path, monkeypatch, capsys):
     """Return a function that does a page, but for what is left out."""
 
     def run(command):
+        if command.startswith(MADE):
+            done = subprocess.run(shlex.split(command), capture_output=True, text=True, check=False)
+            assert done.returncode == 0, done.stderr
+            return
         monkeypatch.setattr(sys, "argv", shlex.split(command))
         cli.main()  # a mistake would raise SystemExit
         assert capsys.readouterr().out, command
@@ -120,7 +127,9 @@ def test_nothing_on_a_page_escapes(page):
     for block in blocks(page):
         assert block.language in KNOWN, f"{page}:{block.line}: nobody runs blocks of {block.language}"
         for command in block.commands if block.language == "console" else ():
-            assert command.startswith("dqcontrol ") or is_listed(command), f"{page}:{block.line}: {command}"
+            assert command.startswith(("dqcontrol ", MADE)) or is_listed(command), (
+                f"{page}:{block.line}: {command}"
+            )
             assert_exists(command)
     for command in inline_commands(page):
         assert_exists(command)
@@ -143,6 +152,9 @@ def assert_exists(command):
     words = shlex.split(re.sub(r" \[([^]|]*)[^]]*\]", r" \1", synopsis))  # of several choices the first
     if words[0] in ("ssh", "dqcontrol"):
         parse(words[words.index("dqcontrol") + 1 :])
+    elif command.startswith(MADE):
+        makefile = ROOT / "src/dqcontrol/export/c/Makefile"
+        assert re.search(rf"^[a-z ]*\b{words[3]}\b[a-z ]*:", makefile.read_text(), re.MULTILINE), command
     elif words[0] == "make":
         assert re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), re.MULTILINE), command
     elif words[0] == "pip":

@@ -2,6 +2,7 @@
 
 import csv
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.cli import main
-from dqcontrol.errors import Error, ReachError
+from dqcontrol.errors import Error, NoteWarning, ReachError
 from dqcontrol.experiments import load_run, run_study
 from dqcontrol.experiments.prepared_experiment import prepare
 
@@ -30,7 +31,9 @@ SPEC = {
 
 @pytest.fixture(scope="module")
 def mobile():
-    return dqc.run(EXAMPLES / "mobile.yaml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", NoteWarning)  # an example has nothing to be completed
+        return dqc.run(EXAMPLES / "mobile.yaml")
 
 
 def test_the_example_drives_metres_away_and_reaches(mobile):

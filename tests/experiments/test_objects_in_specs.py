@@ -56,7 +56,7 @@ def test_an_arm_made_in_python_is_saved_with_its_run(arm, tmp_path):
     data = spec(own, {"kind": "set-point", "duration": 0.2})
     law = {"kind": "partial-proportional", "part": "position", "gain": 4.0}
     done = dqc.run(one(data, law))
-    done.save(tmp_path / "run")
+    done.save(tmp_path / "run", figures=False)
     back = load_run(tmp_path / "run")
     assert np.allclose(back.robot.fkm([0.1, 0.2, 0.05]), own.fkm([0.1, 0.2, 0.05]), atol=1e-15)
     assert back.robot.limits.upper.tolist() == [2, 2, 0.2]
@@ -76,7 +76,7 @@ def test_a_curve_runs_and_says_that_a_file_cannot_hold_it(arm, tmp_path):
     curve = dqc.references.Curve(lambda t: [x, y + 0.02 * np.sin(t) ** 3, z], duration=0.5, start=arm.fkm(Q))
     study = dqc.run_study(spec(arm, curve), jobs=2)
     assert study.runs["K+FF · servo"].record.metrics.position.peak < 2
-    study.save(tmp_path / "study")
+    study.save(tmp_path / "study", figures=False)
     assert (
         load_run(tmp_path / "study/K-servo").metrics.position.peak
         == study.runs["K · servo"].metrics.position.peak

@@ -16,7 +16,6 @@ from dqcontrol import cli
 from dqcontrol.compiled import compile
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
-from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.measures.task_range import RANGE
@@ -75,7 +74,7 @@ def test_an_interrupt_stops_softly(tmp_path, first):
             sent.append(threading.Timer(0.3, os.kill, (os.getpid(), first)))
             sent[0].start()
 
-    run = run_in_real_time(long, tmp_path / "out", watch=send)
+    run = run_in_real_time(long, tmp_path / "out", figures=False, watch=send)
     assert signal.getsignal(first) is before
     assert run.record.stopped.endswith("soft stop")
     assert len(run.record) < 3001
@@ -105,11 +104,10 @@ def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
     assert (tmp_path / "out/spec.yaml").is_file()
 
 
-def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path, monkeypatch):
-    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
+def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path):
     circle = SPEC["reference"] | {"duration": 0.1}
     mobile = SPEC | {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], "reference": circle}
-    run_in_real_time(mobile | {"plant": {"kind": "integrator"}}, tmp_path / "out")
+    run_in_real_time(mobile | {"plant": {"kind": "integrator"}}, tmp_path / "out", figures=False)
     assert RANGE in load_run(tmp_path / "out").record.readings
 
 
@@ -129,7 +127,6 @@ class Watching(Clock):
 @pytest.mark.parametrize("plant", ["servo", "compliant", "mobile"])
 def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypatch, plant):
     """As in a process that has used no kernel yet; compiling one takes a second, even loading one is several ms."""
-    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
     for kernel in [thing for thing in gc.get_objects() if type(thing) is compile.Kernel]:
         for made in ("compiled", "pointer"):
             monkeypatch.delitem(kernel.__dict__, made, raising=False)
@@ -144,7 +141,7 @@ def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypat
     spec = SPEC | {"plant": {"kind": plant}, "reference": SPEC["reference"] | {"duration": 0.5}}
     if plant == "mobile":
         spec |= {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]}
-    run_in_real_time(spec, tmp_path / "out", clock=clock)
+    run_in_real_time(spec, tmp_path / "out", figures=False, clock=clock)
     assert late == []
 
 
@@ -161,9 +158,10 @@ def test_killed_a_folder_may_be_replaced_when_asked(tmp_path):
 def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))
-    monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time"])
+    monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time", "--no-figures"])
     cli.main()
     said = capsys.readouterr()
+    assert not list(tmp_path.rglob("*.png"))
     assert "82 steps of 10 ms:" in said.out
     assert "periods missed" in said.out
     assert said.out.endswith("ended: duration\nresults: results/tiny\n")

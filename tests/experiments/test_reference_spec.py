@@ -80,8 +80,11 @@ def test_set_point_with_and_without_an_end():
     assert build(PAUSE).duration == 1.0
 
 
-CIRCLE_HERE = shapes.Circle(START, radius=0.05, duration=4.0)
-SQUARE_HERE = shapes.Square(START, side=0.1, duration=8.0)
+@pytest.fixture
+def square():
+    return shapes.Square(START, side=0.1, duration=8.0)
+
+
 DISPLACEMENT = {"position": [0.1, 0.2, 0.3], "quaternion": [0.8, 0.6, 0, 0]}
 BY = algebra.pose([0.8, 0.6, 0, 0], [0.1, 0.2, 0.3])
 
@@ -89,20 +92,20 @@ BY = algebra.pose([0.8, 0.6, 0, 0], [0.1, 0.2, 0.3])
 @pytest.mark.parametrize(
     ("keys", "expected"),
     [
-        ({"repeat": 3}, shapes.Repeat(SQUARE_HERE, 3)),
-        ({"ramp": 2}, shapes.StartRamp(SQUARE_HERE, 2.0)),
-        ({"corner_stops": 0.5}, shapes.CornerStops(SQUARE_HERE, 0.5)),
-        ({"jerk_limits": LIMITS}, shapes.JerkLimited(SQUARE_HERE, **LIMITS)),
-        ({"transform": DISPLACEMENT}, shapes.Transformed(SQUARE_HERE, BY)),
+        ({"repeat": 3}, lambda square: shapes.Repeat(square, 3)),
+        ({"ramp": 2}, lambda square: shapes.StartRamp(square, 2.0)),
+        ({"corner_stops": 0.5}, lambda square: shapes.CornerStops(square, 0.5)),
+        ({"jerk_limits": LIMITS}, lambda square: shapes.JerkLimited(square, **LIMITS)),
+        ({"transform": DISPLACEMENT}, lambda square: shapes.Transformed(square, BY)),
         (
             {"transform": DISPLACEMENT, "jerk_limits": LIMITS, "repeat": 2},
-            shapes.Transformed(shapes.JerkLimited(shapes.Repeat(SQUARE_HERE, 2), **LIMITS), BY),
+            lambda square: shapes.Transformed(shapes.JerkLimited(shapes.Repeat(square, 2), **LIMITS), BY),
         ),
-        ({"repeat": 2, "ramp": 3}, shapes.StartRamp(shapes.Repeat(SQUARE_HERE, 2), 3.0)),
+        ({"repeat": 2, "ramp": 3}, lambda square: shapes.StartRamp(shapes.Repeat(square, 2), 3.0)),
     ],
 )
-def test_modifiers_in_their_order(keys, expected):
-    same(build({**SQUARE, **keys}), expected)
+def test_modifiers_in_their_order(keys, expected, square):
+    same(build({**SQUARE, **keys}), expected(square))
 
 
 def test_sequence_goes_on_where_it_was():
@@ -122,10 +125,10 @@ def test_sequence_goes_on_where_it_was():
     same(built, shapes.Sequence(parts), end=20.0)
 
 
-def test_sequences_in_sequences_modified_as_one():
+def test_sequences_in_sequences_modified_as_one(square):
     inner = {"kind": "sequence", "references": [CIRCLE, SQUARE], "repeat": 2}
     built = build({"kind": "sequence", "references": [PAUSE, inner], "jerk_limits": LIMITS})
-    twice = shapes.Repeat(shapes.Sequence([CIRCLE_HERE, SQUARE_HERE]), 2)
+    twice = shapes.Repeat(shapes.Sequence([shapes.Circle(START, radius=0.05, duration=4.0), square]), 2)
     same(built, shapes.JerkLimited(shapes.Sequence([shapes.SetPoint(START, 1.0), twice]), **LIMITS))
 
 

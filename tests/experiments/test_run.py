@@ -177,7 +177,7 @@ def test_metrics_may_judge_what_the_encoders_gave(tmp_path):
         np.linalg.norm(np.diff(measured.record.measured, axis=0), axis=1).sum()
     )
     assert measured.metrics.hand_acceleration.integral > 3 * true.metrics.hand_acceleration.integral
-    loaded = dqc.experiments.load_run(measured.save(tmp_path / "run"))
+    loaded = dqc.experiments.load_run(measured.save(tmp_path / "run", figures=False))
     assert loaded.metrics.joint_path_length == measured.metrics.joint_path_length
     with pytest.raises(Error, match="metrics_from"):
         run({**noisy, "metrics_from": "seen"})

@@ -72,6 +72,7 @@ def test_repeats_of_one_prepared_law_do_not_see_each_other():
     assert forwards[2].row == alone.row
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_one_line(monkeypatch):
     class Deadly:
         def __reduce__(self):

@@ -26,13 +26,16 @@ DIMENSIONLESS = {
 MEANT = {*COLOURS, DESIRED, LIMIT, NEUTRAL, "#ffffff"}
 FRAME = {"#000000", "#dddddd", "#333333"}  # text and its like, the shade of a span of time, edges of surfaces
 SMALLEST = 6.5  # points
-FIGURES = gallery.figures()
 
 
 @pytest.fixture(scope="module")
 def drawn():
     """Return each figure, drawn once."""
-    return {name: _draw(draw) for name, draw in FIGURES.items()}
+    return {name: _draw(draw) for name, draw in gallery.figures().items()}
+
+
+def test_all_kinds_are_drawn(drawn):
+    assert tuple(drawn) == gallery.NAMES
 
 
 def _draw(draw):
@@ -60,7 +63,7 @@ def described(axes, name):
     return label or ("laws" if named else "")
 
 
-@pytest.mark.parametrize("name", [name for name in FIGURES if name not in ("painting", "parity")])
+@pytest.mark.parametrize("name", [name for name in gallery.NAMES if name not in ("painting", "parity")])
 def test_each_axis_has_a_unit_or_is_known_to_have_none(name, drawn):
     for axes in axes_of(drawn[name]):
         for direction in "xyz" if hasattr(axes, "get_zlabel") else "xy":
@@ -73,7 +76,7 @@ def test_parity_has_units_in_its_titles(drawn):
         assert UNIT.search(axes.get_title()) or axes.get_title() in DIMENSIONLESS
 
 
-@pytest.mark.parametrize("name", [name for name in FIGURES if name not in ("painting", "surface")])
+@pytest.mark.parametrize("name", [name for name in gallery.NAMES if name not in ("painting", "surface")])
 def test_all_colours_are_of_the_palette(name, drawn):
     colours = set()
     for axes in axes_of(drawn[name]):
@@ -122,7 +125,7 @@ def _is_hidden_tick(text):
     return False
 
 
-@pytest.mark.parametrize("name", list(FIGURES))
+@pytest.mark.parametrize("name", gallery.NAMES)
 def test_nothing_is_cut_or_too_small(name, drawn):
     assert beyond(drawn[name]) == []
     assert drawn[name].get_figwidth() <= WIDTHS["double"]
@@ -131,7 +134,7 @@ def test_nothing_is_cut_or_too_small(name, drawn):
 @pytest.mark.parametrize("name", ["path", "errors", "joints", "inputs", "motion", "sweep"])
 def test_figures_for_one_column_fit_it(name):
     with column_width("single"):
-        figure = _draw(FIGURES[name])
+        figure = _draw(gallery.figures()[name])
     assert figure.get_figwidth() == WIDTHS["single"]
     assert beyond(figure) == []
 

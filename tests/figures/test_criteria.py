@@ -51,6 +51,7 @@ def test_the_same_orientation_has_one_sign_in_all_runs():
         np.testing.assert_allclose(line.get_ydata(), 1.0)
 
 
+@pytest.mark.slow
 def test_many_runs_differ_and_the_desired_pose_is_that_of_the_longest():
     records = {f"gain {i}": run(lag=0.001 * (i + 1)) for i in range(8)}
     short = records["gain 0"]

@@ -202,6 +202,7 @@ def test_figures_ignore_and_keep_the_users_settings():
     assert open_figures() == before
 
 
+@pytest.mark.slow
 def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
     limits = symmetric_limits([3, 3, 7], [1, 1, 1], [1, 1, 1])
     first = save_plots(run(), tmp_path / "a", limits, formats=["png", "svg"])
@@ -239,7 +240,30 @@ def test_bad_options(call, kind, message):
         call(run())
 
 
-def test_importing_the_room_loads_no_matplotlib():
-    code = "import sys, dqcontrol.figures, dqcontrol.recording.mcap; print({'matplotlib', 'mcap'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+def loaded(code, *modules):
+    """Return which of these modules a program loads."""
+    code += f"\nimport sys; print(sorted({set(modules)} & set(sys.modules)))"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+
+
+def test_commands_load_only_what_they_need():
+    """Each of these takes as long to load as all of ours."""
+    code = (
+        "import dqcontrol.figures, dqcontrol.recording.mcap, dqcontrol.experiments, dqcontrol.cli.run_command"
+    )
+    heavy = ("matplotlib", "mcap", "joblib", "mujoco", "scipy.signal", "scipy.linalg", "scipy.optimize")
+    assert loaded(code, *heavy).strip() == "[]"
+
+
+def test_a_styled_figure_does_without_pyplot_and_is_drawn_once_a_format():
+    code = """
+from dqcontrol.figures.figure_files import encoded, laid_out
+from dqcontrol.figures.style import new_figure, styled
+figure = styled(lambda: new_figure(3, 2))()
+draw, drawn = figure.draw, []
+figure.draw = lambda renderer: drawn.append(draw(renderer))
+with laid_out([figure]):
+    encoded(figure, "png")
+assert len(drawn) == 1, drawn
+"""
+    assert loaded(code, "matplotlib.pyplot").strip() == "[]"

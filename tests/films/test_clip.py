@@ -125,7 +125,7 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
         "reference": {"kind": "circle", "radius": 0.05, "duration": 0.4},
         "plant": {"kind": "servo"},
     }
-    dqc.run(spec).save(tmp_path / "run")
+    dqc.run(spec).save(tmp_path / "run", figures=False)
     clip(tmp_path / "run", tmp_path / "run.gif", rate=5, width=120, height=90)
     assert capsys.readouterr().out == f"results: {tmp_path / 'run.gif'}\n"
     assert image(tmp_path / "run.gif").n_frames == 3

@@ -70,6 +70,7 @@ def test_picture_shows_arm_and_paths(tmp_path):
     assert blue > 0.0007 + share(read(still), BLUE)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_positions_do_as_well_as_poses_and_the_same_run_gives_the_same_picture(tmp_path):
     robot, q, pose = motion()

@@ -605,3 +605,25 @@ def test_the_weight_of_a_declared_payload_is_no_contact(arm):
             assert feels(supervisor, q, held + np.append(size * push, np.zeros(3))) == is_felt
         for size, is_felt in ((0.999, False), (1.001, True)):
             assert feels(supervisor, q, held + np.append(np.zeros(3), size * push)) == is_felt
+
+
+@pytest.mark.parametrize("form", ["constrained", "unconstrained"])
+def test_a_localisation_that_jumps_stops_and_one_that_corrects_itself_does_not(form):
+    body = dqc.load_robot("little-john").in_form(form)
+    supervisor = Supervisor(acceleration=5.0, **FREE).prepare(body, 0.05)
+    q, forwards = np.array([0, 0, 0.7, 0, -0.9, 0.9, 0.9, 0]), np.zeros(body.input_size)
+    forwards[0] = 0.3
+
+    def drive(state, places):
+        for place in places:
+            supervisor.command(q + np.append(place, np.zeros(5)), forwards, state)
+        return supervisor.describe_stop(state)
+
+    for k in range(3):
+        corrected, jumped = np.zeros((2, 10, 3))
+        corrected[3:, k], jumped[3:, k] = 0.19, -1.0
+        assert drive(supervisor.start(q), corrected) == ""
+        state = supervisor.start(q)
+        assert drive(state, jumped[:4]) == "", "one sample brakes"
+        assert supervisor.reasons(state) == ("measured base jumped",)
+        assert drive(state, jumped[4:5]) == "stop category 1: measured base jumped"

@@ -32,7 +32,7 @@ def run():
 def folder(run, tmp_path_factory):
     """Return the folder of a saved run, with its table and its reference beside it."""
     folder = tmp_path_factory.mktemp("own")
-    run.save(folder / "run")
+    run.save(folder / "run", figures=False)
     run.export(folder / "log.csv")
     (folder / "circle.yaml").write_text(yaml.safe_dump({key: SPEC[key] for key in ("reference", "start")}))
     return folder

@@ -3,15 +3,19 @@
 import json
 import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from servo_simulator import GRID, answer, encoder, lagged, multisine, write_log
+from servo_simulator import GRID, answer, encoder, lagged, multisine, played, second_order_answer, write_log
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ValueRangeError
+from dqcontrol.logs.servos.commanded import CommandedLog
 from dqcontrol.logs.servos.encoder_noise import resolution_of
+from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, held, joined, lag_response
+from dqcontrol.logs.servos.second_order_response import second_order_response
 from dqcontrol.plants import Servo, load_servo
 from dqcontrol.robots import Inertia, SerialArm
 
@@ -45,6 +49,55 @@ def test_the_response_is_that_of_the_simulator_and_its_slopes_are_right():
         np.testing.assert_allclose(got[late, BY_LAG], by_lag[late], atol=2e-3)
         near = np.abs(times[:, None] - edges - 0.0137).min(axis=1) > 1e-6
         np.testing.assert_allclose(got[late & near, BY_DELAY], by_delay[late & near], atol=2e-3)
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0, 1.7])
+def test_the_response_of_second_order_is_that_of_the_simulator(damping):
+    rng = np.random.default_rng(SEED)
+    edges, times = np.cumsum(rng.uniform(0.005, 0.02, 100)), np.sort(rng.uniform(0.05, 1.2, 100))
+    values = rng.normal(size=100)
+    values[:5] = values[0]  # at rest where both begin
+    got = second_order_response(held(edges, values), 0.0137, 25.0, damping, times)
+    truth = second_order_answer(edges, values, 25.0, damping, 0.0137, times)
+    late = times > 0.8
+    np.testing.assert_allclose(got[late, 0], truth[late], atol=1e-5)
+
+
+def identified(targets, positions, time):
+    log = CommandedLog(Path("log"), time, positions[:, None], time, targets[:, None], True)
+    return identify_joint("joint", "rad", log.segments(0, "positions", None), log.period)
+
+
+@pytest.mark.parametrize(
+    ("bandwidth", "damping", "delay", "step"), [(30.0, 0.7, 0.012, 0.0), (40.0, 0.8, 0.005, 1.5e-3)]
+)
+def test_second_order_is_found_where_the_data_ask_for_it(bandwidth, damping, delay, step):
+    rng = np.random.default_rng(SEED)
+    time = np.arange(2500) * 0.008
+    target = multisine(rng, time)
+    true = second_order_answer(time, target, bandwidth, damping, delay, time)
+    found = identified(target, encoder(rng, true, step, 5e-5), time)
+    assert found.order == 2
+    assert found.bandwidth == pytest.approx(bandwidth, rel=0.03)
+    assert found.damping_ratio == pytest.approx(damping, rel=0.03)
+    assert found.delay == pytest.approx(delay, abs=0.25 * 0.008)
+    assert found.lag == pytest.approx(2 * damping / bandwidth, rel=0.03)
+    assert found.bandwidth_interval[0] < bandwidth < found.bandwidth_interval[1]
+    assert found.residual < 1.2 * found.floor
+
+
+@pytest.mark.parametrize(("play", "step"), [(0.0, 0.0), (1e-3, 0.0), (1e-3, 4e-4)])
+def test_play_is_indicated_and_does_not_change_the_lag(play, step):
+    rng = np.random.default_rng(SEED)
+    time = np.arange(2500) * 0.008
+    target = multisine(rng, time)
+    true = played(answer(time, target, 0.05, 0.017, time), play / 2)
+    found = identified(target, encoder(rng, true, step, 1e-4), time)
+    assert found.friction == pytest.approx(play / 2, rel=0.1)
+    assert found.order == 1
+    assert found.lag == pytest.approx(0.05, rel=0.02)
+    assert found.delay == pytest.approx(0.017, abs=0.002)
+    assert ("play" in " ".join(found.notes)) == (play > 0)
 
 
 @pytest.fixture(scope="module")
@@ -185,8 +238,16 @@ def test_sag_is_found_beside_lag_and_delay(tmp_path):
     ("columns", "message"),
     [
         (["time", "q1"], r"log\.csv: holds no commands of the joints: columns target_JOINT, r1"),
-        (["time", "q1", "same"], r"log\.csv: the commanded positions are a copy of the measured ones"),
+        (["time", "q1", "same"], r"log\.csv: joint_1: the commanded positions are a copy of the measured"),
         (["time", "q1", "still"], r"log\.csv: no command ever changes"),
+        (
+            ["time", "q1", "q2", "moved"],
+            r"log\.csv:1: column q2: arm has 1 joints; is this another robot",
+        ),
+        (
+            ["time", "q1", "degrees"],
+            r"log\.csv: joint_1: its commands move 57\.\d times .* degrees beside rad",
+        ),
         (["time", "moved"], r"log\.csv:1: joints missing: joint_1"),
         (["back", "q1", "moved"], r"log\.csv:52: time: must increase, got 0\.1 after 0\.49"),
     ],
@@ -194,8 +255,9 @@ def test_sag_is_found_beside_lag_and_delay(tmp_path):
 def test_what_is_wrong_with_a_log_is_said_in_one_line(tmp_path, columns, message):
     time = np.arange(400) * 0.01
     table = {"time": time, "q1": np.sin(time), "moved": np.sin(time + 0.1), "same": np.sin(time)}
+    table |= {"q2": np.sin(time), "degrees": np.degrees(np.sin(time + 0.1))}
     table |= {"still": np.zeros(400), "back": np.where(np.arange(400) == 50, 0.1, time)}
-    names = {"same": "r1", "still": "r1", "moved": "r1", "back": "time"}
+    names = {"same": "r1", "still": "r1", "moved": "r1", "degrees": "r1", "back": "time"}
     header = ",".join(names.get(column, column) for column in columns)
     rows = np.column_stack([table[column] for column in columns])
     path = tmp_path / "log.csv"
@@ -236,7 +298,11 @@ def test_the_command_line_prints_the_joints_and_writes_the_files(bench, tmp_path
     assert "bench: servos behind commanded positions" in printed
     assert "joint_4: clamped: targets beyond" in printed
     assert f"results: {tmp_path / 'out'}" in printed
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"identification.json", "plant.yaml"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "identification.json",
+        "plant.yaml",
+        "report.html",
+    }
 
 
 @pytest.mark.slow
@@ -274,3 +340,51 @@ def test_a_slow_circle_tells_only_the_sum_of_lag_and_delay(tmp_path):
     sums = [float(each) for each in re.findall(r"ambiguous: .* sure, (\S+) ms", "\n".join(reasons))]
     assert len(sums) == 3
     assert sums == pytest.approx(3 * [76], abs=1)
+
+
+def test_a_table_without_column_names_and_a_file_of_another_robot_are_said(tmp_path):
+    time = np.arange(400) * 0.01
+    motion = np.sin(time)[:, None]
+    path = write_log(tmp_path / "one.csv", time, motion, 0.99 * motion)
+    two = write_log(tmp_path / "two.csv", time, np.hstack([motion] * 2), 0.99 * np.hstack([motion] * 2))
+    with pytest.raises(FileFormatError, match=r"two\.csv:1: column q2: arm has 1 joints"):
+        dqc.identify([path, two], arm_of(1))
+    path.write_text("\n".join(path.read_text().splitlines()[1:]))
+    with pytest.raises(FileFormatError, match=r"one\.csv:1: expected a line of column names"):
+        dqc.identify(path, arm_of(1))
+
+
+def test_the_twin_of_a_log_does_what_the_robot_did(tmp_path):
+    """Saved as two runs that `dqcontrol compare` reads, with the report beside them."""
+    from dqcontrol.experiments import load_runs
+    from dqcontrol.reports.identification_report import write_identification_report
+
+    rng = np.random.default_rng(SEED)
+    time = np.arange(1500) * 0.008
+    targets = np.column_stack([multisine(rng, time, 0.2) for _ in range(6)])
+    seen = np.column_stack(
+        [answer(time, each, 0.04 + 0.01 * i, 0.0165, time) for i, each in enumerate(targets.T)]
+    )
+    path = write_log(tmp_path / "log.csv", time, targets, encoder(rng, seen, 0.0, 1e-4))
+    found = dqc.identify(path, "ur5")
+    assert len(found.fitted) == 6
+    out = found.save(tmp_path / "out")
+    twin = found.save_twin(out)
+    assert twin.motion_rms > 5e-3
+    assert twin.hand_rms < 0.05 * twin.motion_rms
+    runs = load_runs([out / "log", out / "twin"])
+    rms = [run.metrics.position.rms for run in runs.values()]
+    assert rms[0] == pytest.approx(rms[1], rel=0.05)
+    write_identification_report(found, out)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "what is left all along" in page
+    with pytest.raises(ValueRangeError, match=r"has no plant\.yaml; save the identification there first"):
+        found.save_twin(tmp_path)
+
+
+def test_of_ambiguous_joints_the_plant_has_the_sum_that_is_known():
+    known = JointIdentification("a", "fitted", lag=0.05, delay=0.02, gain=1.0, noise=0.0, late=0.07)
+    ambiguous = JointIdentification("b", reason="ambiguous: …", late=0.11)
+    found = dqc.logs.Identification("arm", (), "positions", 0.008, (known, ambiguous))
+    assert found.plant().time_constant == [0.05, pytest.approx(0.09)]
+    assert found.plant().delay == [0.02, 0.02]

@@ -46,6 +46,12 @@ def predicted(model, commands):
             for tau in (0.005, 0.05)
             for delay in (0, 1, 2, 5)
         ),
+        *(
+            Servo(command_mode=mode, bandwidth=30.0, damping_ratio=damping, delay=delay * T)
+            for mode in ("integrated", "measured")
+            for damping in (0.5, 1.0, 2.0)
+            for delay in (0, 1, 1.37)
+        ),
     ],
     ids=str,
 )

@@ -327,3 +327,29 @@ def test_the_linear_model_of_different_servos_has_the_poles_of_each(arm):
 def test_lists_that_do_not_fit_are_refused(arm, parameters, message):
     with pytest.raises((ShapeError, ValueRangeError), match=message):
         Servo(**parameters).start(arm, np.zeros(N), T, 10, 0)
+
+
+def test_second_order_is_that_of_a_differential_equation(arm):
+    """One long step is many short ones, and each joint may be of its own order; the delay ends within a period."""
+    plant = Servo(bandwidth=[20.0, 0.0, 35.0], damping_ratio=[0.5, 1.0, 1.8], time_constant=0.05, delay=0.012)
+    commands = np.zeros((20, N))
+    commands[0] = 0.3 / 0.04  # one move of 0.3 rad
+    fast = np.zeros((200, N))
+    fast[0] = 0.3 / 0.004
+    long, _ = drive(plant, arm, np.zeros(N), commands, period=0.04)
+    short, _ = drive(plant, arm, np.zeros(N), fast, period=0.004)
+    assert long == pytest.approx(short[9::10], abs=1e-12)
+    time = 0.04 * np.arange(1, 21) - 0.012
+    away = np.sqrt(1 - 0.25) * 20.0
+    underdamped = 1 - np.exp(-10 * time) * (np.cos(away * time) + 10 / away * np.sin(away * time))
+    assert long[:, 0] == pytest.approx(0.3 * underdamped, abs=1e-12)
+    assert long[:, 1] == pytest.approx(0.3 * -np.expm1(-time / 0.05), abs=1e-12)
+
+
+def test_a_joint_with_play_stays_behind_on_the_side_it_comes_from(arm):
+    plant = Servo(time_constant=0.0, friction=[0.0, 0.01, 0.02])
+    commands = np.repeat([[1.0] * N, [-1.0] * N], 50, axis=0)
+    q, _ = drive(plant, arm, np.zeros(N), commands)
+    assert q[49] == pytest.approx(50 * T - np.array([0.0, 0.01, 0.02]))
+    assert q[-1] == pytest.approx(np.array([0.0, 0.01, 0.02]), abs=1e-12)
+    assert q[50, 1] == q[49, 1]  # while it goes through its play

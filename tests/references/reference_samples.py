@@ -1,5 +1,7 @@
 """References of every kind for the tests, and finite differences of their poses."""
 
+import functools
+
 import numpy as np
 
 from dqcontrol import algebra
@@ -43,6 +45,22 @@ def _near_poses(count):
     return poses
 
 
+NAMES = (  # known without making them: tests have parameters before they run
+    *("set-point", "circle", "counterclockwise", "spiral", "square"),
+    *("drawing", "following", "points", "transformed", "sequence"),
+    *("repeat", "rounds", "start ramp", "corner stops", "stops at points"),
+    *(
+        "via points",
+        "jerk-limited square",
+        "jerk-limited sequence",
+        "jerk-limited follower",
+        "jerk-limited points",
+    ),
+    *("jerk-limited via points", "jerk-limited turns"),
+)
+
+
+@functools.cache
 def references():
     circle = r.Circle(START, radius=0.07, duration=9.0, plane=TILTED, turns=2.0)
     square = r.Square(START, side=0.1, duration=8.0, shares=[5, 3, 5, 3], plane="yz", clockwise=False)
@@ -53,7 +71,7 @@ def references():
     via = r.ViaPoints([2.0, 3.0, 5.0, 5.5, 7.0], _near_poses(5))
     limits = {"velocity": 0.1, "acceleration": 0.3, "jerk": 2.0}
     angular = {"angular_velocity": 0.8, "angular_acceleration": 3.0, "angular_jerk": 20.0}
-    return {
+    made = {
         "set-point": r.SetPoint(START, duration=3.0),
         "circle": circle,
         "counterclockwise": r.Circle(START, radius=0.07, duration=9.0, clockwise=False, turns=0.3),
@@ -79,6 +97,8 @@ def references():
         "jerk-limited via points": r.JerkLimited(via, **limits),
         "jerk-limited turns": r.JerkLimited(via, **limits, **angular),
     }
+    assert tuple(made) == NAMES
+    return made
 
 
 def times_inside(reference, count=400, margin=1e-3):

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import ruckig
-from reference_samples import QUARTER, START, STROKES, TILTED, references
+from reference_samples import NAMES, QUARTER, START, STROKES, TILTED, references
 
 from dqcontrol import algebra
 from dqcontrol import references as r
@@ -68,7 +68,7 @@ def test_pieces_join_and_keep_the_limits():
         assert np.abs(pieces[:, 5]).max() <= limits.jerk
 
 
-@pytest.mark.parametrize("name", [name for name in references() if name.startswith("jerk-limited")])
+@pytest.mark.parametrize("name", [name for name in NAMES if name.startswith("jerk-limited")])
 def test_limits_along_the_path_are_never_exceeded(name):
     reference = references()[name]
     times, speed, tangential, turn, turning = along(reference)

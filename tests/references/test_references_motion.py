@@ -1,20 +1,19 @@
 import numpy as np
 import pytest
-from reference_samples import differentiated_twist, references, times_inside
+from reference_samples import NAMES, differentiated_twist, references, times_inside
 
 from dqcontrol import algebra
 from dqcontrol import references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 
-ALL = references()
 STEP = 1e-5
 
-each = pytest.mark.parametrize("name", ALL)
+each = pytest.mark.parametrize("name", NAMES)
 
 
 @each
 def test_twist_is_the_derivative_of_the_pose(name):
-    reference = ALL[name]
+    reference = references()[name]
     times = times_inside(reference)
     assert len(times) > 300
     twist = reference.samples(times)[:, 8:14]
@@ -23,7 +22,7 @@ def test_twist_is_the_derivative_of_the_pose(name):
 
 @each
 def test_twist_rate_is_the_derivative_of_the_twist(name):
-    reference = ALL[name]
+    reference = references()[name]
     times = times_inside(reference)
     before, after = (reference.samples(times + h)[:, 8:14] for h in (-STEP, STEP))
     rate = reference.samples(times)[:, 14:20]
@@ -32,7 +31,7 @@ def test_twist_rate_is_the_derivative_of_the_twist(name):
 
 @each
 def test_poses_are_unit(name):
-    reference = ALL[name]
+    reference = references()[name]
     pose = reference.samples(np.linspace(0.0, reference.duration, 300))[:, :8]
     np.testing.assert_allclose(np.linalg.norm(pose[:, :4], axis=1), 1.0, atol=1e-14)
     np.testing.assert_allclose(np.sum(pose[:, :4] * pose[:, 4:], axis=1), 0.0, atol=1e-14)
@@ -40,7 +39,7 @@ def test_poses_are_unit(name):
 
 @each
 def test_pose_is_continuous_everywhere(name):
-    reference = ALL[name]
+    reference = references()[name]
     pose = reference.samples(np.linspace(0.0, reference.duration, 200_001))[:, :8]
     step = reference.duration / 200_000
     fastest = np.abs(reference.samples(times_inside(reference, 2000, 1e-6))[:, 8:14]).max()
@@ -49,7 +48,7 @@ def test_pose_is_continuous_everywhere(name):
 
 @each
 def test_twist_jumps_at_the_corners_and_nowhere_else(name):
-    reference = ALL[name]
+    reference = references()[name]
     h = 1e-6
     for corner in reference.corners:
         left, right = reference.samples([corner - h, corner])[:, 8:14]
@@ -67,7 +66,7 @@ def test_twist_jumps_at_the_corners_and_nowhere_else(name):
 
 @each
 def test_corners_give_the_twist_after_them_and_no_twist_rate(name):
-    reference = ALL[name]
+    reference = references()[name]
     corners = reference.corners
     rows = reference.samples(corners)
     assert not rows[:, 14:20].any()
@@ -77,7 +76,7 @@ def test_corners_give_the_twist_after_them_and_no_twist_rate(name):
 
 @each
 def test_rests_at_the_last_pose_after_the_end(name):
-    reference = ALL[name]
+    reference = references()[name]
     end = reference.duration
     before, *after = reference.samples([end - 1e-9 * end - 2e-9, end, end + 1e-12, 2 * end, 1e9])
     for row in after:
@@ -88,7 +87,7 @@ def test_rests_at_the_last_pose_after_the_end(name):
 
 @each
 def test_time_is_the_one_asked_for_in_any_order(name):
-    reference = ALL[name]
+    reference = references()[name]
     times = np.random.default_rng(0).uniform(0.0, 2 * reference.duration, 50)
     rows = reference.samples(times)
     assert rows.shape == (50, 21)
@@ -98,7 +97,7 @@ def test_time_is_the_one_asked_for_in_any_order(name):
 
 @each
 def test_samples_of_no_time(name):
-    assert ALL[name].samples(np.zeros(0)).shape == (0, 21)
+    assert references()[name].samples(np.zeros(0)).shape == (0, 21)
 
 
 @pytest.mark.parametrize(
@@ -114,12 +113,12 @@ def test_samples_of_no_time(name):
 )
 def test_bad_times(times, error, message):
     with pytest.raises(error, match=message):
-        ALL["circle"].samples(times)
+        references()["circle"].samples(times)
 
 
 def test_bad_time():
     with pytest.raises(ShapeError, match="time: expected a single number"):
-        ALL["circle"].at([1.0])
+        references()["circle"].at([1.0])
 
 
 def test_motion_samples_of_a_turning_and_moving_body():

@@ -105,3 +105,17 @@ def test_bad_arguments(names, arguments, message, tmp_path):
 def test_missing_file(tmp_path):
     with pytest.raises(FileFormatError, match=r"none.csv: no such file"):
         r.load_points(tmp_path / "none.csv")
+
+
+def test_plain_lines_of_three_numbers_as_p16_wrote_its_paths(tmp_path):
+    """Divided by blanks, one point a sample: a segment lasts as long as it has points."""
+    file = tmp_path / "path.txt"
+    file.write_text(
+        "# x y z\n0.5  0.1\t0.4\n0.5 0.2 0.4 # a corner\n\n0.5 0.2 0.5\n0.5 0.2 0.6\n0.5 0.2 0.7\n"
+    )
+    points = r.load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=4.0)
+    found = algebra.translation(points.samples([0.0, 1.0, 4.0])[:, :8])
+    np.testing.assert_allclose(found, [[0.5, 0.1, 0.4], [0.5, 0.2, 0.4], [0.5, 0.2, 0.7]], atol=1e-15)
+    file.write_text("0.5 0.1 0.4\n0.5 0.2\n")
+    with pytest.raises(FileFormatError, match=r"path\.txt:2: expected 3 values \(x, y, z\), got 2"):
+        r.load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=4.0)

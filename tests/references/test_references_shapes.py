@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from reference_samples import QUARTER, START, TILTED, references
+from reference_samples import NAMES, QUARTER, START, TILTED, references
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -125,7 +125,7 @@ def test_points_on_one_line_at_one_speed_have_no_inner_corner():
     assert r.Points([0, 1, 2, 3], algebra.pose(START[:4], positions)).corners.tolist() == [3.0]
 
 
-@pytest.mark.parametrize("name", references())
+@pytest.mark.parametrize("name", NAMES)
 def test_transformed_is_the_motion_seen_from_another_frame(name):
     reference = references()[name]
     other = r.Transformed(reference, by=QUARTER)

@@ -8,34 +8,38 @@ from dqcontrol import references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 
 TIMES = np.array([2.0, 3.0, 5.0, 5.5, 7.0])
-VIA = references()["via points"]
 
 
-def test_runs_through_the_poses_at_their_times():
-    poses = VIA.samples(TIMES - 2.0)[:, :8]
-    np.testing.assert_allclose(poses, VIA.poses, atol=1e-14)
-    np.testing.assert_array_equal(VIA.times, TIMES - 2.0)
+@pytest.fixture
+def via():
+    return references()["via points"]
 
 
-def test_positions_are_those_of_scipys_natural_spline():
+def test_runs_through_the_poses_at_their_times(via):
+    poses = via.samples(TIMES - 2.0)[:, :8]
+    np.testing.assert_allclose(poses, via.poses, atol=1e-14)
+    np.testing.assert_array_equal(via.times, TIMES - 2.0)
+
+
+def test_positions_are_those_of_scipys_natural_spline(via):
     times = np.linspace(0.0, 4.999, 400)
-    spline = CubicSpline(TIMES - 2.0, algebra.translation(VIA.poses), bc_type="natural")
-    np.testing.assert_allclose(algebra.translation(VIA.samples(times)[:, :8]), spline(times), atol=1e-14)
+    spline = CubicSpline(TIMES - 2.0, algebra.translation(via.poses), bc_type="natural")
+    np.testing.assert_allclose(algebra.translation(via.samples(times)[:, :8]), spline(times), atol=1e-14)
 
 
-def test_twist_and_twist_rate_are_continuous_at_the_poses():
+def test_twist_and_twist_rate_are_continuous_at_the_poses(via):
     for time in TIMES[1:-1] - 2.0:
-        before, after = VIA.samples([time - 1e-7, time + 1e-7])[:, 8:20]
+        before, after = via.samples([time - 1e-7, time + 1e-7])[:, 8:20]
         assert np.abs(before).max() > 0.1
         np.testing.assert_allclose(before, after, atol=1e-4)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_goes_with_the_frame_and_does_not_mind_the_sign(sign):
-    poses = VIA.poses * np.array([1, sign, sign, 1, 1])[:, None]
+def test_goes_with_the_frame_and_does_not_mind_the_sign(sign, via):
+    poses = via.poses * np.array([1, sign, sign, 1, 1])[:, None]
     moved = r.ViaPoints(TIMES, algebra.multiply(QUARTER, poses))
     times = np.linspace(0.0, 5.0, 101)
-    expected = r.Transformed(VIA, by=QUARTER).samples(times)
+    expected = r.Transformed(via, by=QUARTER).samples(times)
     np.testing.assert_allclose(moved.samples(times), expected, atol=1e-12)
 
 

@@ -14,11 +14,14 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.reproductions import pereira2016
-from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.hundredfold import printed_factors, with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
+from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.verdicts import Evidence
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
 from dqcontrol.reproductions.printed_comparison import comparison_tables
+from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.reproductions.results import Results
 
 SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
@@ -77,14 +80,56 @@ def test_the_gains_of_the_spiral_fall_by_ln2():
     assert gammas == pytest.approx([0.372, 0.537, 0.775], rel=2e-3)  # as printed
 
 
-def test_the_second_fit_scales_the_robust_laws_only():
-    data = second_fit.scaled_spec("spiral", factor=10.0)
-    assert set(data["laws"]) == {"HIR scaled", "HIRT scaled"}
-    assert data["laws"]["HIR scaled"]["translation_gain"]["values"] == [24.0, 38.0]
-    assert data["parameter_sets"]["ln2"]["HIRT scaled"]["orientation_gain"]["values"] == pytest.approx(
-        [18.38, 36.76]
+def test_the_robust_laws_run_a_second_time_with_a_hundred_times_their_gains():
+    data = with_hundredfold(published_spec("spiral"))
+    laws, sets = data["laws"], data["parameter_sets"]
+    assert laws.keys() - published_spec("spiral")["laws"].keys() == {"HIR × 100", "HIRT × 100"}
+    assert laws["HIR × 100"]["translation_gain"] == {
+        "times": [0, 7.1976],
+        "values": pytest.approx([240.0, 380.0]),
+    }
+    assert sets["ln2"]["HIRT × 100"]["orientation_gain"]["values"] == pytest.approx([183.8, 367.6])
+    assert laws["HIR"] == published_spec("spiral")["laws"]["HIR"]
+
+
+def test_printed_numbers_alone_give_the_factor_at_both_periods():
+    factors = {tuple(row[:3]): row[-1] for row in printed_factors().rows}
+    assert len(factors) == 14
+    assert {name for name, _, _ in factors} == {"circle, 20 ms", "spiral, 8 ms"}
+    assert min(factors.values()) > 99.2
+    assert max(factors.values()) < 101.9
+    assert np.mean(list(factors.values())) == pytest.approx(100.7, abs=0.2)
+
+
+def test_sentences_on_laws_that_did_not_follow_are_not_decided():
+    printed = {
+        c.metric: c.mean for c in pereira2016.published_cells("spiral") if (c.law, c.set) == ("HIR", "best")
+    }
+
+    def row(law, error, step):
+        return {
+            "law": law,
+            "set": "best",
+            "stopped": "duration",
+            "error.integral": error * printed["error"],
+            "hand_speed.integral": printed["hand_speed"],
+            "joint_step.integral": step,
+        }
+
+    def judged(*rows):
+        evidence = Evidence(Results({"": [row("K", 1.0, 1.0), *rows]}), {}, reproduction="spiral")
+        return JUDGES["h-infinity-without-excessive-speed"](evidence)
+
+    lost, near = (
+        [row(law, 30.0, 0.5) for law in ("HIR", "HIRT")],
+        [row(law, 1.0, 0.5) for law in ("HIR", "HIRT")],
     )
-    assert data["laws"]["HIR scaled"]["translation_gain"]["times"] == [0, 7.1976]
+    hundredfold = [row(f"{law} × 100", 1.0, 2.0) for law in ("HIR", "HIRT")]
+    assert judged(*near).holds is True
+    none = judged(*lost)
+    assert (none.holds, str(none.verdict)) == (None, "cannot be decided: the law did not follow")
+    assert judged(*lost, *hundredfold).holds is False  # of those that followed
+    assert "gains as printed, which do not follow" in judged(*lost, *hundredfold).number
 
 
 def test_ratios_are_means_over_printed_means():
@@ -98,7 +143,7 @@ def test_ratios_are_means_over_printed_means():
     rows = [{**row, **{key: factor * value for key, value in printed.items()}} for factor in (1.9, 2.1)]
     rows.append({**row, **dict.fromkeys(printed, 100.0), "stopped": "diverged at 1 s: lost"})
     (table,) = comparison_tables(cells, Results({"": rows}), "P16")
-    assert table.title == "P16 5.15"
+    assert table.title == "P16 Table 5.15"
     assert [line[-1] for line in table.rows] == pytest.approx([2.0] * 5)
     assert table.rows[0][6] == pytest.approx(np.std([1.9, 2.1], ddof=1) * 1.232)
     increments = Results({"": rows}, control_unit=0.025)
@@ -106,7 +151,8 @@ def test_ratios_are_means_over_printed_means():
     scaled = [{**line, "law": "K scaled"} for line in rows]
     assert comparison_tables(cells, Results({"": scaled}), "P16") == []
     assert (
-        comparison_tables(cells, Results({"": scaled}), "P16", suffix=" scaled")[0].rows[0][0] == "K scaled"
+        comparison_tables(cells, Results({"": scaled}), "P16", suffixes=(" scaled",))[0].rows[0][0]
+        == "K scaled"
     )
 
 
@@ -124,7 +170,7 @@ def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
     for case in setting.cases:
         record = execute(setting, case)
         error = measure(record, case.scene.robot, 0.0, "measured").error.integral
-        ratios[case.names.law, case.names.set] = error / printed[case.names.law, case.names.set]
+        ratios[case.names.law, case.names.set] = error / printed[case.names.law.split()[0], case.names.set]
     assert ratios["K", "best"] == pytest.approx(1.0, abs=2e-3)
     for each in ("ln2", "ln2²"):
         assert ratios["K", each] == pytest.approx(1.0, abs=0.04)
@@ -171,3 +217,28 @@ def test_the_command_lists_and_refuses():
     assert refused.returncode == 2
     assert refused.stderr.strip().count("\n") == 0
     assert "spiral" in refused.stderr
+
+
+def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
+    """A folder is written whole: the same command resumes beside it, another one does not take it for its own."""
+    from dqcontrol.cli.reproduce_command import reproduce
+
+    ran = []
+
+    def stand_in(name, **_):
+        ran.append(name)
+        return Reproduced(name, [])
+
+    names = published.names("silva2017")
+    for name in names[1:]:
+        Reproduced(name, []).save(tmp_path / name.rpartition("/")[2])
+    assert published.is_finished(tmp_path / "clamping", "silva2017/clamping")
+    assert not published.is_finished(tmp_path / "clamping", "silva2017/clamping", repeats=1)
+    assert not published.is_finished(tmp_path / "clamping", "silva2017/gains")
+    monkeypatch.setattr(published, "reproduce", stand_in)
+    reproduce("silva2017", out=tmp_path)
+    assert ran == names[:1]
+    said = capsys.readouterr().out
+    assert "resuming: 5 of 6 already done" in said
+    assert f"{names[0]}: 1 of 6" in said
+    assert (tmp_path / "gains" / "tables.md").is_file()

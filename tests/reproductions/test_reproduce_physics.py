@@ -12,8 +12,8 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.plants import CompliantPlant
 from dqcontrol.reproductions import pereira2016
-from dqcontrol.reproductions.pereira2016 import second_fit
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.hundredfold import with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import lamp_on
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
@@ -35,6 +35,7 @@ def test_the_meka_is_compliant_and_the_iiwa_stays_simulated(name):
     plant = prepare(in_physics).cases[0].plant
     assert isinstance(plant, CompliantPlant)
     assert (plant.mode, plant.command_mode, plant.hand) == ("THETA_GC", "measured", True)
+    assert (plant.exchange_period, plant.stiffness) == (0.01, 0.7 if name.startswith("meka-") else 1)
     del on_servos["plant"], in_physics["plant"]
     assert in_physics == on_servos
 
@@ -59,7 +60,7 @@ def test_the_lamp_is_on_once_the_arm_has_stopped_swinging():
     speed = np.linalg.norm(np.diff(record.position, axis=0), axis=1) / setting.spec.period
     first = int(lit.argmax())
     assert speed[:first].max() > 0.1  # the arm swings from its start
-    assert speed[first : first + 100].max() < 0.01
+    assert speed[first : first + 100].max() < 0.04  # it shakes with its base
     assert lit[first:].all()
     assert record.position_error[lit].max() < 0.03
     assert np.std(record.position_error[lit]) < 0.004  # no zigzag: the house as a whole hangs lower
@@ -73,12 +74,11 @@ def test_specs_of_other_plants_are_refused_and_files_found_from_anywhere():
     assert Path(published_spec("light-painting", PHYSICS)["reference"]["file"]).is_absolute()
 
 
-def test_the_second_fit_and_further_runs_take_the_same_plant():
+def test_further_runs_take_the_same_plant():
     chosen = published_spec("spiral", PHYSICS)["plant"]
-    assert second_fit.scaled_spec("spiral", PHYSICS)["plant"] == chosen
     setting = Evidence(Results({}), {}, plant=PHYSICS).changed("circle", ("K",), period=0.008)
     assert setting.cases[0].plant.gravity_factor == chosen["gravity_factor"]
-    assert Evidence(Results({}), {}, plant=SERVO).changed("circle", ("K",)).cases[0].plant.sag == 0.69
+    assert Evidence(Results({}), {}, SERVO).changed("circle", ("K",)).cases[0].plant.sag == 0.69
 
 
 def test_the_mean_of_t_u_is_the_printed_integral_over_the_duration_in_periods():
@@ -94,53 +94,73 @@ def test_the_mean_of_t_u_is_the_printed_integral_over_the_duration_in_periods():
     assert row[3:] == pytest.approx([5.198 / 37.475, 0.025 * 300.0 / 37.475])
 
 
-def test_one_run_of_each_predicts_the_other_cells():
-    """Each number was printed for the robot; K with the best gain is the cell that f was fitted on."""
-    spec = published_spec("spiral", PHYSICS)
+def run_of(name, law, label):
+    spec = published_spec(name, PHYSICS)
+    parameters = spec.pop("parameter_sets")[label][law]
+    setting = prepare(spec | {"repeats": 1, "laws": {law: spec["laws"][law] | parameters}})
+    return measure(execute(setting, setting.cases[0]), setting.scene.robot, 0.0, "measured")
+
+
+def ratios_of(name, law, label, metrics):
+    """Ours over what was printed for the robot."""
+    found, short = run_of(name, law, label), law.removesuffix(" exact")
     printed = {
-        (c.law, c.set, c.metric): c.mean
-        for c in pereira2016.published_cells("spiral")
-        if c.law in ("K", "LQR-DQ")
+        cell.metric: cell.mean
+        for cell in pereira2016.published_cells(name)
+        if (cell.law, cell.set) == (short, "" if label == "fixed" else label)
     }
-    found = {}
-    for case in prepare(spec | {"repeats": 1}).cases:
-        law, parameters = case.names.law, case.names.set
-        if law in ("K", "LQR-DQ"):
-            setting = prepare(
-                spec
-                | {
-                    "laws": {law: spec["laws"][law]},
-                    "parameter_sets": {parameters: {law: spec["parameter_sets"][parameters][law]}},
-                }
-            )
-            metrics = measure(execute(setting, setting.cases[0]), case.scene.robot, 0.0, "measured")
-            found[law, parameters, "error"] = metrics.error.integral
-            found[law, parameters, "hand_speed"] = metrics.hand_speed.integral
-    ratios = {key: value / printed[key] for key, value in found.items()}
-    assert ratios["K", "best", "error"] == pytest.approx(1.0, abs=3e-3)
-    for each in ("ln2", "ln2²"):
-        assert ratios["K", each, "error"] == pytest.approx(1.0, abs=0.06)
-    for each in ("best", "ln2", "ln2²"):
-        assert 0.8 < ratios["LQR-DQ", each, "error"] < 0.95
-        for law in ("K", "LQR-DQ"):  # nothing shakes
-            assert ratios[law, each, "hand_speed"] == pytest.approx(1.0, abs=0.1)
+    return {metric: getattr(found, metric).integral / printed[metric] for metric in metrics}
+
+
+ALL = ("error", "control", "hand_speed", "hand_acceleration")
+
+
+def test_one_run_of_each_predicts_the_other_cells():
+    """K with the best gain is the cell that f was fitted on."""
+    best = ratios_of("spiral", "K", "best", ALL)
+    assert best["error"] == pytest.approx(1.0, abs=5e-3)
+    assert max(abs(ratio - 1) for ratio in best.values()) < 0.2
+    softest = ratios_of("spiral", "K", "ln2²", ALL)
+    assert softest["error"] == pytest.approx(1.0, abs=0.06)
+    assert 0.8 < ratios_of("spiral", "LQR-DQ", "best", ("error",))["error"] < 0.95
+
+
+def test_lqr_in_r8_by_euler_steps_has_the_printed_error_and_the_exact_one_a_lower():
+    printed = ratios_of("spiral", "LQR-R8", "best", ALL)
+    assert printed["error"] == pytest.approx(1.0, abs=0.05)
+    assert max(abs(ratio - 1) for ratio in printed.values()) < 0.12
+    assert ratios_of("spiral", "LQR-R8 exact", "best", ("error",))["error"] < 0.75
 
 
 @pytest.mark.slow
-def test_the_gravity_factor_in_use_is_the_one_that_fits():
-    (line,) = calibrate(PHYSICS).rows
-    assert line[3] == pytest.approx(line[4], rel=2e-3)
+def test_all_laws_predict_the_printed_cells():
+    for name, label in [("spiral", each) for each in ("best", "ln2", "ln2²")] + [("circle", "fixed")]:
+        laws = ("K", "K+FF") if name == "circle" else ("K", "K+FF", "LQR-R8", "LQR-DQ")
+        for law in laws:
+            ratios = ratios_of(name, law, label, ALL)
+            assert ratios["error"] == pytest.approx(0.88 if law == "LQR-DQ" else 1.0, abs=0.06)
+            assert ratios["control"] == pytest.approx(0.92, abs=0.1)
+            assert ratios["hand_speed"] == pytest.approx(1.0, abs=0.1)
+            assert ratios["hand_acceleration"] == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.slow
+def test_the_numbers_in_use_are_those_that_fit():
+    rows = calibrate(PHYSICS).rows
+    assert len(rows) == 3
+    for line in rows:
+        assert line[3] == pytest.approx(line[4], rel=0.02)
 
 
 @pytest.mark.slow
 def test_verdicts_are_given_on_all_claims_about_the_spiral():
     spec = published_spec("spiral", PHYSICS)
-    study = dqc.run_study(spec | {"repeats": 2})
-    evidence = Evidence(Results({"": study.rows}), {"": study.setting()}, plant=PHYSICS)
+    study = dqc.run_study(with_hundredfold(spec | {"repeats": 2}))
+    evidence = Evidence(Results({"": study.rows}), {"": study.setting()}, PHYSICS, "spiral")
     found = judge("spiral", evidence)
     assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}
     assert found["feedforward-changes-nothing"].holds
-    assert not found["h-infinity-best-everywhere"].holds
+    assert found["h-infinity-best-everywhere"].why_not == "the law did not follow"
     assert "9 ms" in found["duration-does-not-matter"].number
 
 

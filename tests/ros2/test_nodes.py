@@ -283,9 +283,9 @@ def test_pereira_s_graph_has_his_nodes_and_topics_and_stays_on_the_loopback(star
     assert launch.wait(PATIENCE) == 0
 
 
-@pytest.mark.parametrize(("side", "error"), [("meka", 35.0), ("kuka", 0.3)])
+@pytest.mark.parametrize(("side", "error"), [("meka", 35.0), ("kuka", 0.8)])
 def test_pereira_s_robots_stay_on_their_references(side, error, tmp_path):
-    """Under the supervisor that the nodes have; K errs as much without it. The Kuka starts 70 mm off."""
+    """Under the supervisor that the nodes have; K errs as much without it. The Kuka starts 70 mm off, and lags."""
     loaded = load(graph_spec(SIDES[side], "K", "servo"))
     control = Control(
         loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor("trajectory")

@@ -125,7 +125,7 @@ def test_a_full_disk_stops_a_motion(moved, tmp_path):
 def test_what_stopped_a_motion_is_said_even_if_the_disk_is_full_in_the_end(moved, tmp_path, monkeypatch):
     move, control, recorder = moved
 
-    def write(_run, _folder):
+    def write(_run, _folder, **_options):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     move(lambda k: k == 30 and control.emergency_stop())

@@ -151,7 +151,8 @@ def test_a_robot_that_stood_still_does_not_jump_to_the_positions_that_it_missed(
     def tick(step):
         nonlocal goal
         made.now, goal = made.now + period, goal + step
-        robot._asked, robot._heard = start + goal * np.eye(7)[0], made.now
+        obeyed = robot._obeyed["joints"]
+        obeyed.asked, obeyed._heard = start + goal * np.eye(7)[0], made.now
         robot._tick()
         path.append(robot._supervisor.position(robot._state)[0])
 

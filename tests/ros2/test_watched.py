@@ -156,7 +156,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
 ):
     from dqcontrol.ros2.controller_node import ControllerNode
 
-    monkeypatch.setattr(Run, "write", Run.write_data)  # without pictures
+    monkeypatch.setattr(Run, "write", lambda run, folder, **_: run.write_data(folder))  # without pictures
     bounds = {"effort": 50.0, "contact_force": 20.0, **{k.partition(".")[2]: v for k, v in UNHURRIED.items()}}
     bounds["payload"] = {"mass": 3.0, "center": [0.0, 0.0, 0.1]}
     path, out = spec(supervisor=bounds), tmp_path / "out"

@@ -231,3 +231,36 @@ def test_fronts_reach_the_true_area(size):
     truth = hypervolume(np.column_stack([share**2, (1 - share) ** 2]), (1.1, 1.1))
     assert len(found) == 40
     assert hypervolume(found, (1.1, 1.1)) > 0.96 * truth
+
+
+@pytest.mark.slow
+def test_no_winner_of_many_random_tunings_is_unstable():
+    """Random servos and laws, each tuned: all keep their margin, and do as well on what was not searched."""
+    rng, ratios = np.random.default_rng(7), []
+    laws = [
+        {"kind": "proportional", "gain": 5},
+        {"kind": "proportional-feedforward", "gain": 5, "integral_gain": 2},
+        {"kind": "h-infinity-tracking", "orientation_gain": 10, "translation_gain": 5},
+    ]
+    for i in range(12):
+        plant = {
+            "kind": "servo",
+            "time_constant": float(rng.uniform(0.02, 0.15)),
+            "delay": float(rng.uniform(0, 0.05)),
+            "encoder_noise": float(10 ** rng.uniform(-4.3, -3)),
+        }
+        spec = {
+            "name": "random",
+            "robot": "iiwa7",
+            "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+            "period": 0.01,
+            "reference": {"kind": "circle", "radius": 0.05, "duration": 3, "ramp": 0.5},
+            "law": laws[i % 3],
+            "plant": plant,
+        }
+        found = dqc.tune(spec, jobs=1, budget=24)
+        (row,) = dqc.experiments.check(found.best_spec)
+        assert row.verdict != "unstable", spec
+        assert row.worst.margin >= 2, spec
+        ratios.append(found.best.result.held_out["position.rms"] / found.best.result.searched["position.rms"])
+    assert np.median(ratios) < 1.1, ratios

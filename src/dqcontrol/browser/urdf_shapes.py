@@ -45,7 +45,7 @@ def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
     tree = UrdfTree(CheckedXml(path))
     frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
     homes = [np.eye(4), *(pose_matrix(pose7("frame", frame)) for frame in frames)]
-    places = _places(tree, tree.root, np.eye(4), 0, arm.joint_names)
+    places = tree.places(arm.joint_names)
     links = {link: (place, carrier) for link, place, carrier in places}
     to_base = np.linalg.inv(links[base_link][0])
     drawn: list[Drawn] = []
@@ -60,16 +60,6 @@ def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
             for mesh, colour in pieces:
                 drawn.append((carrier - 1, mesh.copy().apply_transform(at), colour))
     return drawn
-
-
-def _places(
-    tree: UrdfTree, link: str, place: Array, carrier: int, moving: tuple[str, ...]
-) -> Iterator[tuple[str, Array, int]]:
-    """Yield the pose of each link with all joints at zero, and how many joints of the chain carry it."""
-    yield link, place, carrier
-    for joint in tree.children[link]:
-        number = moving.index(joint.name) + 1 if joint.name in moving else carrier
-        yield from _places(tree, joint.child, place @ origin_matrix(joint), number, moving)
 
 
 def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, tuple[int, int, int]]]:

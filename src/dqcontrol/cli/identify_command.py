@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from dqcontrol.cli.options import DEFAULT_LOG_OPTIONS, Force, LogOptions, Out
 from dqcontrol.cli.screen import print_table
@@ -16,6 +19,7 @@ def identify(
     options: LogOptions = DEFAULT_LOG_OPTIONS,
     targets: str | None = None,
     target_topic: str | None = None,
+    twin: Annotated[bool, Parameter(negative=())] = False,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -31,16 +35,22 @@ def identify(
         Columns with the commanded positions: what their names begin with (target_), or a,b,c.
     target_topic
         Topic of JointState or Float64MultiArray with the commanded positions.
+    twin
+        Also run the commands of the first log on the plant: OUT/log and OUT/twin are runs to compare and to view.
     out
-        New folder for identification.json and plant.yaml.
+        New folder for identification.json, plant.yaml and report.html.
     force
-        Replace these two files in an existing folder.
+        Replace these files in an existing folder.
     """
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.servos import identify as identify_servos
+    from dqcontrol.reports.identification_report import write_identification_report
 
     if out is not None and not force:
         check_new(out, force=False)
+    if twin and out is None:
+        raise ValueRangeError("--twin: needs a folder for its runs; give --out")
     found = identify_servos(
         logs,
         robot,
@@ -53,6 +63,10 @@ def identify(
         print(remark)
     if out is not None:
         found.save(out, force=force)
+        write_identification_report(found, out)
+        if twin and found.fitted:
+            print(found.save_twin(out))
+            print(f"beside each other: dqcontrol compare {out / 'log'} {out / 'twin'}")
         print(f"results: {out}")
         if not found.fitted:
             print("no plant.yaml: no joint could be identified")

@@ -22,6 +22,9 @@ def reproduce(
 ) -> None:
     """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
 
+    Of several experiments those that are in the folder from before are left as they are: rerun the same command to
+    resume after an interruption.
+
     Parameters
     ----------
     name
@@ -53,15 +56,29 @@ def reproduce(
         published.chosen_plant(each, plant)  # says at once if there is none
     top = out or Path("results") / (f"{name}-{plant}" if plant else name)
     folders = {each: top / each.rpartition("/")[2] if len(names) > 1 else top for each in names}
-    for folder in folders.values():
-        check_new(folder, force=force)
+    count = published.SAMPLES if samples is None else samples
+    finished = {
+        each: len(names) > 1
+        and not force
+        and published.is_finished(folder, each, plant=plant, samples=count, repeats=repeats)
+        for each, folder in folders.items()
+    }
     for each, folder in folders.items():
+        if not finished[each]:
+            check_new(folder, force=force)
+    if any(finished.values()):
+        print(f"resuming: {sum(finished.values())} of {len(names)} already done")
+    for number, (each, folder) in enumerate(folders.items(), 1):
+        if finished[each]:
+            continue
+        if len(names) > 1:
+            print(f"{each}: {number} of {len(names)}")
         with progress_bar() as progress:
             done = published.reproduce(
                 each,
                 plant=plant,
                 jobs=jobs,
-                samples=published.SAMPLES if samples is None else samples,
+                samples=count,
                 repeats=repeats,
                 progress=lambda label, count, total, show=progress: show(count, total, label),
             )

@@ -158,6 +158,35 @@ def convert(
 
 
 @robots.command
+def shapes(
+    source: str,
+    /,
+    *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    write: Path | None = None,
+    pairs: bool = False,
+) -> None:
+    """Show the shapes of a robot's links and the pairs that are kept apart; of a URDF file find both.
+
+    Primitives of a URDF file stay, capsules are fitted to its meshes, and random configurations tell which pairs are
+    worth keeping apart.
+
+    Parameters
+    ----------
+    source
+        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+    write
+        A new robot file with shapes and pairs, to be edited and loaded in place of the source.
+    pairs
+        List all pairs, how near they come and why they are left out.
+    """
+    from dqcontrol.cli.shapes_listing import list_shapes
+
+    list_shapes(source, base_link, tip_link, write, pairs)
+
+
+@robots.command
 def solve(
     source: str,
     /,

@@ -22,6 +22,9 @@ class NodeOptions:
     interface: Annotated[
         Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
     ] = "velocity"
+    base_interface: Annotated[
+        Literal["twist", "twist-stamped", "wheels"], Parameter(help="What commands of a mobile base are.")
+    ] = "twist"
     network: Annotated[
         bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
     ] = False
@@ -85,6 +88,7 @@ def controller(
                 name=name,
                 source=follow,
                 interface=options.interface,
+                base_interface=options.base_interface,
                 autostart=autostart,
                 out=out,
                 force=force,
@@ -129,7 +133,13 @@ def robot(
         with middleware.ros(ros_arguments, names, network=options.network):
             from dqcontrol.ros2.robot_node import RobotNode
 
-            node = RobotNode(loaded, name=name, interface=options.interface, wrench_node=wrench_node)
+            node = RobotNode(
+                loaded,
+                name=name,
+                interface=options.interface,
+                base_interface=options.base_interface,
+                wrench_node=wrench_node,
+            )
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
 
 
@@ -161,7 +171,41 @@ def pereira2016(
     from dqcontrol.ros2 import middleware
 
     middleware.check_installed()
-    options = [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]
-    code = launch(robot, law, plant, options)
+    code = launch(robot, law, plant, _recording(out, force=force))
     if code:
         sys.exit(code)
+
+
+@ros2.command
+def silva2017(
+    *,
+    law: str = "nonlinear",
+    plant: Literal["camera", "ideal"] = "camera",
+    out: Out = None,
+    force: Force = False,
+) -> None:
+    """Launch a ROS graph of Silva 2017: mobile manipulator and whole-body controller in processes of their own.
+
+    Parameters
+    ----------
+    law
+        As the comparison of the published experiments calls it.
+    plant
+        Whether a camera tells where the base is, or that is known exactly.
+    out
+        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
+    force
+        Replace an earlier folder of results.
+    """
+    from dqcontrol.reproductions.silva2017.whole_body_graph import launch
+    from dqcontrol.ros2 import middleware
+
+    middleware.check_installed()
+    code = launch(law, plant, _recording(out, force=force))
+    if code:
+        sys.exit(code)
+
+
+def _recording(out: Path | None, *, force: bool) -> list[str]:
+    """Return the options of a controller that is to record its motions."""
+    return [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]

@@ -10,11 +10,13 @@ from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
+from dqcontrol.errors import ShapeError
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
 
 RealTime = Annotated[bool, Parameter(negative=())]
+Compiled = Annotated[bool, Parameter(negative=())]
 
 
 def run(
@@ -26,6 +28,7 @@ def run(
     jobs: int | None = None,
     figures: bool | None = None,
     real_time: RealTime = False,
+    compiled: Compiled = False,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
@@ -43,13 +46,17 @@ def run(
         Of several runs, also the figures of each one (seconds a run; later: dqcontrol report); --no-figures draws none.
     real_time
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
+    compiled
+        In real time: law, supervisor and plant step in a thread of C, built now; Python only watches.
     """
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.working_folder import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
+    if compiled and not real_time:
+        raise ShapeError("compiled: only with --real-time; other runs are compiled anyway")
     if real_time:
-        _in_real_time(spec, folder, force=force)
+        _in_real_time(spec, folder, force=force, compiled=compiled, figures=figures is not False)
         return
     try:
         with progress_bar() as progress:
@@ -79,14 +86,16 @@ def _show(study: Study) -> None:
     sys.stdout.flush()
 
 
-def _in_real_time(spec: Path, folder: Path, *, force: bool) -> None:
+def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool, figures: bool) -> None:
     from dqcontrol.experiments import run_in_real_time, summary
+    from dqcontrol.export import run_compiled_in_real_time
     from dqcontrol.figures import timing_table
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
-    done = run_in_real_time(spec, folder, force=force, watch=watch)
+    run_now = run_compiled_in_real_time if compiled else run_in_real_time
+    done = run_now(spec, folder, force=force, figures=figures, watch=watch)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))

@@ -48,6 +48,8 @@ def _what_is_here(folder: Path) -> Iterator[tuple[str, str]]:
         keys = set(_KEY.findall(_beginning(path)))
         if "tune" in keys:
             yield f"dqcontrol tune {path}", "find each law's best parameters"
+        elif "learn" in keys:
+            yield f"dqcontrol learn {path}", "learn this motion from repetition"
         elif "sweep" in keys:
             yield f"dqcontrol sweep {path}", "run this parameter study"
         elif len(keys & _SPEC) > 1:

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ import llvmlite.binding
 import numba
 
 from dqcontrol.errors import CacheWarning
+from dqcontrol.files.whole_file import whole_file
 
 _PACKAGE = Path(__file__).parent.parent
 _KEPT = 8  # versions of a module's kernels
@@ -33,6 +35,7 @@ _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
 
 
+@functools.cache
 def _file(module: str) -> Path | None:
     """Return where the source of a module or package of ours lies, None if there is no such module."""
     base = _PACKAGE.joinpath(*module.split(".")[1:])
@@ -136,6 +139,27 @@ def clear(module: str) -> bool:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True, exist_ok=True)
     return True
+
+
+def read_bitcode(module: str, place: str) -> tuple[bytes, str] | None:
+    """Return the portable code of a kernel and its name there, None if it is not kept."""
+    if root() is None:
+        return None
+    try:
+        name, _, code = (module_folder(module) / f"{place}.portable").read_bytes().partition(b"\n")
+    except OSError:
+        return None
+    return code, name.decode()
+
+
+def keep_bitcode(module: str, place: str, code: tuple[bytes, str]) -> None:
+    """Keep the portable code of a kernel and its name there, if the folder can be written."""
+    if root() is not None:
+        with (
+            suppress(OSError),
+            whole_file(module_folder(module) / f"{place}.portable", overwrite=True) as file,
+        ):
+            file.write_bytes(code[1].encode() + b"\n" + code[0])
 
 
 def announce(function: Callable[..., Any]) -> None:

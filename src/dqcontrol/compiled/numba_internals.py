@@ -7,7 +7,8 @@ is documented alone. Both files define the same names.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -22,8 +23,15 @@ from numba.core.typing.templates import infer, infer_global, make_intrinsic_temp
 from dqcontrol.compiled import kernel_cache
 
 
-def jit(function: Callable[..., Any], fastmath: set[str] | bool, *, ours: bool) -> Any:
-    """Return a function's dispatcher; ``ours`` allocate nothing and are kept in the cache.
+def jit(
+    function: Callable[..., Any],
+    fastmath: set[str] | bool,
+    *,
+    ours: bool,
+    kept: bool = True,
+    located: bool = False,
+) -> Any:
+    """Return a function's dispatcher; ``ours`` allocate nothing and are ``kept`` in the cache.
 
     What allocates nothing does without Numba's reference counts (`_nrt=False`), which would cost a third of the time.
     """
@@ -33,8 +41,9 @@ def jit(function: Callable[..., Any], fastmath: set[str] | bool, *, ours: bool) 
         error_model="numpy",
         _nrt=not ours,
         no_cfunc_wrapper=True,
+        debug=located,  # so that its code knows the lines that it comes from
     )(function)
-    if ours and kernel_cache.root() is not None:
+    if ours and kept and kernel_cache.root() is not None:
         dispatcher._cache = KernelCache(function)
     return dispatcher
 
@@ -43,6 +52,24 @@ def address_of(function: Callable[..., Any], dispatcher: Any, signature: Any) ->
     """Return where the machine code of a dispatcher lies."""
     result = dispatcher.get_compile_result(signature)
     return result.library.get_pointer_to_function(result.fndesc.llvm_func_name)
+
+
+def bitcode_of(dispatcher: Any, signature: Any) -> tuple[bytes, str]:
+    """Return LLVM's code of a dispatcher with all that it calls, also of one from the cache, and its name there."""
+    result = dispatcher.get_compile_result(signature)
+    return result.library._get_module_for_linking().as_bitcode(), result.fndesc.llvm_func_name
+
+
+@contextmanager
+def scalar_code() -> Iterator[None]:
+    """Compile meanwhile for no processor in particular: without vectors, which each target makes for itself."""
+    config: Any = numba.config  # type: ignore[attr-defined]
+    before = config.LOOP_VECTORIZE, config.SLP_VECTORIZE
+    config.LOOP_VECTORIZE = config.SLP_VECTORIZE = 0
+    try:
+        yield
+    finally:
+        config.LOOP_VECTORIZE, config.SLP_VECTORIZE = before
 
 
 class _KernelPart(JITCodeLibrary):

@@ -6,6 +6,7 @@ Taken with ``DQCONTROL_NUMBA=plain`` in the environment, for a release of Numba 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -14,11 +15,20 @@ from llvmlite.ir import FunctionType, VoidType
 from numba import types
 from numba.extending import intrinsic, overload
 
+from dqcontrol.errors import Error
+
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 _c_functions: list[Any] = []  # whose addresses are in use
 
 
-def jit(function: Callable[..., Any], fastmath: set[str] | bool, *, ours: bool) -> Any:
+def jit(
+    function: Callable[..., Any],
+    fastmath: set[str] | bool,
+    *,
+    ours: bool,
+    kept: bool = True,
+    located: bool = False,
+) -> Any:
     """Return a function's dispatcher."""
     return numba.njit(fastmath=fastmath, **_OPTIONS)(function)
 
@@ -28,6 +38,14 @@ def address_of(function: Callable[..., Any], dispatcher: Any, signature: Any) ->
     options = {name: dispatcher.targetoptions[name] for name in ("fastmath", "error_model")}
     _c_functions.append(numba.cfunc(signature, **options)(function))
     return _c_functions[-1].address
+
+
+def bitcode_of(dispatcher: Any, signature: Any) -> tuple[bytes, str]:
+    """Refuse: Numba documents no way to the code of a function."""
+    raise Error("export: needs Numba's internals; unset DQCONTROL_NUMBA")
+
+
+scalar_code = nullcontext
 
 
 def part_options(*, everywhere: bool) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from dqcontrol.errors import DivergedError, StabilityWarning
 from dqcontrol.experiments.feasibility import task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
-from dqcontrol.limits import CommandLimits
+from dqcontrol.limits import CommandLimits, Compensation
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
     MOST_STATES,
@@ -37,6 +37,7 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
 
 _FREE = CommandLimits(velocity=False)
+_HORIZON = 2.0  # s, in which what matters of an observer is seen
 _LEAST_OVERSHOOT = 0.05  # %; less is none
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
@@ -378,6 +379,8 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
         elif case.gains is None:
             yield _numeric_check(setting, case, model)
         else:
+            if case.limits.compensation is not None:
+                model = with_observer(model, case.limits.compensation, case.scene.robot, period)
             limited = math.isfinite(acceleration) and command_mode(case.plant) == "integrated"
             loops = tuple(_loop(gain, model, period, limited, limits) for gain in case.gains)
             yield LoopCheck(case.names, period, loops, "", acceleration)
@@ -412,6 +415,15 @@ def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tup
     return with_mean(model, window, period, from_measured=mode == "measured"), float(
         prepared.acceleration.min()
     )
+
+
+def with_observer(model: LinearModel, compensation: Compensation, robot: Robot, period: float) -> LinearModel:
+    """Return a plant behind what compensates for its joints; the same without an observer."""
+    found = compensation.behind(model.transition, model.inputs, robot.configuration_size, period)
+    if found is None:
+        return model
+    whole = LinearModel(*found)
+    return whole.reduced(round(_HORIZON / period)) or whole
 
 
 def _loop(gain: LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:

@@ -325,6 +325,8 @@ def _prepared_laws(
                 next(iter(different.values())),
                 tasks=scene.tasks,
             )
+            if first.constraints:
+                first.constraints.check_start(scene.start)
         bytes_left -= len(different) * first.parameters.nbytes
         kept = {
             velocity: (first.with_limits(limits) if i else first) if bytes_left > 0 else None

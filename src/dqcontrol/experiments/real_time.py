@@ -21,6 +21,7 @@ def run_in_real_time(
     folder: str | Path,
     *,
     force: bool = False,
+    figures: bool = True,
     clock: Clock | None = None,
     watch: Watch | None = None,
 ) -> Run:
@@ -37,6 +38,8 @@ def run_in_real_time(
         A new folder.
     force
         Replace it, if it holds an earlier run.
+    figures
+        As for `Run.save`.
     clock
         One that skips missed periods if omitted.
     watch
@@ -66,7 +69,7 @@ def run_in_real_time(
     if record.stopped.startswith(("halted", "faulted", "diverged")):
         _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
-    streamed.complete(done)
+    streamed.complete(done, figures=figures)
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.ranking import Ranking
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.study import Study
-    from dqcontrol.tuning import Tuning
+    from dqcontrol.tuning import Learning, Tuning
 
 
 class ResultPages(Protocol):
@@ -47,6 +47,10 @@ class ResultPages(Protocol):
 
     def write_tuning(self, tuning: Tuning, spec: str, folder: Path) -> None:
         """Write those of a search."""
+        ...
+
+    def write_learning(self, learning: Learning, spec: str, folder: Path) -> None:
+        """Write those of learning from repetition."""
         ...
 
     def path_picture(self, record: Record) -> bytes:

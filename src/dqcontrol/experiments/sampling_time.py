@@ -14,6 +14,8 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
 from dqcontrol.measures.tables import Column, Table
 
+BARE = "bare loop"  # label of loops without law or plant
+
 
 @dataclass(frozen=True)
 class SamplingTime:
@@ -107,6 +109,18 @@ def sampling_times(
         report = progress and (lambda step, steps, done=done: progress(done + step / steps, len(runs)))
         close_loop(law, plant, motion, clock=clock, progress=report)
         rows.append(SamplingTime(case.names.label, clock.timing))
+    return rows
+
+
+def bare_loops(periods: Sequence[float], samples: int, *, clock: Clock | None = None) -> list[SamplingTime]:
+    """Run loops without law or plant: what this machine itself makes of each period, beside `sampling_times`."""
+    clock, rows = clock or Clock(), []
+    for period in periods:
+        with clock.running(period, samples):
+            for _ in range(samples):
+                clock.await_step()
+                clock.commanded()
+        rows.append(SamplingTime(BARE, clock.timing))
     return rows
 
 

@@ -82,7 +82,7 @@ class StreamedRun:
             note_contents(self.folder)
         return kept
 
-    def complete(self, run: Run) -> None:
+    def complete(self, run: Run, *, figures: bool = True) -> None:
         """Write what came of the last recording, with all that was not streamed, in its place.
 
         Raises
@@ -91,7 +91,7 @@ class StreamedRun:
             If it cannot be written; it says what ended the motion, and the recording is still there.
         """
         with _telling(run.record.stopped), writing(self.folder), added_files(self.folder) as new:
-            run.write(new)
+            run.write(new, figures=figures)
 
 
 @contextmanager

@@ -131,9 +131,11 @@ def trial_folder(folder: Path, trial: Trial) -> Path:
 
 def sensible_jobs(batches: Sequence[Batch]) -> int:
     """Return the number of available processors, or 1 if there is too little to do for them."""
+    if sum(batch.seconds for batch in batches) <= WORTH_PROCESSES:
+        return 1
     import joblib
 
-    return joblib.cpu_count() if sum(batch.seconds for batch in batches) > WORTH_PROCESSES else 1
+    return joblib.cpu_count()
 
 
 def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[TrialOutcome]:

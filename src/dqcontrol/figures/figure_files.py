@@ -103,13 +103,13 @@ def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
 
 def lay_out(figures: Iterable[Figure]) -> dict[Figure, LayoutEngine]:
     """Lay figures out for good, and return what would do it at each drawing: it takes as long as a drawing."""
-    import matplotlib
-
     engines = {figure: engine for figure in figures if (engine := figure.get_layout_engine()) is not None}
     for figure, engine in engines.items():
+        import matplotlib  # by now loaded
+
         engine.execute(figure)  # a whole drawing, even without pixels, takes as long again
         with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
-            figure.set_layout_engine(None)
+            figure.set_layout_engine(None)  # by its name, "none", each drawing would be made twice
     return engines
 
 

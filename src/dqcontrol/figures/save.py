@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.figures.base_paths import base_path, has_base, superimposed
 from dqcontrol.figures.criteria import compare_criteria
+from dqcontrol.figures.distances_plot import distances
 from dqcontrol.figures.disturbances import disturbance
 from dqcontrol.figures.figure_files import check_figure_files, save_figures
 from dqcontrol.figures.lyapunov_plot import lyapunov
@@ -20,6 +21,7 @@ from dqcontrol.figures.task_range_plot import range_condition
 from dqcontrol.figures.tasks import has_tasks, task_errors
 from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
+from dqcontrol.loop.kept_signals import ROOM
 from dqcontrol.loop.record import Record, outlined
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.robots.limits import Limits
@@ -86,6 +88,8 @@ def run_figures(
         draw["readings"] = lambda: readings(record)
     if has_tasks(record):
         draw["tasks"] = lambda: task_errors(record)
+    if ROOM in record.readings:
+        draw["distances"] = lambda: distances(record)
     if RANGE in record.readings:
         draw["range"] = lambda: range_condition(TaskRange.recorded(record), record.error)
     if certificate is not None:

@@ -90,7 +90,9 @@ def styled(function: Callable[P, Figure]) -> Callable[P, Figure]:
         import matplotlib
 
         style = _STYLE | {"font.size": 9 if _width.get() == DOUBLE else 8}
-        with matplotlib.rc_context(matplotlib.rcParamsDefault), matplotlib.rc_context(style):
+        settings = {**matplotlib.rcParamsDefault, **style}
+        del settings["backend"]  # setting it loads pyplot, and a library of windows
+        with matplotlib.rc_context(settings):
             figure = function(*arguments, **options)
             _simplify_ticks(figure)
         for axes in figure.axes:  # ticks come into being later, outside the context

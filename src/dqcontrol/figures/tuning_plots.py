@@ -51,7 +51,7 @@ def search_figure(tuning: Tuning) -> Figure:
             )
     axes.plot([], [], "o", color="0.4", mfc="none", label="held out")
     axes.set_xlabel("evaluations")
-    axes.set_ylabel("weighted sum of the objectives")
+    axes.set_ylabel("weighted objectives")
     low, high = axes.dataLim.ymin, axes.dataLim.ymax
     if low > 0 and high > _DECADE * low:
         logarithmic(axes)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,14 @@ def _write_mp4(frames: Iterable[Pixels], path: Path, rate: float) -> None:
         first = next(every)
         stream.height, stream.width = first.shape[:2]
         stream.pix_fmt = "yuv420p"
-        for pixels in chain([first], every):
+
+        def add(pixels: Pixels) -> None:
             file.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
+
+        with ThreadPoolExecutor(1) as beside:  # a frame is encoded while the next one is drawn
+            last = beside.submit(add, first)
+            for pixels in every:
+                last.result()
+                last = beside.submit(add, pixels)
+            last.result()
         file.mux(stream.encode())

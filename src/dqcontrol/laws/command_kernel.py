@@ -1,4 +1,4 @@
-"""A prepared law asked for one command, compiled: kinematics, preferred motion, the law within its limits.
+"""A prepared law asked for one command, compiled: kinematics, preferred motion, the law, limits, constraints.
 
 All that a law was prepared with lies in one memory of numbers, part after part; a plan of whole numbers says where. So
 a call from Python hands over few arrays, each of which costs 30 ns.
@@ -14,6 +14,7 @@ from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZ
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.laws.constrained.constrained_step import CONSTRAINT
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.laws.task_levels import TASKS
 from dqcontrol.limits.position_limit import POSITION_LIMIT
@@ -29,6 +30,7 @@ STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 _call_tasks = caller(TASKS)
+_call_constraint = caller(CONSTRAINT)
 
 
 class Plan(NamedTuple):
@@ -36,14 +38,14 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    kinematics, preference, law, position_limit, limit, tasks
+    kinematics, preference, law, position_limit, limit, tasks, constraint
         Addresses; 0 where nothing is to be done.
     delivered_at, sent_at
         Where the state takes the hand's twist, and the command, that left; 0: nowhere.
     state
         Its size.
     table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
-    tasking_work
+    tasking_work, constraining, constraint_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -53,6 +55,7 @@ class Plan(NamedTuple):
     position_limit: int
     limit: int
     tasks: int
+    constraint: int
     delivered_at: int
     sent_at: int
     state: int
@@ -67,6 +70,8 @@ class Plan(NamedTuple):
     limiting: int
     tasking: int
     tasking_work: int
+    constraining: int
+    constraint_work: int
 
 
 class PreparedMemory(NamedTuple):
@@ -90,6 +95,8 @@ class PreparedMemory(NamedTuple):
         Parameters of the limit on velocities.
     tasking, tasking_work
         Parameters and scratch of further tasks.
+    constraining, constraint_work
+        Parameters and scratch of constraints; the scratch begins with the report of the last sample.
     """
 
     table: Annotated[Array, "table_rows", "table_columns"]
@@ -103,10 +110,13 @@ class PreparedMemory(NamedTuple):
     limiting: Annotated[Array, "limiting"]
     tasking: Annotated[Array, "tasking"]
     tasking_work: Annotated[Array, "tasking_work"]
+    constraining: Annotated[Array, "constraining"]
+    constraint_work: Annotated[Array, "constraint_work"]
 
 
 _plan = MemoryLayout(Plan)
-_MEMORY_SIZES = Plan._fields[8:]
+_FIRST_SIZE = Plan._fields.index("state")
+_MEMORY_SIZES = Plan._fields[_FIRST_SIZE:]
 prepared_memory = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
 
 
@@ -121,7 +131,7 @@ class Prepared(NamedTuple):
 def unpack(plan, memory):
     """Return plan and memory by name."""
     stages = _plan(plan)
-    return Prepared(stages, prepared_memory(memory, *stages[8:]))
+    return Prepared(stages, prepared_memory(memory, *stages[_FIRST_SIZE:]))
 
 
 @inline
@@ -167,6 +177,22 @@ def compute_command(prepared, q, sample, k, state, out):
             return LAW_FAILED + status
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
+    if plan.constraint != 0:
+        status = _call_constraint(
+            plan.constraint,
+            plan.kinematics,
+            memory.table,
+            q,
+            sample,
+            k,
+            twist_jacobian,
+            state,
+            memory.constraining,
+            memory.constraint_work,
+            out,
+        )
+        if status != OK:
+            return LAW_FAILED + status
     note_sent(prepared, state, out)
     return OK
 

@@ -104,7 +104,8 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
         anywhere: the print leaves open which is meant.
     logarithm
         ``"body"``, or ``"inertial"`` as S17 prints it (3.13). Its k_p is then k̄/2 as far as V̇ ≤ −k_v |ξ̃|² allows;
-        where no k_p in (0, 4k̄) does, that sample takes the body logarithm.
+        where no k_p in (0, 4k̄) does, that sample takes the body logarithm. ``"inertial-unguarded"``: k_p = k̄ A₁/A₂, and
+        k̄ where A₂ = 0, to the letter (4.44).
     null_space
         Motion preferred where the task leaves freedom. The inputs come to it at the rate k_v: z = u⁻ + k_v T (z₀ − u⁻)
         with the last inputs u⁻ and the preferred ones z₀, so that they start smoothly too, and singularities hold up

@@ -81,7 +81,8 @@ def solve_with_integral(pose, twist_jacobian, twist, sample, parameters, state, 
     """Write out = z + J⁺ (t + k_I ∫ε dt − J z), t the hand's twist [ω ; ṗ] that K e asks for."""
     given, kept = integral_parameters(parameters), integral_state(state)
     own = integral_work(work, twist_jacobian.shape[1])
-    twist = _add_integral(twist, pose, sample, given, kept, own)
+    if given.step != 0.0:
+        twist = _add_integral(twist, pose, sample, given, kept, own)
     return solve_hand_twist(pose, twist_jacobian, twist, preferred, given.inverse, own.solver, out)
 
 
@@ -92,8 +93,6 @@ def _add_integral(twist, pose, sample, given, kept, own):
     Where less left than was asked for in the last sample, the integral gives up its part of the difference at the rate
     1/T_t; it is never driven through 0 by that, so it does not work against K e.
     """
-    if given.step == 0.0:
-        return twist
     total, asked, left = kept.total, kept.asked, kept.delivered
     conjugate_multiply(pose, sample, own.relative)
     for i in range(8):

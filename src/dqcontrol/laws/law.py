@@ -26,6 +26,9 @@ from dqcontrol.laws.command_kernel import (
     sent,
     step,
 )
+from dqcontrol.laws.constrained.constrained_step import keep_constraints
+from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
@@ -70,6 +73,7 @@ class Law(
     work: ClassVar[MemoryLayout[Any]] = MemoryLayout(LawWork, "m")
     gain_powers: ClassVar[Mapping[str, float]] = {}
     null_space: AnyNullSpace | None = None
+    constraints: Constraints | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
         """Return the kernel's parameters at each time, shape (N, p), or (1, p) if they are constant."""
@@ -179,6 +183,10 @@ class PreparedLaw:
         Control period, s.
     pose, preferred
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
+    constraints
+        What is kept, made ready; None without.
+    report
+        What became of that at the last command, see `Report`; empty without constraints.
     """
 
     work: Array
@@ -204,8 +212,22 @@ class PreparedLaw:
                 "limits.position: keeps the limits for the law's own task alone; leave it out with further tasks"
             )
         self._command_mode: CommandMode = command_mode
-        empty, m, position = np.zeros(0), robot.input_size, limits.position
-        law_memory, memory = law.state_size(robot), position.memory(robot, command_mode) if position else 0
+        empty, m, position = np.zeros(0), robot.input_size, limits.around
+        self.constraints: PreparedConstraints | None = None
+        if law.constraints is not None:
+            if limits.compensation is not None:
+                raise ShapeError(
+                    "limits.compensation: does not go together with constraints; leave one of them out"
+                )
+            if position is not None:
+                raise ShapeError(
+                    "limits.position: constraints keep joints within their limits; leave one of them out"
+                )
+            self.constraints = PreparedConstraints(law.constraints, robot, dt, command_mode)
+        law_memory = law.state_size(robot)
+        memory = position.memory(robot, command_mode, dt) if position else 0
+        if self.constraints:
+            memory = self.constraints.memory
         self._memory_size = memory
         self.state_size: int = law_memory + memory
         self._feedback = law.delivered_at, law_memory + memory - m if memory else 0
@@ -227,6 +249,8 @@ class PreparedLaw:
             limiting=limit_parameters,
             tasking=tasks.parameters if tasks else empty,
             tasking_work=np.zeros(tasks.work_size if tasks else 0),
+            constraining=self.constraints.parameters if self.constraints else empty,
+            constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
@@ -242,11 +266,14 @@ class PreparedLaw:
             "limiting": parts.limiting.size,
             "tasking": parts.tasking.size,
             "tasking_work": parts.tasking_work.size,
+            "constraining": parts.constraining.size,
+            "constraint_work": parts.constraint_work.size,
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         self.parameters: Array = self._parts.parameters
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
+        self.report: Array = self._parts.constraint_work[: self.constraints.report if self.constraints else 0]
 
     def with_limits(self, limits: CommandLimits) -> PreparedLaw:
         """Return the same law with something else done to its commands before they leave."""
@@ -269,23 +296,26 @@ class PreparedLaw:
     def in_mode(self, command_mode: CommandMode) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
         position = self._limits.position
-        if (
-            command_mode == self._command_mode
-            or not position
-            or not position.memory(self.robot, "integrated")
-        ):
+        depends = self.constraints or (position and position.memory(self.robot, "integrated", self.dt))
+        if command_mode == self._command_mode or not depends:
             return self
         return PreparedLaw(
             self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks
         )
 
+    @property
+    def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
+        """What compiled code calls, by its name in `Plan`; None where nothing is to be done."""
+        kinematics = self.robot.kernels.twist_kinematics
+        tasks = self.tasks.kernel if self.tasks else None
+        kept = keep_constraints if self.constraints else None
+        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept
+        return dict(zip(Plan._fields, stages, strict=False))
+
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
-        kinematics = self.robot.kernels.twist_kinematics
-        tasks = self.tasks.kernel if self.tasks else None
-        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks
-        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in stages]
+        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
         numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
@@ -303,6 +333,8 @@ class PreparedLaw:
             If q has the wrong size, or is not finite.
         """
         values = as_array("q", q, (self.robot.configuration_size,))
+        if self.constraints:
+            self.constraints.check_start(values)
         return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory_size)])
 
     def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
@@ -413,6 +445,12 @@ class PreparedLaw:
                 return LAW_FAILED + status
         if self._limit:
             self._limit(q, parts.limiting, out)
+        if self.constraints:
+            own = parts.constraining, parts.constraint_work
+            table, address = self.robot.table, self.robot.kernels.twist_kinematics.pointer
+            status = keep_constraints(address, table, q, sample, row, twist_jacobian, state, *own, out)
+            if status:
+                return LAW_FAILED + status
         self._note_sent(None, None, state, out)
         return OK
 

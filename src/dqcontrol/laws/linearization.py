@@ -22,9 +22,10 @@ from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
 from dqcontrol.limits.position_limit import FIXED
 
 VelocityState = Literal["realised", "commanded", "realised-unconstrained"]
-Logarithm = Literal["body", "inertial"]
+Logarithm = Literal["body", "inertial", "inertial-unguarded"]
 
 REALISED, COMMANDED, REALISED_UNCONSTRAINED = range(3)
+BODY, INERTIAL, INERTIAL_UNGUARDED = range(3)
 
 
 class LinearizationParameters(NamedTuple):
@@ -85,15 +86,16 @@ _GIVEN_UP = 0.5
 
 
 @inline
-def spring(relative, error_twist, stiffness, damping, inertial, out):
+def spring(relative, error_twist, stiffness, damping, logarithm, out):
     """Write k_p log x̃ of the body logarithm with k_p = k̄/2, or of the inertial one as far as V then decreases.
 
     With the inertial logarithm V̇ = 2 (k̄ A₁ − k_p A₂) − 2 k_v |ξ̃|², and k_p A₂ ≥ k̄ A₁ − s k_v |ξ̃|² leaves
-    V̇ ≤ −2 (1 − s) k_v |ξ̃|². Where no k_p between 0 and 4 k̄ does that, the body logarithm takes its place.
+    V̇ ≤ −2 (1 − s) k_v |ξ̃|². Where no k_p between 0 and 4 k̄ does that, the body logarithm takes its place. Unguarded, it
+    is k̄ A₁/A₂ whatever that is, and k̄ where A₂ = 0 [S17 4.44].
     """
     log_body(relative, out)
     gain = 0.5 * stiffness
-    if inertial:
+    if logarithm != BODY:
         first, square = 0.0, 0.0
         for i in range(6):
             first += 0.5 * out[i] * error_twist[i]  # A₁ = ⟨L, L̇⟩, the same for both logarithms
@@ -103,11 +105,15 @@ def spring(relative, error_twist, stiffness, damping, inertial, out):
         second = 0.0
         for i in range(6):
             second += out[i] * error_twist[i]  # A₂ = ⟨L, ξ̃⟩
-        if second > 0.0 and gain * second < needed:
+        if logarithm == INERTIAL_UNGUARDED:
+            gain = stiffness * first / second if second != 0.0 else stiffness
+        elif second > 0.0 and gain * second < needed:
             gain = needed / second
         elif second < 0.0 and gain * second < needed:
             gain = min(gain, needed / second)
-        if gain < 0.0 or gain > 4.0 * stiffness or gain * second < needed - 1e-12 * abs(needed):
+        if logarithm == INERTIAL and (
+            gain < 0.0 or gain > 4.0 * stiffness or gain * second < needed - 1e-12 * abs(needed)
+        ):
             log_body(relative, out)
             gain = 0.5 * stiffness
     for i in range(6):
@@ -164,7 +170,7 @@ def linearize(pose, twist_jacobian, sample, given, kept, own):
     for i in range(6):
         body_twist[i] += period * (product[i] - given.damping * error_twist[i])
     adjoint_twist(opposite, sample[14:20], product)
-    spring(relative, error_twist, given.stiffness, given.damping, given.logarithm != 0.0, twist)
+    spring(relative, error_twist, given.stiffness, given.damping, int(given.logarithm), twist)
     for i in range(6):
         body_twist[i] += period * (product[i] - twist[i])
 

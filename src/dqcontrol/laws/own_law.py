@@ -17,7 +17,9 @@ from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
 
 
-def _checked(function: Callable[..., Any]) -> Callable[..., int]:
+def finite_checked(function: Callable[..., Any]) -> Callable[..., int]:
+    """Return what calls a user's function as a kernel of signature `LAW`, and says whether its command is finite."""
+
     def own_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
         fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
         function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
@@ -41,7 +43,7 @@ def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
 
 @lru_cache(maxsize=64)
 def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
-    return compile_own(function, _checked, _guarded, LAW)
+    return compile_own(function, finite_checked, _guarded, LAW)
 
 
 class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):

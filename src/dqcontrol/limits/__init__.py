@@ -2,6 +2,7 @@
 
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.command_limits import CommandLimits
+from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.supervisor import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.limits.supervisor.interventions import (
     Intervention,
@@ -14,6 +15,7 @@ from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 
 __all__ = [
     "CommandLimits",
+    "Compensation",
     "DeclaredPayload",
     "Intervention",
     "LinkPoint",

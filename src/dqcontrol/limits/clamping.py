@@ -243,7 +243,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
             velocity=velocity,
         )
 
-    def memory(self, robot: Robot, command_mode: str) -> int:
+    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
         """Return room for lags, the last configuration and the last command, where commands move a target."""
         return lag_memory.size(robot.input_size) if command_mode == "integrated" else 0
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
+from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.velocity_limit import scale_velocity, speed_limits, unlimited
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.robots.robot import Robot
@@ -31,10 +32,26 @@ class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         command as it is.
     position
         How joints are kept within their position limits; not at all if omitted.
+    compensation
+        Sag fed forward, and a disturbance observer; not together with ``position``.
     """
 
     velocity: Annotated[bool | None, Meta(description="scale commands to the velocity limits")] = None
     position: AnyPositionLimit | None = None
+    compensation: Compensation | None = None
+
+    @property
+    def around(self) -> AnyPositionLimit | Compensation | None:
+        """The stage around the law, if there is one.
+
+        Raises
+        ------
+        ValueRangeError
+            If two are asked for.
+        """
+        if self.position is not None and self.compensation is not None:
+            raise ValueRangeError("limits: 'position' and 'compensation' do not go together; leave one out")
+        return self.compensation if self.position is None else self.position
 
     def prepare(self, robot: Robot) -> tuple[Kernel, NDArray[np.float64]]:
         """Return the kernel that keeps the velocity limits, and its parameters.

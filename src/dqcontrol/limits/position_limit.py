@@ -60,7 +60,7 @@ class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_
         """
         raise NotImplementedError
 
-    def memory(self, robot: Robot, command_mode: str) -> int:
+    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
         """Return how many numbers are kept from sample to sample, the last m of them the command that left."""
         return 0
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -61,6 +60,8 @@ def align(time: Array, poses: Array, reference: Reference) -> Alignment:
     chosen = np.unique(np.linspace(0, len(time) - 1, _SAMPLES).round().astype(int))
     at, logged = time[chosen], _points(poses[chosen])
     grid = np.linspace(0.0, reference.duration, 4 * _SAMPLES)
+    from scipy.optimize import minimize_scalar
+
     desired = _points(reference.samples(grid)[:, :8])
     for name, points in (("the reference", desired), ("the logged hand", logged)):
         if np.ptp(points, axis=0).max() < _STILL:

@@ -319,11 +319,12 @@ class _Steps:
     def _command(self, row: Array, *, asks: bool = True) -> str | None:
         """Find the command of the next sample; return why the law had none."""
         k, plant, supervision = self.done, self.plant, self.supervision
-        q, measured, command = (record[k] for record in self.records)
+        q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
         self._readings.take(k)
         command[:] = 0.0
         failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
+        kept[:] = self.law.report
         if failure and supervision is None:
             return failure
         self.done, self.is_sent = k + 1, False

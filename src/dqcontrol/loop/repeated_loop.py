@@ -127,7 +127,14 @@ class RepeatedLoop:
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
         )
-        self._written = compiled.records(**dict(zip(compiled.Records._fields, self._records, strict=True)))
+        self._kept_reports: Array = np.empty((count, 0))
+
+    def _written(self, report: int) -> compiled.Records:
+        """Return where a run is written whose law reports that many numbers a sample."""
+        if self._kept_reports.shape[1] != report:
+            self._kept_reports = np.empty((len(self.samples), report))
+        written = *self._records, self._kept_reports
+        return compiled.records(**dict(zip(compiled.Records._fields, written, strict=True)))
 
     def run(self, law: PreparedLaw) -> Passed:
         """Run the loop with a law that was prepared for this robot and period."""
@@ -143,7 +150,7 @@ class RepeatedLoop:
             self._disturbing,
             self._moved,
             self._course,
-            self._written,
+            self._written(law.report.size),
         )
         done = int(self._done[0])
         q, measured, command = (record[:done] for record in self._records)

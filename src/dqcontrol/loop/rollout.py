@@ -114,11 +114,15 @@ class PlantArrays(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What is recorded, one row a sample: see `PlantArrays` and, for what was sent to the plant, ``command``."""
+    """What is recorded, one row a sample: see `PlantArrays`, for what was sent to the plant ``command``, and ``kept``.
+
+    That is the report of the law's constraints, without numbers where it has none.
+    """
 
     q: Annotated[Array, WRITE2]
     measured: Annotated[Array, WRITE2]
     command: Annotated[Array, WRITE2]
+    kept: Annotated[Array, WRITE2]
 
 
 class Course(NamedTuple):
@@ -182,6 +186,8 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
             records.q[k, i] = q[i]
             records.measured[k, i] = measured[i]
         status = compute_command(prepared, measured, samples[k], k, law.state, command)
+        for i in range(records.kept.shape[1]):
+            records.kept[k, i] = prepared.memory.constraint_work[i]
         if status != OK:
             if not supervising:
                 return status

@@ -16,6 +16,7 @@ from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.kept_signals import kept_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command, task_errors
@@ -183,7 +184,10 @@ def simulate_prepared(
         input_names=robot.input_names,
         stopped=trace.stopped,
         disturbance=trace.disturbance,
-        readings=trace.readings | actuator_command(robot, trace.q, trace.command) | task_errors(law, trace.q),
+        readings=trace.readings
+        | actuator_command(robot, trace.q, trace.command)
+        | task_errors(law, trace.q)
+        | kept_signals(law, trace.q, done[:, -1], trace.kept),
     )
 
 

@@ -37,18 +37,20 @@ class Trace:
     desired: Array
     disturbance: Array | None = None  # inertial twist, shape (done, 6)
     readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
+    kept: Array | None = None  # reports of the law's constraints
 
 
-def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array]:
-    """Return empty arrays for configurations, measured configurations and commands."""
+def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array, Array]:
+    """Return empty arrays for configurations, measured configurations, commands and reports of constraints."""
     n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
-    return long_array(size, n), long_array(size, n), long_array(size, m)
+    reports = long_array(size, len(law.report)) if len(law.report) else np.zeros((size, 0))
+    return long_array(size, n), long_array(size, n), long_array(size, m), reports
 
 
 def ended(
     done: int,
     samples: Array,
-    records: tuple[Array, Array, Array],
+    records: tuple[Array, Array, Array, Array],
     realised: Array | None,
     failure: str | None,
     halted: str = "",
@@ -64,8 +66,9 @@ def ended(
         stopped = f"halted at {samples[max(done - 1, 0), -1]:g} s: {halted}"
     else:
         stopped = finished or ("duration" if done == len(samples) else "settled")
-    q, measured, command = (array[:done] for array in records)
-    return Trace(q, measured, command, stopped, samples[:done], None if realised is None else realised[:done])
+    q, measured, command, kept = (array[:done] for array in records)
+    twists = None if realised is None else realised[:done]
+    return Trace(q, measured, command, stopped, samples[:done], twists, kept=kept)
 
 
 def _first_beyond(bound: float, rows: Array) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from dqcontrol.arrays import Array
 
@@ -34,6 +33,11 @@ def low_passed(time: Array, values: Array, cutoff: float) -> Array:
     >>> bool(np.abs(low_passed(time, slow + fast, 10.0) - slow)[50:-50].max() < 0.003)
     True
     """
+    from scipy.signal import (  # takes as long to load as all of ours: only where it is used
+        butter,
+        sosfiltfilt,
+    )
+
     if len(time) < 4:
         return values
     period = max(float(np.median(np.diff(time))), float(time[-1] - time[0]) / (_MOST * len(time)))

@@ -24,6 +24,7 @@ from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
 from dqcontrol.plants.plant import CompiledPlant, Plant, limits_before
 from dqcontrol.plants.servo import Servo, load_servo
+from dqcontrol.plants.tiring_motors import TiringMotors
 
 __all__ = [
     "BandLimitedTwist",
@@ -54,6 +55,7 @@ __all__ = [
     "Scene",
     "Servo",
     "SinusoidalTwist",
+    "TiringMotors",
     "WheeledBase",
     "WorstCase",
     "WristFault",

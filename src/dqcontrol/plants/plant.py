@@ -120,6 +120,10 @@ class Plant(
         """Return how its encoders err."""
         return EncoderErrors(0.0, 0.0)
 
+    def base_errors(self) -> tuple[float, float]:
+        """Return the standard deviations of where a mobile base is measured, m, and of its heading, rad."""
+        return 0.0, 0.0
+
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""
         return _COMPILED_STEP if is_compiled else _INTERPRETED_STEP

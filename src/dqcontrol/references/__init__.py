@@ -9,6 +9,7 @@ from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
 from dqcontrol.references.points_file import load_points
+from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.random_goals import random_goals
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.rigid_motion import motion_samples
@@ -31,6 +32,7 @@ __all__ = [
     "DriveTo",
     "JerkLimited",
     "Points",
+    "Previewed",
     "Reference",
     "Repeat",
     "Rest",

@@ -51,6 +51,16 @@ class PlanarReference(Reference):
         """Return samples (N, 21); see `Reference.motion`."""
         return self._samples(times, self.trace.at(times))
 
+    def sheet(self) -> dict[str, Array | float]:
+        """Return how the paper is held, by the names of `computed_path.PathHead`."""
+        return {
+            "start": self._start,
+            "axes": self._axes.ravel(),
+            "advance": self._advance,
+            "follow": float(self._follow),
+            "follow_from": float(self.trace.yaw[0]),
+        }
+
     def _samples(self, times: Array, traced: tuple[Array, Array, Array, Array, Array]) -> Array:
         position, velocity, acceleration, yaw, rate = traced
         p = translation(self._start) + position @ self._axes + times[:, None] * self._advance

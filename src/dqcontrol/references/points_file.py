@@ -33,6 +33,9 @@ def load_points(
     may be left out) and either ``x, y, z`` (m, inertial frame), or these and ``qw, qx, qy, qz`` (unit
     quaternion), or the dual quaternion ``pw, px, py, pz, dw, dx, dy, dz``. Each further line is one point.
 
+    A file that begins with a line of three numbers has no names: every line is ``x y z``, divided by blanks, as [P16
+    4.5] wrote its paths, one point a sample.
+
     Parameters
     ----------
     path
@@ -57,12 +60,14 @@ def load_points(
     >>> load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=2.0).corners.tolist()
     [2.0]
     """
-    rows = _rows(read_text(path))
-    number, names = next(rows, (1, []))
-    where = f"{path}:{number}"
-    names = [name.lower() for name in names]
-    _check_names(where, names)
-    lines, values = [], []
+    lines, values, text = [], [], read_text(path)
+    if _is_plain(text):
+        names, rows = list(POSITION), _rows(text, plain=True)
+    else:
+        rows = _rows(text)
+        number, names = next(rows, (1, []))
+        names = [name.lower() for name in names]
+        _check_names(f"{path}:{number}", names)
     for number, words in rows:
         where = f"{path}:{number}"
         if len(words) != len(names):
@@ -77,12 +82,21 @@ def load_points(
     return Points(_times(path, table, lines, duration), _poses(path, table, lines, start))
 
 
-def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number and the values of each line that is neither empty nor a comment."""
+def _rows(text: str, *, plain: bool = False) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number and the values of each line that is neither empty nor a comment; plain ones by their blanks."""
     for number, line in enumerate(text.splitlines(), start=1):
         content = line.partition("#")[0]
         if content.strip():
-            yield number, [word.strip() for word in next(csv.reader([content]))]
+            yield number, content.split() if plain else [word.strip() for word in next(csv.reader([content]))]
+
+
+def _is_plain(text: str) -> bool:
+    """Tell whether the first line is three numbers divided by blanks."""
+    _, words = next(_rows(text, plain=True), (1, []))
+    try:
+        return len([float(word) for word in words]) == len(POSITION)
+    except ValueError:
+        return False
 
 
 def _check_names(where: str, names: list[str]) -> None:

@@ -21,11 +21,19 @@ from dqcontrol.references.sample import TWIST, TWIST_RATE
 _HALVINGS = 60
 
 
-class _Paced(Reference):
-    """A reference run through at a rate that changes smoothly, piece by piece."""
+class Paced(Reference):
+    """A reference run through at a rate that changes smoothly, piece by piece.
 
-    _inner: Reference
-    _pieces: Array  # rows: start, start in the inner time, seconds, rate at the start, rate at the end
+    Attributes
+    ----------
+    inner
+        The reference.
+    pieces
+        Begin of each piece, begin in the inner time, length (s), rate at its begin and at its end: shape (5, n).
+    """
+
+    inner: Reference
+    pieces: Array
 
     def _pace(self, inner: Reference, pieces: Sequence[tuple[float, float, float]]) -> None:
         """Take pieces (seconds, rate at the start, rate at the end)."""
@@ -34,19 +42,19 @@ class _Paced(Reference):
         table = np.stack(
             [ends - seconds, inner_ends - 0.5 * seconds * (before + after), seconds, before, after]
         )
-        object.__setattr__(self, "_inner", inner)
-        object.__setattr__(self, "_pieces", table)
+        object.__setattr__(self, "inner", inner)
+        object.__setattr__(self, "pieces", table)
         object.__setattr__(self, "duration", float(ends[-1]))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
         inner_time, rate, change = self._inner_time(times)
-        inner_time = np.clip(inner_time, 0.0, self._inner.duration)
+        inner_time = np.clip(inner_time, 0.0, self.inner.duration)
         # Not by `snapped`: where the rate is almost 0, 1 ns of the inner time is many milliseconds.
         if len(self.corners):
             near = np.clip(np.searchsorted(self.corners, times), 0, len(self.corners) - 1)
-            inner_time = np.where(times == self.corners[near], self._inner.corners[near], inner_time)
-        out = self._inner.motion(inner_time)
+            inner_time = np.where(times == self.corners[near], self.inner.corners[near], inner_time)
+        out = self.inner.motion(inner_time)
         twist, rate, change = out[:, TWIST].copy(), rate[:, None], change[:, None]
         out[:, TWIST] *= rate
         out[:, TWIST_RATE] = rate * rate * out[:, TWIST_RATE] + change * twist
@@ -54,9 +62,9 @@ class _Paced(Reference):
 
     def _inner_time(self, times: Array) -> tuple[Array, Array, Array]:
         """Return σ, σ̇ and σ̈."""
-        last = self._pieces.shape[1] - 1
-        i = np.clip(np.searchsorted(self._pieces[0], times, side="right") - 1, 0, last)
-        start, inner_start, seconds, before, after = self._pieces[:, i]
+        last = self.pieces.shape[1] - 1
+        i = np.clip(np.searchsorted(self.pieces[0], times, side="right") - 1, 0, last)
+        start, inner_start, seconds, before, after = self.pieces[:, i]
         s, gain = (times - start) / seconds, after - before
         s2 = s * s
         inner_time = inner_start + seconds * (before * s + gain * s2 * s2 * (2.5 - 3 * s + s2))
@@ -74,7 +82,7 @@ class _Paced(Reference):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StartRamp(_Paced):
+class StartRamp(Paced):
     """A reference that starts from rest and is at its own speed after the ramp.
 
     Parameters
@@ -115,7 +123,7 @@ class StartRamp(_Paced):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CornerStops(_Paced):
+class CornerStops(Paced):
     """A reference that starts from rest, stops smoothly at each of its corners and at its end.
 
     Parameters

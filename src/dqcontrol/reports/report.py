@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CAPTIONS = {
+    "servos": "Each joint where it is liveliest; and what is left all along, by the fit and where a fit of the first "
+    "part foresees the rest; dashed: twice the floor that noise and encoder leave.",
     "path": "Path of the hand over the desired one.",
     "paths": "Paths of the hands over the desired one.",
     "base": "Where the base went, seen from above; arrows are its headings at equal times.",

@@ -12,6 +12,8 @@ from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.limits import list_interventions
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
+from dqcontrol.loop.kept_signals import DISTANCE, ROOM, SLACK
+from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 
 _ROUND_OFF = 1e-9  # as a share of a velocity limit
 _STUCK = 0.9  # share of the twist asked for, in the measure of the law's inverse, that the robot cannot give
+_CROSSED = 1e-9  # m or rad
 _RISE = 1e-3  # of V in a sample, as a share of its first value
 
 Row = list[Cell]
@@ -45,6 +48,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_joint_limits(run),
         *_velocity_limits(run),
         *_clearance(run),
+        *_kept(run.record),
         *_interventions(run.record),
         *_range(run),
         *_periods(run.timing),
@@ -119,6 +123,33 @@ def _clearance(run: Run) -> Iterator[Row]:
             VerdictCell(*(("kept", True) if least >= 0 else ("passed", False))),
             words,
         ]
+
+
+def _kept(record: Record) -> Iterator[Row]:
+    """Yield whether constraints were crossed, what gave way, and what held the hand."""
+    if ROOM not in record.readings:
+        return
+    room, distance = record.readings[ROOM], record.readings[DISTANCE]
+    least = np.nanmin(room.values, axis=0)
+    i = int(np.argmin(least))
+    at = int(np.nanargmin(room.values[:, i]))
+    crossed = [name for name, value in zip(room.parts, least, strict=True) if value < -_CROSSED]
+    near, asked = distance.values[at, i], distance.values[at, i] - room.values[at, i]
+    if room.units[i] == "m":
+        words = f"{room.parts[i]}: least distance {1e3 * near:.4g} mm, asked {1e3 * asked:.4g}"
+    else:
+        words = f"{room.parts[i]}: least room of the angle {math.degrees(near):.3g}°"
+    if crossed:
+        words += f"; crossed: {', '.join(crossed)}"
+    verdict = VerdictCell("crossed", False) if crossed else VerdictCell("no constraint crossed", True)
+    yield ["Constraints", verdict, words]
+    slack = record.readings[SLACK]
+    if gave := [slack.parts[k] for k in np.flatnonzero((slack.values > 0).any(axis=0))]:
+        yield ["Rows that gave way", VerdictCell("some", None), ", ".join(gave)]
+    if found := deadlocks(record):
+        longest = max(found, key=lambda each: each.end - each.begin)
+        words = f"{longest.begin:.2f} … {longest.end:.2f} s by {', '.join(longest.names)}"
+        yield ["Deadlock", VerdictCell("held", None), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:

@@ -10,7 +10,7 @@ from dqcontrol.reproductions.catalogue import (
     names,
 )
 from dqcontrol.reproductions.printed import Claim, PublishedCell
-from dqcontrol.reproductions.reproduce_one import reproduce
+from dqcontrol.reproductions.reproduce_one import is_finished, reproduce
 from dqcontrol.reproductions.reproduced import Reproduced
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "catalogue_table",
     "chosen_plant",
     "experiments",
+    "is_finished",
     "names",
     "reproduce",
 ]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from dqcontrol.errors import ValueRangeError, unknown_name
+from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.reproductions.catalogue import (
     SAMPLES,
     Conditions,
@@ -63,6 +65,32 @@ def reproduce(
         raise unknown_name("reproduction", name, list(experiments()))
     folder, _, short = full.partition("/")
     conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
+    return replace(source(folder).reproduce(short, conditions), conditions=_chosen(samples, repeats))
+
+
+def is_finished(
+    folder: str | Path,
+    name: str,
+    *,
+    plant: str | None = None,
+    samples: int = SAMPLES,
+    repeats: int | None = None,
+) -> bool:
+    """Tell whether a folder holds the results that `reproduce` would give again: such folders are written whole.
+
+    Parameters
+    ----------
+    folder
+        Where `Reproduced.save` would write.
+    name, plant, samples, repeats
+        As for `reproduce`, the name with its source.
+    """
+    file = Path(folder) / SPEC_FILE
+    same = Reproduced(name, [], plant=chosen_plant(name, plant), conditions=_chosen(samples, repeats))
+    return file.is_file() and file.read_text(encoding="utf-8") == same.heading
+
+
+def _chosen(samples: int, repeats: int | None) -> dict[str, int]:
+    """Return the options that are not at their defaults."""
     chosen = {} if repeats is None else {"repeats": repeats}
-    chosen |= {} if samples == SAMPLES else {"samples": samples}
-    return replace(source(folder).reproduce(short, conditions), conditions=chosen)
+    return chosen | ({} if samples == SAMPLES else {"samples": samples})

@@ -63,7 +63,7 @@ class Reproduced:
         from dqcontrol.reports import write_report
 
         with new_folder(folder, force=force) as new:
-            (new / SPEC_FILE).write_text(f"# {self.command}\n", encoding="utf-8")
+            (new / SPEC_FILE).write_text(self.heading, encoding="utf-8")
             text = "\n".join(table.markdown() for table in self.tables)
             (new / "tables.md").write_text(text, encoding="utf-8")
             for i, table in enumerate(self.tables, 1):
@@ -87,6 +87,11 @@ class Reproduced:
                 origins=origins({}),
             )
         return Path(folder)
+
+    @property
+    def heading(self) -> str:
+        """The file that tells what a folder of results is of."""
+        return f"# {self.command}\n"
 
     @property
     def command(self) -> str:

@@ -5,6 +5,7 @@ from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.load import load_robot, load_tree, robot_names
 from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
@@ -27,6 +28,8 @@ __all__ = [
     "JointRow",
     "Kinematics",
     "Limits",
+    "LinkShape",
+    "LinkShapes",
     "NamedFrame",
     "PoseTask",
     "ReachingPosture",

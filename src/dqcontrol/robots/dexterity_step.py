@@ -6,6 +6,7 @@ import math
 
 from dqcontrol.algebra.symmetric import cholesky, diagonalise, inverse_trace
 from dqcontrol.compiled.compile import inline
+from dqcontrol.robots.singular_bound import singular_bound
 
 
 @inline
@@ -17,7 +18,7 @@ def smallest_singular_value(jacobian, beyond, gram, vectors, column):
     jacobian
         Any Jacobian of six rows.
     beyond
-        What is no longer of interest: above it a Cholesky factorisation answers, below it eigenvalues.
+        What is no longer of interest: above it a factorisation answers, below it eigenvalues.
     gram, vectors
         Scratch, 6 × 6 each; a corner is used for n < 6.
     column
@@ -25,7 +26,11 @@ def smallest_singular_value(jacobian, beyond, gram, vectors, column):
     """
     n = jacobian.shape[1]
     m = min(n, 6)
-    for attempt in range(2):
+    if n >= 6:
+        bound = singular_bound(jacobian)
+        if bound >= beyond:
+            return bound
+    for attempt in range(1 if n >= 6 else 0, 2):
         for i in range(m):
             for j in range(i + 1):
                 value = 0.0

@@ -14,6 +14,7 @@ from dqcontrol.robots.description import chain_reach, describe
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
+from dqcontrol.robots.link_shapes import LinkShapes
 
 
 class Robot(InverseKinematics):
@@ -39,6 +40,8 @@ class Robot(InverseKinematics):
         Table of fixed poses and screws, shape (n + 1, 8).
     origin
         Name or file, base and tip link that `load_robot` made it of; None of one made in Python.
+    shapes
+        Of its links, and which of them are kept apart; None if unknown.
     drives
         One row [index of x, displacement, wheel radius, half track] a differential drive, m, shape (k, 4).
     """
@@ -49,6 +52,7 @@ class Robot(InverseKinematics):
     inertia: Inertia | None
     drives: Array
     origin: tuple[str, str | None, str | None] | None = None
+    shapes: LinkShapes | None = None
 
     @property
     def bases(self) -> tuple[tuple[int, str], ...]:

@@ -11,9 +11,11 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.algebra import as_unit_quaternion
+from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
+from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots.axes import chain_from_axes, rotation_matrix
 from dqcontrol.robots.dh import (
     chain_from_denso,
@@ -25,6 +27,8 @@ from dqcontrol.robots.dh import (
     shift,
 )
 from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.serial_arm import SerialArm
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
@@ -113,13 +117,47 @@ class Joint(FilePart):
     inertia: JointInertia | None = None
 
 
+class SphereShape(FilePart):
+    """A ball, in the frame of a joint as `Robot.frames` has it."""
+
+    center: Vector
+    radius: Annotated[Positive, Meta(description="m")]
+
+
+class CapsuleShape(FilePart):
+    """All points within a radius of a segment."""
+
+    start: Vector
+    end: Vector
+    radius: Annotated[Positive, Meta(description="m")]
+
+
+class BoxShape(FilePart):
+    """A box about its pose."""
+
+    size: tuple[Positive, Positive, Positive]
+    position: Vector = (0.0, 0.0, 0.0)
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+
+class CollisionShape(FilePart):
+    """A shape that the joint of this name moves, in its frame after its motion; without a joint it stands still."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    joint: str | None = None
+    sphere: SphereShape | None = None
+    capsule: CapsuleShape | None = None
+    box: BoxShape | None = None
+
+
 class RobotFile(FilePart):
     """A robot file.
 
     ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
     ``convention`` says which form the rows have, Denavit–Hartenberg (key ``dh``) or DENSO's (key ``denso``);
     left out with fixed poses. ``base`` is the pose of the first frame in the inertial one, ``tool`` that of the
-    tool in the last frame.
+    tool in the last frame. ``shapes`` are those of the links, for constraints; the pairs that ``kept_apart`` names are
+    kept apart.
     """
 
     name: Annotated[str, Meta(min_length=1)]
@@ -130,6 +168,8 @@ class RobotFile(FilePart):
     tool: FixedPose = msgspec.field(default_factory=FixedPose)
     description: str = ""
     sources: list[str] = []
+    shapes: list[CollisionShape] = []
+    kept_apart: list[tuple[str, str]] = []
 
 
 def load_robot_file(path: str | Path) -> SerialArm:
@@ -174,7 +214,31 @@ def plain_arm(arm: SerialArm) -> dict[str, Any]:
         if arm.inertia is not None:
             joint["inertia"] = plain_inertia(arm.inertia, i)
         joints.append(joint)
-    return {"name": arm.name, "angles": "radians", "joints": joints, "tool": plain_pose(arm.chain[-1])}
+    plain = {"name": arm.name, "angles": "radians", "joints": joints, "tool": plain_pose(arm.chain[-1])}
+    return plain | (plain_shapes(arm) if arm.shapes else {})
+
+
+def plain_shapes(arm: SerialArm) -> dict[str, Any]:
+    """Return the keys of a robot file that say an arm's shapes."""
+    given = arm.shapes or LinkShapes(())
+    shapes: list[dict[str, Any]] = []
+    for each in given.shapes:
+        plain: dict[str, Any] = {"name": each.name}
+        if each.frame:
+            plain["joint"] = arm.joint_names[each.frame - 1]
+        shape = each.shape
+        if isinstance(shape, Sphere):
+            plain["sphere"] = {"center": shape.center.tolist(), "radius": shape.radius}
+        elif isinstance(shape, Capsule):
+            ends = {"start": shape.start.tolist(), "end": shape.end.tolist()}
+            plain["capsule"] = ends | {"radius": shape.radius}
+        else:
+            rotation, position = pose7("pose", shape.pose)[:4], shape.row[4:7]
+            places = {"position": position.tolist(), "quaternion": rotation.tolist()}
+            plain["box"] = {"size": shape.size.tolist()} | places
+        shapes.append(plain)
+    pairs = [[given.names[a], given.names[b]] for a, b in given.pairs]
+    return {"shapes": shapes, "kept_apart": pairs}
 
 
 def plain_pose(row: Array) -> dict[str, Any]:
@@ -205,7 +269,7 @@ def arm_from(path: str | Path, plain: Any) -> SerialArm:
     unit = math.pi / 180 if data.angles == "degrees" else 1.0
     try:
         fixed, turns = _chain(data, unit)
-        return SerialArm(
+        arm = SerialArm(
             np.array(fixed),
             [joint.type for joint in data.joints],
             limits=_limits(data, unit),
@@ -213,6 +277,8 @@ def arm_from(path: str | Path, plain: Any) -> SerialArm:
             name=data.name,
             inertia=_inertia(data, turns),
         )
+        arm.shapes = _shapes(data)
+        return arm
     except Error as error:
         raise FileFormatError(f"{path}: {error}") from None
 
@@ -289,6 +355,35 @@ def _names(data: RobotFile) -> list[str]:
                 f"joints[{i}].name: '{name}' is already the name of joints[{names.index(name)}]"
             )
     return names
+
+
+def _shapes(data: RobotFile) -> LinkShapes | None:
+    """Return the shapes of the links; None without any."""
+    if not data.shapes:
+        if data.kept_apart:
+            raise FileFormatError("kept_apart: there are no shapes to keep apart")
+        return None
+    names, shapes = [joint.name for joint in data.joints], []
+    for i, each in enumerate(data.shapes):
+        given = [shape for shape in (each.sphere, each.capsule, each.box) if shape is not None]
+        if len(given) != 1:
+            raise FileFormatError(f"shapes[{i}]: give one of sphere, capsule, box")
+        if each.joint is not None and each.joint not in names:
+            raise unknown_name(f"shapes[{i}].joint", each.joint, names)
+        shape = given[0]
+        with error_prefix(f"shapes[{i}]"):
+            found: Sphere | Capsule | Box
+            if isinstance(shape, SphereShape):
+                found = Sphere(np.array(shape.center), shape.radius)
+            elif isinstance(shape, CapsuleShape):
+                found = Capsule(np.array(shape.start), np.array(shape.end), shape.radius)
+            else:
+                rotation = as_unit_quaternion("quaternion", shape.quaternion)
+                found = Box(pose(rotation, shape.position), np.array(shape.size))
+        shapes.append(LinkShape(each.name, 0 if each.joint is None else names.index(each.joint) + 1, found))
+    known = LinkShapes(tuple(shapes))
+    pairs = tuple((known.index("kept_apart", a), known.index("kept_apart", b)) for a, b in data.kept_apart)
+    return LinkShapes(known.shapes, pairs)
 
 
 def _limits(data: RobotFile, unit: float) -> Limits:

@@ -226,6 +226,16 @@ class UrdfTree:
             yield link
             pending += [joint.child for joint in reversed(self.children[link])]
 
+    def places(self, moving: tuple[str, ...]) -> Iterator[tuple[str, Array, int]]:
+        """Yield the pose of each link with all joints at zero, and how many joints of a chain carry it."""
+        pending = [(self.root, np.eye(4), 0)]
+        while pending:
+            link, place, carrier = pending.pop()
+            yield link, place, carrier
+            for joint in reversed(self.children[link]):
+                number = moving.index(joint.name) + 1 if joint.name in moving else carrier
+                pending.append((joint.child, place @ origin_matrix(joint), number))
+
     def path(self, base: str, tip: str) -> list[Any]:
         """Return the joints from one link down to another."""
         joints, link = [], tip

@@ -19,8 +19,18 @@ from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.felt import Felt
 from dqcontrol.ros2.gain_check import OVERRIDE
-from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST, SENT, Commands, publishers_of
+from dqcontrol.ros2.interfaces import (
+    JOINT_STATES,
+    NEWEST,
+    SENT,
+    Commands,
+    Port,
+    base_port,
+    joint_port,
+    publishers_of,
+)
 from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.localisation import Localisation
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import (
@@ -34,6 +44,7 @@ from dqcontrol.ros2.parameters import (
 )
 from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
+from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.tuning import numbers_of, retune
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
@@ -49,8 +60,8 @@ class Following:
         Whose topics and parameters.
     loaded
         The spec.
-    source, interface
-        What it follows and what it sends; see `ControllerNode`.
+    source, interfaces
+        What it follows, and what it sends to joints and base; see `ControllerNode`.
     diagnostics
         Of the node.
     changed
@@ -76,43 +87,54 @@ class Following:
         node: Node,
         loaded: Loaded,
         source: str,
-        interface: str,
+        interfaces: tuple[str, str],
         diagnostics: Diagnostics,
         changed: Callable[[Phase], None],
         ready: Callable[[], None],
     ) -> None:
-        self.loaded, self._source, self._interface = loaded, source, interface
+        self.loaded, self._source, (self._interface, base_interface) = loaded, source, interfaces
         self._diagnostics, self._changed, self._ready = diagnostics, changed, ready
         self.recorder: Recorder | None = None
         self._node, self.target = node, loaded.target(source)
-        law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(interface)
+        law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self.control: Control = Control(law, self.target, supervisor)
         self._periods, self._stamps = PeriodMonitor(loaded.period), Stamps("joint states")
-        self._latest: tuple[float, float, Array] | None = None  # heard, stamp, joints
+        self._latest: tuple[float, float] | None = None  # heard, stamp
         self._origin = self._passed = self._stepped = self._steady_since = (
             0.0  # s, by stamps, and by our clock
         )
         self._slept, self._due = False, np.inf
         self.longest_period = 0.0
         self._enabled = -np.inf
+        self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
         self._joints = self._joint_names()
+        frames = {"base": "odom" if self._parts.base else "base_link", "tool": "tool0"}
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
-            for name, default in (("base", "base_link"), ("tool", "tool0"))
+            for name, default in frames.items()
         )
-        self._felt = Felt(node, self._joints, self._tool, self._guarded)
+        if self._parts.base:
+            words = "base_link", "frame of the mobile base, in its commands"
+            self._footprint = read_once(node, "footprint_frame", *words)
+        self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
         self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
-        refuse_unknown(node, [*names, OVERRIDE, "joint_names", "base_frame", "tool_frame"])
+        read = ["joint_names", "base_frame", "tool_frame", *(["footprint_frame"] if self._parts.base else [])]
+        refuse_unknown(node, [*names, OVERRIDE, *read])
         self._retune(numbers_said(node, names))
         on_change(node, self._retune, diagnostics.refuse)
-        self._commands = Commands(node, interface, self._joints, loaded.period)
-        self._joint_states = node.create_subscription(
-            JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST
-        )
+        self._commands = Commands(node, self._ports(base_interface))
+        self._localisation = self._localised() if self._parts.base else None
+        if self._joints:
+            node.create_subscription(JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST)
+        self._topic = (
+            node.resolve_topic_name(JOINT_STATES) if self._joints else ""
+        )  # of what a step is taken for
+        if self._localisation and not self._joints:
+            self._topic = self._localisation.topic
         if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
         if isinstance(self.target, TwistTarget):
@@ -128,14 +150,16 @@ class Following:
         Raises
         ------
         Error
-            If there are no joint states, or the robot is not where the spec starts.
+            If there are no joint states or no odometry, or the robot is not where the spec starts.
         """
         now = time.monotonic()
         if self._latest is None or self.age > self._longest_silence:
-            raise Error(f"activate: no joint states on {self._joint_states.topic_name}")
+            raise Error(f"activate: no {'joint states' if self._joints else 'odometry'} on {self._topic}")
+        if self._localisation and self._localisation.is_silent:
+            raise Error(f"activate: no odometry on {self._localisation.topic}")
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
-        heard, stamp, measured = self._latest
+        (heard, stamp), measured = self._latest, self._measured.copy()
         if self._felt.age > self._longest_silence:
             raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
         if self._source == "spec":
@@ -159,13 +183,21 @@ class Following:
     def hold(self) -> None:
         """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does."""
         if self.control.is_commanding:
-            self._commands.send(self.control.position, np.zeros_like(self.control.rate))
+            self._send(np.zeros_like(self.control.rate))
         self._commands.release()
 
     @property
     def age(self) -> float:
-        """Time since the last joint states, s."""
+        """Time since the last joint states, or odometry of a base alone, s."""
         return time.monotonic() - self._latest[0] if self._latest else np.inf
+
+    @property
+    def last_heard(self) -> str:
+        """How long ago what was heard last, in words."""
+        words = [f"last joint states {self.age:.3f} s ago"] if self._joints else []
+        if self._localisation:
+            words.append(f"last odometry {self._localisation.age:.3f} s ago")
+        return ", ".join(words)
 
     @property
     def _longest_silence(self) -> float:
@@ -176,18 +208,45 @@ class Following:
         i, allowed = int(away.argmax()), number(self._node, "start_tolerance")
         if away[i] > allowed:
             raise Error(
-                f"activate: {self._joints[i]} is at {measured[i]:.4g}, {away[i]:.3g} rad or m away from where the spec "
-                f"starts; start_tolerance is {allowed:g}"
+                f"activate: {self.loaded.robot.joint_names[i]} is at {measured[i]:.4g}, {away[i]:.3g} rad or m away "
+                f"from where the spec starts; start_tolerance is {allowed:g}"
             )
 
     def _joint_names(self) -> list[str]:
-        own = list(self.loaded.robot.joint_names)
+        own = self._parts.joint_names
         names = read_once(
             self._node, "joint_names", own, "names in messages, in the order of the robot's joints"
         )
         if len(names) != len(own):
             raise ValueRangeError(f"joint_names: expected {len(own)} names, got {len(names)}")
         return list(names)
+
+    def _ports(self, base_interface: str) -> list[Port]:
+        """Return where commands go."""
+        node, parts, ports = self._node, self._parts, []
+        if self._joints:
+            ports.append(joint_port(parts, self._interface, self._joints, self.loaded.period))
+        if parts.base:
+            ports.append(base_port(parts, base_interface, node, self._footprint))
+        return ports
+
+    def _localised(self) -> Localisation:
+        heading = float(self.loaded.case.scene.start[self._parts.place[2]])
+        return Localisation(
+            self._node,
+            self._base,
+            heading,
+            self.loaded.period,
+            self._guarded,
+            lambda: self.control.is_commanding,
+            self._hear_odometry,
+        )
+
+    def _send(self, rate: Array) -> None:
+        """Send the position command, and a rate in the form of the spec's robot."""
+        measured, parts = self.control.measured, self._parts
+        position = parts.driven_positions(self.control.position)
+        self._commands.send(position, parts.followed(measured, rate), measured)
 
     def _guarded(self, hear: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return what hears a message, or refuses it."""
@@ -201,15 +260,28 @@ class Following:
         return heard
 
     def _hear_joints(self, message: JointState) -> None:
-        now = time.monotonic()
+        joints = by_name("joint states", list(message.name), list(message.position), self._joints)
+        self._felt.hear_efforts(message)
+        self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
+
+    def _hear_odometry(self, now: float, at: int) -> None:
+        assert self._localisation is not None
+        place = self._localisation.pose
+        if self._joints:
+            self._measured[self._parts.place] = place
+        else:
+            self._hear(now, at, self._parts.place, place)
+
+    def _hear(self, now: float, at: int, coordinates: Indices, values: Array) -> None:
+        """Take a step for joint states, or odometry of a base alone, heard now and stamped at some ns."""
         if not self.control.is_commanding and self.age > self._longest_silence:
             self._stamps.forget()  # the robot may have begun anew, with another clock
-        measured = by_name("joint states", list(message.name), list(message.position), self._joints)
-        self._felt.hear_efforts(message)
-        stamp = self._stamps.check(nanoseconds(message.header.stamp)) / NANOSECONDS
+        stamp = self._stamps.check(at) / NANOSECONDS
         if self.age > self._longest_silence:
             self._steady_since = now
-        self._latest, late = (now, stamp, measured), self._has_slept(now)
+        self._measured[coordinates] = values
+        measured = self._measured.copy()
+        self._latest, late = (now, stamp), self._has_slept(now)
         self._watch_in(SILENCE * self.loaded.period)
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
@@ -257,8 +329,10 @@ class Following:
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
         age, felt = max(self._periods.age(now), self._felt.age), self._felt
+        if self._localisation and self._localisation.is_silent:
+            age = np.inf
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
-        self._commands.send(control.position, control.rate)
+        self._send(control.rate)
         if self.recorder:
             self.recorder.take(control, self._passed)
         if control.phase is not before:
@@ -267,10 +341,10 @@ class Following:
     def _why_not(self) -> str:
         """Say why the robot may not move, beside what the supervisor sees."""
         if rivals := self._commands.rivals:
-            return f"{', '.join(rivals)} publishes on {self._commands.topic} too; a robot obeys one at a time"
-        topic = self._joint_states.topic_name
-        if self._node.count_publishers(topic) > 1:
-            return f"several publish on {topic}: {', '.join(sorted(publishers_of(self._node, topic)))}"
+            return f"{rivals}; a robot obeys one at a time"
+        for topic in {self._topic, *([self._localisation.topic] if self._localisation else [])}:
+            if self._node.count_publishers(topic) > 1:
+                return f"several publish on {topic}: {', '.join(sorted(publishers_of(self._node, topic)))}"
         patience = number(self._node, "enable_timeout")
         if patience and time.monotonic() - self._enabled > patience:
             return "not enabled"

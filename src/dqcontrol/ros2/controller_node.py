@@ -37,7 +37,9 @@ class ControllerNode(Node):
     source
         What it follows: ``spec``, ``pose`` or ``twist``.
     interface
-        What it sends: ``velocity``, ``position`` or ``trajectory``.
+        What it sends to joints: ``velocity``, ``position`` or ``trajectory``.
+    base_interface
+        What it sends to a mobile base: ``twist``, ``twist-stamped`` or ``wheels``.
     autostart
         Whether it starts with the first joint states, and ends when it has followed its reference or was stopped.
     out, force
@@ -65,12 +67,14 @@ class ControllerNode(Node):
         name: str = "dqcontrol",
         source: str = "spec",
         interface: str = "velocity",
+        base_interface: str = "twist",
         autostart: bool = False,
         out: Path | None = None,
         force: bool = False,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        self._spec, self._source, self._interface, self._autostart = spec, source, interface, autostart
+        self._spec, self._source, self._autostart = spec, source, autostart
+        self._interfaces = interface, base_interface
         self._out, self._force = out, force
         self.following: Following | None = None
         self.recorder: Recorder | None = None
@@ -107,7 +111,7 @@ class ControllerNode(Node):
             raise Error("configure: was done before")
         loaded = load(self._spec)
         following = Following(
-            self, loaded, self._source, self._interface, self._diagnostics, self._follow_up, self._start
+            self, loaded, self._source, self._interfaces, self._diagnostics, self._follow_up, self._start
         )
         if self._out:
             following.recorder = self.recorder = Recorder(self._out, loaded, force=self._force)
@@ -190,7 +194,7 @@ class ControllerNode(Node):
             if phase is Phase.INACTIVE and before is Phase.STOPPING:
                 self.outcome = "interrupted" if self._is_retiring else "duration"
             following = self._configured()
-            heard = f"last joint states {following.age:.3f} s ago, longest period {following.longest_period:.3f} s"
+            heard = f"{following.last_heard}, longest period {following.longest_period:.3f} s"
             words = [phase.value, *([control.reason] if control.reason else [])]
             self._diagnostics.tell(": ".join(words) + f"; {heard}" * (phase is Phase.STOPPING))
         self._configured().let_go()
@@ -219,7 +223,8 @@ class ControllerNode(Node):
         values = {
             "robot": control.robot.name,
             "source": self._source,
-            "interface": self._interface,
+            "interface": self._interfaces[0],
+            **({"base interface": self._interfaces[1]} if self.following.loaded.parts.base else {}),
             "supervisor": control.reason or "no intervention",
             "stop category": _CATEGORIES[control.stop_category],
             "age of joint states [s]": f"{self.following.age:.4f}",

@@ -16,6 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.messages import RefusedError, by_name, numbers
+from dqcontrol.ros2.robot_parts import RobotParts
 
 _NOTHING: Array = np.zeros(0)
 
@@ -27,6 +28,8 @@ class Felt:
     ----------
     node
         Whose topics.
+    parts
+        The robot.
     joints
         Their names in messages, in the order of the robot's joints.
     frame
@@ -37,7 +40,7 @@ class Felt:
     Attributes
     ----------
     effort
-        Shape (m,), N·m or N; empty while the supervisor bounds none.
+        Shape (m,), N·m or N, 0 of a base; empty while the supervisor bounds none.
     wrench
         Force and torque, shape (6,), N and N·m; empty while the supervisor bounds none, or before the first.
     topic
@@ -47,11 +50,13 @@ class Felt:
     def __init__(
         self,
         node: Node,
+        parts: RobotParts,
         joints: list[str],
         frame: str,
         guarded: Callable[..., Callable[[Any], None]],
     ) -> None:
-        self._node, self._joints, self._frame, self._guarded = node, joints, frame, guarded
+        self._node, self._parts, self._joints = node, parts, joints
+        self._frame, self._guarded = frame, guarded
         self.effort, self.wrench = _NOTHING, _NOTHING
         self.topic = node.resolve_topic_name(WRENCH)
         self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
@@ -80,7 +85,9 @@ class Felt:
         """
         if self._has_effort:
             names, efforts = list(message.name), list(message.effort)
-            self.effort = by_name("joint states", names, efforts, self._joints, "efforts")
+            self.effort = np.zeros(self._parts.robot.input_size)
+            found = by_name("joint states", names, efforts, self._joints, "efforts")
+            self.effort[self._parts.own_joint_inputs] = found
 
     @property
     def age(self) -> float:

@@ -1,11 +1,11 @@
-"""Topics of ros2_control, and what commands look like on them."""
+"""Topics of ros2_control and of mobile bases, and what commands look like on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
-from numpy.typing import NDArray
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -13,14 +13,22 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from dqcontrol.errors import Error
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.robots import DifferentialDrive, WholeBody
+from dqcontrol.ros2.robot_parts import RobotParts
 
-JOINT_STATES = "/joint_states"
+JOINT_STATES, ODOMETRY = "/joint_states", "/odom"
 WRENCH = "/force_torque_sensor_broadcaster/wrench"
 COMMANDS: dict[str, tuple[str, Any]] = {
     "velocity": ("/forward_velocity_controller/commands", Float64MultiArray),
     "position": ("/forward_position_controller/commands", Float64MultiArray),
     "trajectory": ("/joint_trajectory_controller/joint_trajectory", JointTrajectory),
+}
+BASE_COMMANDS: dict[str, tuple[str, Any]] = {
+    "twist": ("/cmd_vel", Twist),
+    "twist-stamped": ("/cmd_vel", TwistStamped),
+    "wheels": ("/wheel_velocity_controller/commands", Float64MultiArray),
 }
 
 # What was sent before the latest message is of no use. Publishers are reliable: reliable subscribers hear them too.
@@ -30,35 +38,45 @@ SENT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 _FLUSH = Duration(seconds=0.2)
 
 
+class Port(NamedTuple):
+    """A topic of commands.
+
+    Attributes
+    ----------
+    topic, kind
+        Its name before ROS's renaming, and the type of its messages.
+    message
+        Makes one of the position command and its rate, shape (m,) each, and the measured configuration (n,).
+    """
+
+    topic: str
+    kind: Any
+    message: Callable[[Array, Array, Array], Any]
+
+
 class Commands:
-    """Publishes commands on the topic of an interface.
+    """Publishes commands on the topics of a robot.
 
     Parameters
     ----------
     node
         Whose.
-    interface
-        A key of `COMMANDS`.
-    joints
-        Names, in the order of the numbers.
-    period
-        Time in which a trajectory's point is to be reached, s.
+    ports
+        Where commands go.
 
     Attributes
     ----------
-    topic
-        Its name, after ROS's renaming.
+    topics
+        Their names, after ROS's renaming.
     """
 
-    def __init__(self, node: Node, interface: str, joints: Sequence[str], period: float) -> None:
-        topic, self._kind = COMMANDS[interface]
-        self._node, self._interface, self._joints = node, interface, list(joints)
-        self.topic = node.resolve_topic_name(topic)
-        self._publisher: Publisher | None = None
-        self._period = Duration(seconds=period).to_msg()
+    def __init__(self, node: Node, ports: Sequence[Port]) -> None:
+        self._node, self._ports = node, list(ports)
+        self.topics = [node.resolve_topic_name(port.topic) for port in ports]
+        self._publishers: list[Publisher] = []
 
     def claim(self) -> None:
-        """Be a publisher of the topic until `release`: other controllers see that it is taken.
+        """Be a publisher of the topics until `release`: other controllers see that they are taken.
 
         Two that do so at once are `rivals` afterwards.
 
@@ -67,42 +85,114 @@ class Commands:
         Error
             If nobody listens.
         """
-        if self._publisher is None:
-            if not self._node.count_subscribers(self.topic):
-                raise Error(f"activate: nobody listens on {self.topic}")
-            self._publisher = self._node.create_publisher(self._kind, self.topic, SENT)
+        if self._publishers:
+            return
+        for topic in self.topics:
+            if not self._node.count_subscribers(topic):
+                raise Error(f"activate: nobody listens on {topic}")
+        self._publishers = [
+            self._node.create_publisher(port.kind, topic, SENT)
+            for port, topic in zip(self._ports, self.topics, strict=True)
+        ]
 
     def release(self) -> None:
-        """Leave the topic to others, once all that was sent has arrived."""
-        if self._publisher is not None:
-            self._publisher.wait_for_all_acked(_FLUSH)
-            self._node.destroy_publisher(self._publisher)
-            self._publisher = None
+        """Leave the topics to others, once all that was sent has arrived."""
+        for publisher in self._publishers:
+            publisher.wait_for_all_acked(_FLUSH)
+            self._node.destroy_publisher(publisher)
+        self._publishers = []
 
     @property
-    def rivals(self) -> list[str]:
-        """Names of other nodes that publish on the topic."""
-        own = 1 if self._publisher is not None else 0
-        if self._node.count_publishers(self.topic) <= own:  # a tenth of the time that the names take
-            return []
-        names = publishers_of(self._node, self.topic)
-        if own and self._node.get_fully_qualified_name() in names:
-            names.remove(self._node.get_fully_qualified_name())
-        return names
+    def rivals(self) -> str:
+        """Who else publishes on one of the topics, in words; empty if nobody does."""
+        own = 1 if self._publishers else 0
+        for topic in self.topics:
+            if self._node.count_publishers(topic) <= own:  # a tenth of the time that the names take
+                continue
+            names = publishers_of(self._node, topic)
+            if own and self._node.get_fully_qualified_name() in names:
+                names.remove(self._node.get_fully_qualified_name())
+            return f"{', '.join(names)} publishes on {topic} too"
+        return ""
 
-    def send(self, position: NDArray[Any], rate: NDArray[Any]) -> None:
-        """Publish a position command (m,), rad or m, and its rate (m,), rad/s or m/s."""
-        if self._publisher is None:
-            return
-        if self._interface == "velocity":
-            message = Float64MultiArray(data=rate.tolist())
-        elif self._interface == "position":
-            message = Float64MultiArray(data=position.tolist())
-        else:  # without a stamp: from now on
-            point = JointTrajectoryPoint(positions=position.tolist(), velocities=rate.tolist())
-            point.time_from_start = self._period
-            message = JointTrajectory(joint_names=self._joints, points=[point])
-        self._publisher.publish(message)
+    def send(self, position: Array, rate: Array, measured: Array) -> None:
+        """Publish a position command and its rate, (m,), rad or m and rad/s or m/s, of a robot at measured (n,)."""
+        for port, publisher in zip(self._ports, self._publishers, strict=False):
+            publisher.publish(port.message(position, rate, measured))
+
+
+def joint_port(parts: RobotParts, interface: str, joints: Sequence[str], period: float) -> Port:
+    """Return where commands of joints go.
+
+    Parameters
+    ----------
+    parts
+        The robot.
+    interface
+        A key of `COMMANDS`.
+    joints
+        Names in messages, in the order of the robot's joints.
+    period
+        Time in which a trajectory's point is to be reached, s.
+    """
+    topic, kind = COMMANDS[interface]
+    soon, own = Duration(seconds=period).to_msg(), parts.joint_inputs
+
+    def message(position: Array, rate: Array, _: Array) -> Any:
+        if interface != "trajectory":
+            return Float64MultiArray(data=(rate if interface == "velocity" else position)[own].tolist())
+        # without a stamp: from now on
+        point = JointTrajectoryPoint(positions=position[own].tolist(), velocities=rate[own].tolist())
+        point.time_from_start = soon
+        return JointTrajectory(joint_names=list(joints), points=[point])
+
+    return Port(topic, kind, message)
+
+
+def base_port(parts: RobotParts, interface: str, node: Node, frame: str) -> Port:
+    """Return where commands of the base go.
+
+    Parameters
+    ----------
+    parts
+        The robot.
+    interface
+        A key of `BASE_COMMANDS`.
+    node, frame
+        Whose clock stamps them, and the frame of the base that they name, where they have stamps.
+
+    Raises
+    ------
+    ValueRangeError
+        If they are to be those of wheels, and the base has none that are known.
+    """
+    topic, kind = BASE_COMMANDS[interface]
+    if interface == "wheels":
+        check_wheels(parts)
+
+    def message(_: Array, rate: Array, measured: Array) -> Any:
+        if interface == "wheels":
+            body = parts.driven
+            assert isinstance(body, WholeBody)
+            return Float64MultiArray(data=body.wheel_speeds(rate)[parts.base_inputs].tolist())
+        ahead, left, turn = parts.base_twist(measured, rate)
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.angular.z = ahead, left, turn
+        if interface == "twist":
+            return twist
+        stamped = TwistStamped(twist=twist)
+        stamped.header.stamp, stamped.header.frame_id = node.get_clock().now().to_msg(), frame
+        return stamped
+
+    return Port(topic, kind, message)
+
+
+def check_wheels(parts: RobotParts) -> None:
+    """Refuse commands of wheels for a base without any that are known."""
+    if not isinstance(parts.base, DifferentialDrive):
+        raise ValueRangeError(
+            f"base interface: 'wheels' needs a differential drive; {parts.robot.name} has none: take 'twist'"
+        )
 
 
 def publishers_of(node: Node, topic: str) -> list[str]:

@@ -9,7 +9,6 @@ from typing import Literal
 
 import msgspec
 
-from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.laws import PreparedLaw
@@ -18,7 +17,7 @@ from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, Tw
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.ros2.robot_parts import RobotParts
 
 
 def silence(period: float) -> float:
@@ -48,13 +47,18 @@ class Loaded:
 
     @property
     def robot(self) -> Robot:
-        """The arm."""
+        """Of the spec: an arm, a mobile base, or both."""
         return self.case.scene.robot
 
     @property
     def period(self) -> float:
         """Control period, s."""
         return self.setting.spec.period
+
+    @cached_property
+    def parts(self) -> RobotParts:
+        """The robot as its topics see it."""
+        return RobotParts(self.robot)
 
     @property
     def payload(self) -> DeclaredPayload:
@@ -85,34 +89,33 @@ class Loaded:
     def limits_alone(self, interface: str) -> tuple[PreparedSupervisor, bool]:
         """Return a supervisor that only keeps velocity, acceleration and position limits, as a robot itself does.
 
-        The second is whether its inputs are counted from the measured joints.
+        Its inputs are those that the robot can follow: v and ω of drives. The second is whether they are counted from
+        the measured joints.
         """
         mode = self._mode(interface)
-        return self.supervisor.limits_alone().prepare(self.robot, self.period, mode), mode == "measured"
+        alone = self.supervisor.limits_alone().prepare(self.parts.driven, self.period, mode)
+        return alone, mode == "measured"
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
         return command_mode(self.case.plant) if interface != "velocity" else "integrated"
 
 
 def load(source: str | Path) -> Loaded:
-    """Load a spec that describes one run of an arm.
+    """Load a spec that describes one run of an arm, of a mobile base, or of arms on one.
 
     Raises
     ------
     Error
-        If something is missing, malformed or does not fit, or it describes several runs or a mobile base.
+        If something is missing, malformed or does not fit, or it describes several runs or several bases.
     """
     setting = prepare(source)
     case = setting.only_case(source, "a robot does one at a time")
-    robot = case.scene.robot
-    if base_coordinates(robot).any():
-        raise ShapeError(
-            f"robot: {robot.name} has a mobile base, and joint states say nothing of where that is"
-        )
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     supervisor = msgspec.structs.replace(
         supervisor,
         stale_after=supervisor.stale_after or silence(setting.spec.period),
         payload=supervisor.payload or DeclaredPayload(mass=0.0),  # has numbers to change
     )
-    return Loaded(setting, case, case.variant.law, supervisor, Speeds())
+    loaded = Loaded(setting, case, case.variant.law, supervisor, Speeds())
+    _ = loaded.parts  # which refuses several bases
+    return loaded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 
 NANOSECONDS = 1_000_000_000
+_MOST_TILT = math.radians(20.0)  # of a base that drives in a plane
 _UNIT = 0.01  # by which the norm of an orientation may be off
 
 
@@ -119,6 +121,71 @@ def twist_of(message: Any, frames: Sequence[str]) -> tuple[Array, Array, str]:
         raise RefusedError(f"twist: unknown frame '{frame}' (allowed: {', '.join(frames)})")
     v, w = message.twist.linear, message.twist.angular
     return numbers("twist.linear", [v.x, v.y, v.z], 3), numbers("twist.angular", [w.x, w.y, w.z], 3), frame
+
+
+def planar_pose_of(message: Any, frame: str) -> Array:
+    """Return x, y (m) and φ (rad, −π … π) of a ``nav_msgs/Odometry``, shape (3,), in its frame.
+
+    Raises
+    ------
+    RefusedError
+        If its frame is another one, its orientation is no unit quaternion or more than 20° off the plane, or a number
+        is not finite.
+    """
+    if message.header.frame_id != frame:
+        raise RefusedError(f"odometry: unknown frame '{message.header.frame_id}' (allowed: {frame})")
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    x, y, _ = numbers("odometry: position", [place.x, place.y, place.z], 3)
+    r = numbers("odometry: orientation", [turn.w, turn.x, turn.y, turn.z], 4)
+    norm = np.linalg.norm(r)
+    if abs(norm - 1) > _UNIT:
+        raise RefusedError(f"odometry: orientation: expected a unit quaternion, got norm {norm:.3g}")
+    up = 1.0 - 2.0 * (r[1] ** 2 + r[2] ** 2) / norm**2
+    if up < math.cos(_MOST_TILT):
+        raise RefusedError(
+            f"odometry: the base is tilted by {math.degrees(math.acos(max(up, -1.0))):.3g}°; at most "
+            f"{math.degrees(_MOST_TILT):g}° are a plane"
+        )
+    return np.array([x, y, 2.0 * math.atan2(r[3], r[0])])
+
+
+def deviation_of(message: Any) -> float:
+    """Return the standard deviation of a ``nav_msgs/Odometry`` in its worst direction of the plane, m.
+
+    A first entry of −1 says by convention that it is unknown: 0 is returned.
+
+    Raises
+    ------
+    RefusedError
+        If the covariance is none.
+    """
+    covariance = numbers("odometry: covariance", message.pose.covariance, 36).reshape(6, 6)
+    if covariance[0, 0] == -1.0:
+        return 0.0
+    plane = covariance[:2, :2]
+    least, most = np.linalg.eigvalsh(0.5 * (plane + plane.T))
+    if least < -_UNIT * max(most, 1e-9) or covariance[5, 5] < 0.0:
+        raise RefusedError("odometry: its covariance has negative eigenvalues")
+    return math.sqrt(max(most, 0.0))
+
+
+def planar_twist_of(message: Any, *, sideways: bool) -> tuple[float, float, float]:
+    """Return the velocity ahead and to the left, m/s, and the turning, rad/s, of a ``geometry_msgs/Twist``.
+
+    Raises
+    ------
+    RefusedError
+        If a number is not finite, or it asks for what the base cannot do.
+    """
+    v, w = message.linear, message.angular
+    linear = numbers("cmd_vel: linear", [v.x, v.y, v.z], 3)
+    angular = numbers("cmd_vel: angular", [w.x, w.y, w.z], 3)
+    asked = {"linear.y": linear[1] * (not sideways), "linear.z": linear[2], "angular.x": angular[0]}
+    asked["angular.y"] = angular[1]
+    for name, value in asked.items():
+        if value:
+            raise RefusedError(f"cmd_vel: {name}: the base cannot move so; expected 0, got {value:g}")
+    return float(linear[0]), float(linear[1]), float(angular[2])
 
 
 class Stamps:

@@ -22,6 +22,7 @@ _PACKAGES = (
     "sensor_msgs.msg",
     "trajectory_msgs.msg",
     "geometry_msgs.msg",
+    "nav_msgs.msg",
     "diagnostic_msgs.msg",
     "std_msgs.msg",
     "std_srvs.srv",

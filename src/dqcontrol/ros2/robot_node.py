@@ -1,13 +1,15 @@
-"""A simulated robot as a ROS 2 node: any plant of an arm, at the topics of ros2_control."""
+"""A simulated robot as a ROS 2 node: any plant, at the topics of ros2_control and of mobile bases."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -15,12 +17,32 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.live_plant import LivePlant, live_plant
+from dqcontrol.plants.plant import Plant
+from dqcontrol.robots import DifferentialDrive
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.interfaces import COMMANDS, JOINT_STATES, NEWEST, SENT, WRENCH, publishers_of
+from dqcontrol.ros2.interfaces import (
+    BASE_COMMANDS,
+    COMMANDS,
+    JOINT_STATES,
+    NEWEST,
+    ODOMETRY,
+    SENT,
+    WRENCH,
+    check_wheels,
+    publishers_of,
+)
 from dqcontrol.ros2.loading import Loaded
-from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, numbers, stamp_of, trajectory_point
+from dqcontrol.ros2.messages import (
+    NANOSECONDS,
+    RefusedError,
+    numbers,
+    planar_twist_of,
+    stamp_of,
+    trajectory_point,
+)
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
+from dqcontrol.ros2.robot_parts import RobotParts
 
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
@@ -31,10 +53,10 @@ _TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longe
 
 
 class RobotNode(Node):
-    """Moves a spec's plant in real time as commands say, and publishes its joint states, and its wrench if it has one.
+    """Moves a spec's plant in real time as commands say; publishes its joint states, and odometry and wrench if any.
 
-    Whatever arrives, the position command that reaches the plant keeps the supervisor's limits. Without commands for
-    ``command_timeout`` the robot brakes and holds.
+    Whatever arrives, the position command that reaches the plant keeps the supervisor's limits. Joints and base without
+    commands for ``command_timeout`` brake and hold.
 
     Parameters
     ----------
@@ -43,7 +65,9 @@ class RobotNode(Node):
     name
         Of the node.
     interface
-        What it takes: ``velocity``, ``position`` or ``trajectory``.
+        What its joints take: ``velocity``, ``position`` or ``trajectory``.
+    base_interface
+        What its mobile base takes: ``twist``, ``twist-stamped`` or ``wheels``.
     wrench_node
         Name of a node of its own that publishes the wrench; this node if omitted.
 
@@ -59,30 +83,35 @@ class RobotNode(Node):
         *,
         name: str = "robot",
         interface: str = "velocity",
+        base_interface: str = "twist",
         wrench_node: str | None = None,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        spec, robot, start = loaded.setting.spec, loaded.robot, loaded.case.scene.start
-        self._period, self._joints, self._interface = loaded.period, list(robot.joint_names), interface
+        self._parts = parts = loaded.parts
+        spec, robot, start = loaded.setting.spec, parts.driven, loaded.case.scene.start
+        self._period, self._joints, self._interface = loaded.period, parts.joint_names, interface
+        self._base_interface = base_interface
         self._supervisor, self._from_measured = loaded.limits_alone(interface)
         self._state = self._supervisor.start(start)
         self._warm_up(loaded)
         plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._plant = live_plant(plant)
-        self._asked: Array | None = None
-        self._heard, self._waits, self._fault, self._ticks = 0.0, _NO_COMMANDS, "", 0
+        self._waits, self._fault, self._ticks = _NO_COMMANDS, "", 0
         self._is_broken = False
         self._step, self._spread, self._has_missed = 0.0, 1.0, False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
+        self._was = self._plant.q.copy()
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
         words = "after which the robot brakes if no command comes, s"
         declare(self, [Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)])
         refuse_unknown(self, ["command_timeout"])
         on_change(self, lambda _: None, self._diagnostics.refuse)
-        topic, kind = COMMANDS[interface]
-        self._commands = self.create_subscription(kind, topic, self._hear, NEWEST)
-        self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT)
+        self._obeyed = {
+            name: Obeyed(self, *port, self._diagnostics.refuse) for name, port in self._ports().items()
+        }
+        self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
+        self._odometry = odometry_publisher(self, parts, loaded.case.plant) if parts.base else None
         self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._diagnostics.tell(
@@ -93,20 +122,35 @@ class RobotNode(Node):
 
     def _warm_up(self, loaded: Loaded) -> None:
         """Compile what a tick needs on another plant, gone before there is ours: one simulator may serve both."""
-        start, still = loaded.case.scene.start, np.zeros(loaded.robot.input_size)
-        loaded.case.plant.start(loaded.robot, start, loaded.period, 1, 0).step(still)
+        start, still = loaded.case.scene.start, np.zeros(loaded.parts.driven.input_size)
+        loaded.case.plant.start(loaded.parts.driven, start, loaded.period, 1, 0).step(still)
         self._supervisor.step(start, still, self._supervisor.start(start), 0.0, GO, still)
 
-    def _hear(self, message: Any) -> None:
-        try:
-            if self._interface == "trajectory":
-                asked = trajectory_point(message, self._joints)
-            else:
-                asked = numbers(self._interface, message.data, len(self._joints))
-        except RefusedError as error:
-            self._diagnostics.refuse(error)
-            return
-        self._asked, self._heard = asked, time.monotonic()
+    def _ports(self) -> dict[str, tuple[str, Any, Callable[[Any], Array]]]:
+        """Return by what they move the topics of commands, their types, and what reads them."""
+        ports: dict[str, tuple[str, Any, Callable[[Any], Array]]] = {}
+        if self._joints:
+            ports["joints"] = (*COMMANDS[self._interface], self._joint_command)
+        if self._parts.base:
+            if self._base_interface == "wheels":
+                check_wheels(self._parts)
+            ports["base"] = (*BASE_COMMANDS[self._base_interface], self._base_command)
+        return ports
+
+    def _joint_command(self, message: Any) -> Array:
+        if self._interface == "trajectory":
+            return trajectory_point(message, self._joints)
+        return numbers(self._interface, message.data, len(self._joints))
+
+    def _base_command(self, message: Any) -> Array:
+        """Return the inputs of the base that a command asks for, as it stands now."""
+        base = self._parts.base
+        if isinstance(base, DifferentialDrive) and self._base_interface == "wheels":
+            right, left = base.wheel_radius * numbers("wheels", message.data, 2)
+            return np.array([0.5 * (right + left), 0.5 * (right - left) / base.half_track])
+        twist = message.twist if self._base_interface == "twist-stamped" else message
+        asked = planar_twist_of(twist, sideways=not isinstance(base, DifferentialDrive))
+        return np.array(asked)
 
     def _tick(self) -> None:
         """Move the plant up to now, and say where it is."""
@@ -132,16 +176,16 @@ class RobotNode(Node):
         if stood_still:
             self._has_missed = True  # again: what was commanded meanwhile may be heard only now
         elif due and not self._waits:
-            self._step = float(np.abs(self._supervisor.rate(self._state)).max()) * self._period
+            rate = self._supervisor.rate(self._state)[self._parts.joint_inputs]
+            self._step = float(np.abs(rate).max(initial=0.0)) * self._period
 
     def _move(self) -> None:
         waits = self._why_wait()
-        if waits:
-            self._asked, self._has_missed = None, True
         self._before[:] = self._plant.measured
         self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
         if self._ticks and self._ticks % _NOISE_PERIODS == 0:
             self._plant.rewind()
+        self._was[:] = self._plant.q
         self._plant.step(self._input)
         self._ticks += 1
         if waits != self._waits:
@@ -153,25 +197,37 @@ class RobotNode(Node):
             self._diagnostics.alarm(f"motors off: {fault}")
 
     def _why_wait(self) -> str:
-        """Say why it does not move; empty if it does."""
-        if time.monotonic() - self._heard > number(self, "command_timeout"):
-            return _NO_COMMANDS
-        topic = self._commands.topic_name
-        if self.count_publishers(topic) > 1:
-            return f"several publish on {topic}: {', '.join(sorted(publishers_of(self, topic)))}"
-        return ""
+        """Forget commands that do not count; say why joints and base do not move, empty if they do."""
+        timeout, found = number(self, "command_timeout"), {}
+        for name, obeyed in self._obeyed.items():
+            if why := obeyed.why_not(timeout):
+                found[name], obeyed.asked = why, None
+                self._has_missed |= name == "joints"
+        if len(found) == len(self._obeyed) and len(set(found.values())) == 1:
+            return next(iter(found.values()))
+        return "; ".join(f"{name}: {why}" for name, why in found.items())
 
     @property
     def _state_in_words(self) -> str:
         return f"holds: {self._waits}" if self._waits else "moves"
 
     def _rates(self) -> Array:
-        """Return what the command asks of the joints, rad/s or m/s; without one, to stay where they were told to be."""
-        position = self._supervisor.position(self._state)
+        """Return what the commands ask for, rad/s or m/s; without one, joints stay where they were told to be."""
+        rates, parts = np.zeros(len(self._input)), self._parts
+        if "joints" in self._obeyed:
+            rates[parts.joint_inputs] = self._joint_rates(self._obeyed["joints"].asked)
+        if "base" in self._obeyed and (asked := self._obeyed["base"].asked) is not None:
+            is_twist = self._base_interface != "wheels"
+            rates[parts.base_inputs] = parts.base_rates(self._before, asked) if is_twist else asked
+        return rates
+
+    def _joint_rates(self, asked: Array | None) -> Array:
+        position = self._supervisor.position(self._state)[self._parts.joint_inputs]
         if self._interface == "velocity":
-            return np.zeros(len(position)) if self._asked is None else self._asked
-        goal = position if self._asked is None else self._asked
-        ahead = goal - self._before if self._from_measured else self._paced(goal - position)
+            return np.zeros(len(position)) if asked is None else asked
+        goal = position if asked is None else asked
+        from_measured = self._from_measured
+        ahead = goal - self._before[self._parts.joints] if from_measured else self._paced(goal - position)
         return ahead / self._period
 
     def _paced(self, ahead: Array) -> Array:
@@ -189,21 +245,87 @@ class RobotNode(Node):
 
     def _publish(self) -> None:
         stamp = self._origin + round(self._ticks * self._period * NANOSECONDS)
-        measured = self._plant.measured
-        velocity = (measured - self._before) / self._period
-        message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
-        message.effort = np.asarray(self._plant.effort, dtype=np.float64).tolist()
-        stamp_of(stamp, message.header.stamp)
-        self._joint_states.publish(message)
+        if self._odometry:
+            self._odometry(stamp, self._plant.measured, (self._plant.q - self._was) / self._period)
+        if self._joint_states:
+            own = self._parts.joints
+            measured = self._plant.measured[own]
+            velocity = (measured - self._before[own]) / self._period
+            message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
+            message.effort = np.asarray(self._plant.effort, dtype=np.float64).tolist()
+            stamp_of(stamp, message.header.stamp)
+            self._joint_states.publish(message)
         if self._wrench:
             self._wrench(stamp)
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         words = ", ".join(self._supervisor.reasons(self._state))
-        values = {"interface": self._interface, "limits": words or "no intervention", "periods": self._ticks}
+        interface = self._interface if self._joints else self._base_interface
+        values = {"interface": interface, "limits": words or "no intervention", "periods": self._ticks}
         if self._fault:
             return "error", f"{'broken' if self._is_broken else 'motors off'}: {self._fault}", values
         return "ok", self._state_in_words, values
+
+
+class Obeyed:
+    """A topic of commands that a robot obeys.
+
+    Attributes
+    ----------
+    asked
+        What the last one asks for; None if there is none that counts.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        kind: Any,
+        read: Callable[[Any], Array],
+        refuse: Callable[[object], None],
+    ) -> None:
+        self._node, self._read, self._refuse, self._heard = node, read, refuse, -np.inf
+        self.asked: Array | None = None
+        self.topic = node.create_subscription(kind, topic, self._hear, NEWEST).topic_name
+
+    def why_not(self, timeout: float) -> str:
+        """Say why nothing that was asked counts, with commands counting for some time, s; empty if it does."""
+        if time.monotonic() - self._heard > timeout:
+            return _NO_COMMANDS
+        if self._node.count_publishers(self.topic) > 1:
+            return (
+                f"several publish on {self.topic}: {', '.join(sorted(publishers_of(self._node, self.topic)))}"
+            )
+        return ""
+
+    def _hear(self, message: Any) -> None:
+        try:
+            asked = self._read(message)
+        except RefusedError as error:
+            self._refuse(error)
+            return
+        self.asked, self._heard = asked, time.monotonic()
+
+
+def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[[int, Array, Array], None]:
+    """Return what publishes where a base is, at a time in ns, for measured configuration and true rates, (n,) each."""
+    publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
+    position, angle = plant.base_errors()
+    message = Odometry(child_frame_id="base_link")
+    message.header.frame_id = "odom"
+    message.pose.covariance = np.diag([position**2] * 2 + [0.0] * 3 + [angle**2]).ravel()
+
+    def publish(stamp: int, measured: Array, rates: Array) -> None:
+        x, y, heading = measured[parts.place].tolist()
+        c, s = math.cos(heading), math.sin(heading)
+        stamp_of(stamp, message.header.stamp)
+        place, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
+        place.x, place.y, turn.w, turn.z = x, y, math.cos(0.5 * heading), math.sin(0.5 * heading)
+        vx, vy, twist.angular.z = rates[parts.place].tolist()
+        twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
+        publisher.publish(message)
+
+    return publish
 
 
 def wrench_publisher(node: Node, plant: LivePlant) -> Callable[[int], None] | None:

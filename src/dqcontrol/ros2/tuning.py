@@ -11,6 +11,7 @@ from msgspec import Struct
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.ros2.gain_check import check_stable
 from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.localisation import numbers_of_odometry
 from dqcontrol.ros2.parameters import Number
 
 T = TypeVar("T", bound=Struct)
@@ -40,6 +41,7 @@ def numbers_of(loaded: Loaded) -> list[Number]:
     """
     return [
         *_OWN,
+        *(numbers_of_odometry(loaded.period) if loaded.parts.base else ()),
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
         *_fields(_SUPERVISOR, loaded.supervisor, "of the supervisor; only while inactive"),
         *_fields(f"{_SUPERVISOR}payload.", loaded.payload, "of what it carries; only while inactive"),

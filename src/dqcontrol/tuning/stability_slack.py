@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError, ShapeError
-from dqcontrol.experiments.check import driven_model
+from dqcontrol.experiments.check import driven_model, with_observer
 from dqcontrol.experiments.prepared_experiment import PreparedRobot
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.laws import Law, PreparedLaw
@@ -57,6 +57,8 @@ class StabilityJudge:
             raise ShapeError(
                 f"tune.margin: cannot be judged, as the plant has {reason}; give margin: 0 to search without it"
             )
+        if spec.limits.compensation is not None:
+            return with_observer(model, spec.limits.compensation, self._scene.robot, spec.period)
         return model
 
     def slack(self, law: Law, prepared: PreparedLaw) -> Slack:

@@ -119,8 +119,8 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         By how much the loop's gain could at least be multiplied, of those that ``check`` judges; 0: is not judged.
     free
         By label of a law its parameters that are searched for: ``loop_gain`` (kT of the fastest loop),
-        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of
-        each law: its loop gain up to where the margin ends, and the integral's share, if it has an integral.
+        ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of each
+        law: its loop gain up to where the margin ends, and the integral's share, if it has an integral.
     references, starts, seeds
         What is searched on besides the spec's ``reference`` and ``start``; every law on all of it. Each start
         has all references.
@@ -178,7 +178,7 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         return math.fsum(weight * values[name] for name, weight in self.objectives.items())
 
 
-class _Tuned(msgspec.Struct):
+class _WithTune(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
 
 
@@ -227,7 +227,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
     plain = dict(data)
     block_data = {"tune": {**(plain.pop("tune", None) or {}), **changes}}
     plain.pop("learn", None)
-    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_Tuned))))
+    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_WithTune))))
     locate_files(plain, folder)
     identified = identified_file(plain, folder)
     spec = as_spec(where, plain, folder)
@@ -252,7 +252,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
 
 def _block(where: str, data: Any) -> TuneBlock:
     try:
-        block = convert(where, data, _Tuned).tune
+        block = convert(where, data, _WithTune).tune
         block.check()
     except FileFormatError:
         raise

@@ -64,11 +64,19 @@ class JerkLimits(Part, frozen=True, kw_only=True):
     angular_jerk: Annotated[float, Meta(gt=0, description="rad/s³")] | None = None
 
 
+class Preview(Part, frozen=True, kw_only=True):
+    """By how much twists come early and lead, for laws with feed-forward; see `dqcontrol.references.Previewed`."""
+
+    delay: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    lag: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    step: Annotated[float, Meta(gt=0, description="s")] | None = None
+
+
 class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
     """A reference; subclasses say which.
 
     The other keys modify it in this order: ``repeat``, one of ``ramp``, ``corner_stops`` and ``jerk_limits``,
-    ``transform``.
+    ``transform``, ``preview``.
     """
 
     start: StartPose = StartPose()
@@ -78,6 +86,7 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
     corner_stops: Annotated[float, Meta(gt=0, description="s")] | None = None
     jerk_limits: JerkLimits | None = None
     transform: Displacement | None = None
+    preview: Preview | None = None
 
     def build(self, hand: Array, folder: Path, where: str = "reference") -> shapes.Reference:
         """Return the reference.
@@ -129,6 +138,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             reference = shapes.Transformed(
                 reference, algebra.pose(_NO_TURN if turn is None else turn, position)
             )
+        if self.preview is not None:
+            reference = shapes.Previewed(reference, **msgspec.structs.asdict(self.preview))
         return reference
 
     def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:

@@ -24,7 +24,7 @@ from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files,
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
-from dqcontrol.laws import Law
+from dqcontrol.laws import Constraints, Law
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.laws.task_levels import FurtherTask, TaskPart
 from dqcontrol.limits import CommandLimits, Supervisor
@@ -250,7 +250,7 @@ class Spec(Part, frozen=True, kw_only=True):
     metrics_from
         ``"true"``: metrics are computed from the true joint angles; ``"measured"``: from those that the
         encoders gave, as on a real robot.
-    null_space
+    null_space, constraints
         Of all laws that name none.
     tasks
         What two arms or another tree are to do beside the law's task.
@@ -294,6 +294,7 @@ class Spec(Part, frozen=True, kw_only=True):
     metrics_from: MetricsFrom = "true"
     null_space: AnyNullSpace | None = None
     tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
+    constraints: Constraints | None = None
 
     @property
     def robot_by_label(self) -> dict[str, StartedRobotSpec]:
@@ -333,13 +334,17 @@ class Spec(Part, frozen=True, kw_only=True):
     @property
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
-        laws = {label: self._with_null_space(law) for label, law in self.law_by_label.items()}
+        laws = {label: self._completed(law) for label, law in self.law_by_label.items()}
         return variants(laws, self.parameter_sets, self.grids)
 
-    def _with_null_space(self, law: AnyLaw) -> AnyLaw:
-        if self.null_space is None or law.null_space is not None:
-            return law
-        return msgspec.structs.replace(law, null_space=self.null_space)
+    def _completed(self, law: AnyLaw) -> AnyLaw:
+        """Return a law with what the spec says of all laws."""
+        missing = {
+            key: getattr(self, key)
+            for key in ("null_space", "constraints")
+            if getattr(self, key) is not None and getattr(law, key) is None
+        }
+        return msgspec.structs.replace(law, **missing) if missing else law
 
     @property
     def keeps_records(self) -> bool:

@@ -1,5 +1,19 @@
-"""Programs with constraints: the solver, and levels of rows that give way."""
+"""Constraints around laws; programs with constraints, and levels of rows that give way."""
 
+from dqcontrol.laws.constrained.constraints import (
+    Angle,
+    BoxObstacle,
+    BoxZone,
+    CapsuleObstacle,
+    Constraints,
+    CylinderObstacle,
+    CylinderZone,
+    LineOfSight,
+    PlaneObstacle,
+    PlaneZone,
+    SphereObstacle,
+    SphereZone,
+)
 from dqcontrol.laws.constrained.programs import (
     LevelSolution,
     ProgramSolution,
@@ -7,4 +21,21 @@ from dqcontrol.laws.constrained.programs import (
     quadratic_program,
 )
 
-__all__ = ["LevelSolution", "ProgramSolution", "lexicographic_program", "quadratic_program"]
+__all__ = [
+    "Angle",
+    "BoxObstacle",
+    "BoxZone",
+    "CapsuleObstacle",
+    "Constraints",
+    "CylinderObstacle",
+    "CylinderZone",
+    "LevelSolution",
+    "LineOfSight",
+    "PlaneObstacle",
+    "PlaneZone",
+    "ProgramSolution",
+    "SphereObstacle",
+    "SphereZone",
+    "lexicographic_program",
+    "quadratic_program",
+]

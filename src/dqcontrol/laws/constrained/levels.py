@@ -266,12 +266,8 @@ def _set_objective(given, work, program, n, d):
             program.hessian[j, i] = value
 
 
-LEVELS = STATUS(READ, types.Array(types.intp, 1, "C", readonly=True), STATUS, STATUS, STATUS, STATUS, WRITE, WRITE,
-                types.Array(types.intp, 1, "C"))  # fmt: skip
-
-
-@kernel(LEVELS)
-def solve_levels(flat, levels, count, n, m, limit, memory, u, chosen):
+@shared
+def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
     """Solve a program whose rows give way level by level; return the status.
 
     The bounds of the inputs hold always. Of the rows, first the squares of the violations of level 0 are minimised,
@@ -331,3 +327,13 @@ def solve_levels(flat, levels, count, n, m, limit, memory, u, chosen):
     for k in range(n):
         u[k] = work.base[k]
     return answer
+
+
+LEVELS = STATUS(READ, types.Array(types.intp, 1, "C", readonly=True), STATUS, STATUS, STATUS, STATUS, WRITE, WRITE,
+                types.Array(types.intp, 1, "C"))  # fmt: skip
+
+
+@kernel(LEVELS)
+def solve_levels(flat, levels, count, n, m, limit, memory, u, chosen):
+    """Do what `solve_by_levels` does."""
+    return solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen)

@@ -35,7 +35,8 @@ INTERVENTIONS = "interventions"  # name of the signal in recordings
     FROZEN,
     EFFORT,
     CONTACT,
-) = (2**i for i in range(24))
+    BASE_JUMP,
+) = (2**i for i in range(25))
 
 REASONS = {
     VELOCITY: "velocity limit",
@@ -62,6 +63,7 @@ REASONS = {
     FROZEN: "measured joint frozen while commanded to move",
     EFFORT: "joint effort too large",
     CONTACT: "contact",
+    BASE_JUMP: "measured base jumped",
 }
 
 # Stop categories of IEC 60204-1. 0 removes the power at once: only the robot can, and says so by its fault. In the
@@ -81,6 +83,7 @@ _CATEGORIES = {
     FROZEN: 1,
     EFFORT: 1,
     CONTACT: 1,
+    BASE_JUMP: 1,
 }
 STOPS = sum(_CATEGORIES)
 

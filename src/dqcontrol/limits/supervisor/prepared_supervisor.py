@@ -16,7 +16,7 @@ from dqcontrol.robots.robot import Robot
 
 GO, END, STOP, RESET, FINISH = layout.GO, layout.END, layout.STOP_NOW, layout.RESET, layout.FINISH
 
-_START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
+START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
 _NOTHING: Array = np.zeros(0)
 
 
@@ -97,7 +97,7 @@ class PreparedSupervisor:
         if measured.ndim != 1:
             raise ShapeError(f"q: expected one configuration, got shape {measured.shape}")
         position = measured[self.robot.input_coordinates]
-        outside = (position < bounds.lower - _START_TOLERANCE) | (position > bounds.upper + _START_TOLERANCE)
+        outside = (position < bounds.lower - START_TOLERANCE) | (position > bounds.upper + START_TOLERANCE)
         if outside.any():
             i = int(outside.argmax())
             raise ValueRangeError(

@@ -99,6 +99,9 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Measured speed of a joint, smoothed over 20 ms, that stops: in velocity limits, and 0.1 rad/s or m/s more.
     jump
         Way of a measured joint beyond what that speed allows, at which a sample is bad, rad or m.
+    base_jump
+        Way of a measured mobile base beyond what its speed allows, at which a sample is bad: of x and y, m, and of its
+        heading, rad. Corrections of a localisation are to be below it.
     frozen_after
         Time that a measured joint may stay the same number while it is told to move by more than 0.02 rad or m, s; five
         periods at least.
@@ -140,6 +143,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     measured_tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
     overspeed: Annotated[float, Meta(gt=0, description="velocity limits")] = 1.5
     jump: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
+    base_jump: Annotated[float, Meta(ge=0, description="m and rad")] = 0.2
     frozen_after: Annotated[float, Meta(gt=0, description="s")] = 0.1
     effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
     contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
@@ -168,6 +172,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
             measured_tolerance=_NEVER,
             overspeed=_NEVER,
             jump=_NEVER,
+            base_jump=_NEVER,
             frozen_after=_NEVER,
         )
 
@@ -259,6 +264,7 @@ class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         head[layout.JOINT_TOLERANCE] = head[layout.HAND_TOLERANCE] + margin
         head[layout.OVERSPEED] = self._number("overspeed")
         head[layout.JUMP] = self._number("jump", zero_allowed=True)
+        head[layout.LONGEST_BASE_JUMP] = self._number("base_jump", zero_allowed=True)
         head[layout.FROZEN_AFTER] = max(self._number("frozen_after"), _FROZEN_PERIODS * dt)
         head[layout.HAND_SPEED_LIMIT] = self._number("hand_speed")
         head[layout.HAND_ACCELERATION_LIMIT] = self._number("hand_acceleration")

@@ -6,6 +6,7 @@ import math
 
 from dqcontrol.compiled.compile import inline
 from dqcontrol.limits.supervisor.interventions import (
+    BASE_JUMP,
     COMMAND,
     CONTACT,
     EFFORT,
@@ -38,6 +39,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     HOLDING,
     JOINT_TOLERANCE,
     LATENESS,
+    LONGEST_BASE_JUMP,
     LONGEST_STEP,
     MODE,
     PAYLOAD_CENTER,
@@ -82,19 +84,25 @@ def _watch_time(elapsed, bounds, memory):
 
 
 @inline
-def _is_plausible(measured, passed, bounds, memory):
-    """Return whether all joints can have come where they are said to be since the last good measurement."""
+def _watch_ways(measured, passed, bounds, memory):
+    """Return what jumped: cannot have come where it is said to be since the last good measurement.
+
+    The coordinate y of a drive has no input of its own: it moves no faster than x.
+    """
     head, numbers = bounds.head, memory.numbers
     numbers[SILENT] += passed
-    plausible = True
+    jumped = 0
     for i in range(bounds.is_joint.shape[0]):
-        if bounds.is_joint[i] != 0.0:
-            j = int(bounds.coordinate[i])
-            way = abs(measured[j] - memory.good[j])
-            fastest = max(head[OVERSPEED_SHARE], 1.0) * max(bounds.velocity[i], abs(memory.sent_rate[i]))
-            farthest = fastest * numbers[SILENT] + head[JUMP_LIMIT]
-            plausible = plausible and way <= farthest
-    return plausible
+        is_joint, j = bounds.is_joint[i] != 0.0, int(bounds.coordinate[i])
+        way = abs(measured[j] - memory.good[j])
+        fastest = max(head[OVERSPEED_SHARE], 1.0) * max(bounds.velocity[i], abs(memory.sent_rate[i]))
+        farthest = fastest * numbers[SILENT] + (head[JUMP_LIMIT] if is_joint else head[LONGEST_BASE_JUMP])
+        for k in range(bounds.drives.shape[0]):
+            if j == int(bounds.drives[k, 0]):
+                way = max(way, abs(measured[j + 1] - memory.good[j + 1]))
+        if not way <= farthest:
+            jumped |= JUMP if is_joint else BASE_JUMP
+    return jumped
 
 
 @inline
@@ -203,12 +211,12 @@ def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memo
     for i in range(wrench.shape[0]):
         seen = seen and math.isfinite(wrench[i])
     wrong = 0
-    plausible = _is_plausible(measured, passed, bounds, memory) if seen else True
+    jumped = _watch_ways(measured, passed, bounds, memory) if seen else 0
     if not seen:
         numbers[SILENT] += passed
         wrong = MEASUREMENT
-    elif not plausible:
-        wrong = JUMP
+    elif jumped:
+        wrong = jumped
     else:
         fault |= _watch_joints(chain, measured, age, passed, bounds, memory, scratch)
         fault |= _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch)

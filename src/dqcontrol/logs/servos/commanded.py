@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,14 +11,17 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError
-from dqcontrol.logs.servos.joint_fit import MOST_DELAY, Segment
+from dqcontrol.logs.servos.joint_fit import Segment
 from dqcontrol.logs.servos.lag_response import held, joined
+from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 
 Mode = Literal["positions", "integrated", "measured"]
 
 _FEW = 5.5  # periods: commands that are missing for less are joined linearly
 _LEAST_SAMPLES = 40
 _COPY = 1e-9  # rad or m
+_MOVED = 1e-3  # rad or m, a joint that moves
+_DEGREES, _NEAR = 180 / np.pi, 0.25  # a factor between columns, and how near to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,17 +86,33 @@ class CommandedLog:
             found = [each._replace(torque=None) for each in found]
         return found
 
-    def check(self) -> None:
-        """Raise `FileFormatError` where what is called a command is none."""
-        if self.are_positions and len(self.time) == len(self.command_time):
-            moving = np.ptp(self.q, axis=0) > _COPY
-            same = np.abs(self.q - self.command).max(axis=0) < _COPY
-            if moving.any() and same[moving].all():
-                raise FileFormatError(
-                    f"{self.path}: the commanded positions are a copy of the measured ones; give those that were sent"
-                )
+    def check(self, names: Sequence[str]) -> None:
+        """Raise `FileFormatError` where what is called a command of a joint is none, or its unit is another one."""
         if (np.ptp(self.command, axis=0) < _COPY).all():
             raise FileFormatError(f"{self.path}: no command ever changes: nothing can be told of the servos")
+        if not self.are_positions:
+            return
+        for i, name in enumerate(names):
+            moved, asked = float(np.ptp(self.q[:, i])), float(np.ptp(self.command[:, i]))
+            if len(self.time) == len(self.command_time) and moved > _COPY:
+                away = np.abs(self.q[:, i] - self.command[:, i]).max()
+                if away < _COPY:
+                    raise FileFormatError(
+                        f"{self.path}: {name}: the commanded positions are a copy of the measured ones, in all "
+                        f"{len(self.time)} samples; give those that were sent"
+                    )
+            ratio = asked / moved if moved > _MOVED else 0.0
+            for factor, units in (
+                (_DEGREES, "degrees beside radians"),
+                (1 / _DEGREES, "radians beside degrees"),
+            ):
+                if abs(ratio / factor - 1) < _NEAR:
+                    k = int(np.argmax(np.abs(self.command[:, i])))
+                    raise FileFormatError(
+                        f"{self.path}: {name}: its commands move {ratio:.3g} times as far as it does, as "
+                        f"{self.command[k, i]:.4g} at {self.command_time[k]:.4g} s: {units}? name the units behind "
+                        "the columns, as r1 [deg]"
+                    )
 
 
 def _completed(times: Array, values: Array, period: float) -> tuple[Array, Array]:

@@ -10,23 +10,23 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-import yaml
 
-from dqcontrol.algebra import rotation, translation
+from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.logs.servos.encoder_noise import QUANTUM
-from dqcontrol.logs.servos.joint_fit import MOST_DELAY, NORMAL_95
+from dqcontrol.logs.servos.joint_fit import NORMAL_95
+from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
+from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.references.points_file import POSITION, QUATERNION
 from dqcontrol.robots import Robot, SerialArm, load_robot
 
 Signal = Literal["zigzag", "multisine", "chirp"]
 
 SIGNALS: tuple[Signal, ...] = ("zigzag", "multisine", "chirp")
-MOTION, HAND, SPEC = "motion.csv", "hand.csv", "excite.yaml"
+SPEC = "excite.yaml"
 
 _REST = 0.5  # s before and behind
 _TOGETHER = 0.35  # of the time, in which all joints move together
@@ -35,7 +35,6 @@ _LINES = 12  # frequencies of a multisine
 _LOWEST, _HIGHEST = 0.15, 4.0  # Hz
 _SMOOTH = 0.04  # s over which jumps of the acceleration are spread
 _LEAST_SHARE = 1e-3
-_HAND_STEP = 0.02  # s between the poses of the hand's reference
 _TRADED, _UNSURE = 0.9, 0.15
 
 
@@ -158,27 +157,10 @@ class Excitation:
         if not force:
             check_new(folder, force=False)
         folder.mkdir(parents=True, exist_ok=True)
-        _write_table(folder / MOTION, ["time", *self.robot.joint_names], np.column_stack([self.time, self.q]))
-        step = max(round(_HAND_STEP / self.period), 1)
-        rows = np.append(np.arange(0, len(self.time) - 1, step), len(self.time) - 1)
-        poses = self.robot.fkm(self.q[rows])
-        hand = np.column_stack([self.time[rows], translation(poses), rotation(poses)])
-        _write_table(folder / HAND, ["time", *POSITION, *QUATERNION], hand)
-        source, base_link, tip_link = self.robot.origin or (self.robot.name, None, None)
-        ends = {key: value for key, value in (("base_link", base_link), ("tip_link", tip_link)) if value}
         lag, delay, noise = self.assumed
-        spec = {
-            "name": "excite",
-            "robot": {"source": source} | ends if ends else source,
-            "start": [round(float(value), 9) for value in self.q[0]],
-            "period": self.period,
-            "reference": {"kind": "points", "file": HAND},
-            "law": {"kind": "joint-motion", "file": MOTION},
-            "plant": {"kind": "servo", "time_constant": lag, "delay": delay, "encoder_noise": noise},
-        }
-        text = yaml.safe_dump(spec, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
-        head = "# A motion for dqcontrol identify; the plant is assumed, put your own in its place.\n"
-        (folder / SPEC).write_text(head + text, encoding="utf-8")
+        plant = {"kind": "servo", "time_constant": lag, "delay": delay, "encoder_noise": noise}
+        note = "A motion for dqcontrol identify; the plant is assumed, put your own in its place."
+        write_joint_motion(folder / SPEC, self.robot, self.time, self.q, self.q[0], plant, note)
         return folder
 
 
@@ -268,7 +250,7 @@ def excite(
     moves = _motion(np.random.default_rng(seed), signal, together, round(duration / period), period, bounds)
     share = _share_in(arm, middle, moves, workspace)
     q = middle + share * moves
-    time = period * np.arange(len(q))
+    time = _grid(len(q), period)
     usual = math.hypot(as_positive("noise", noise, zero_allowed=True), resolution * QUANTUM)
     assumed = as_positive("lag", lag), as_positive("delay", delay, zero_allowed=True), usual
     expected = tuple(_expected(arm.joint_names[i], time, q[:, i], assumed, period) for i in range(n))
@@ -350,7 +332,7 @@ def _move(way: float, speed: float, acceleration: float, period: float) -> Array
 
 def _multisine(rng: np.random.Generator, count: int, period: float, bounds: Array, i: int, n: int) -> Array:
     """Return sines, amplitudes as 1/f; lines of joint i of n lie between those of the others."""
-    time = period * np.arange(count)
+    time = _grid(count, period)
     top = min(_HIGHEST, 0.2 / period)
     frequency = np.geomspace(_LOWEST, top, _LINES * n)[i::n]
     phase = rng.uniform(0, 2 * math.pi, len(frequency))
@@ -360,13 +342,17 @@ def _multisine(rng: np.random.Generator, count: int, period: float, bounds: Arra
 
 def _chirp(rng: np.random.Generator, count: int, period: float, bounds: Array, i: int, n: int) -> Array:
     """Return a sine whose frequency grows from line to line, its amplitude as its bounds allow at each frequency."""
-    time = period * np.arange(count)
+    time = _grid(count, period)
     length, top = max(time[-1], period), min(_HIGHEST, 0.2 / period)
     ratio = math.log(top / _LOWEST)
     phase = 2 * math.pi * _LOWEST * length / ratio * np.expm1(ratio * time / length)
     rate = 2 * math.pi * _LOWEST * np.exp(ratio * time / length)
     size = np.minimum(np.minimum(bounds[0], bounds[1] / rate), bounds[2] / rate**2)
     return size * np.sin(phase + 2 * math.pi * i / n) * _swell(time)
+
+
+def _grid(count: int, period: float) -> Array:
+    return period * np.arange(count, dtype=np.float64)
 
 
 def _swell(time: Array) -> Array:
@@ -438,7 +424,3 @@ def _expected(
         correlation=correlation,
         is_enough=bool(enough),
     )
-
-
-def _write_table(path: Path, names: list[str], rows: Array) -> None:
-    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")

@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,24 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
-from dqcontrol.logs.joint_messages import read_targets
-from dqcontrol.logs.joint_table import Angles
+from dqcontrol.logs.joint_messages import is_recording, read_targets
+from dqcontrol.logs.joint_table import Angles, column_names
 from dqcontrol.logs.servos.commanded import CommandedLog, Mode
+from dqcontrol.logs.servos.joint_fit import fit, thinned
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
+from dqcontrol.logs.servos.twin import Twin, save_twin
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot
 
+_MODE_SAMPLES, _MOVED = (
+    1500,
+    1e-3,
+)  # samples that tell what velocities mean; rad or m that a joint must be told to move
+_WHOLE, _EXPLAINED = (
+    (0.7, 1.4),
+    0.3,
+)  # gains of joints that go as far as told; share of the motion that may be left
 _RIGID = 1e9  # N·m/rad: the stiffness of joints without sag
 _LEAST_COMPLIANCE = 1e-9
 IDENTIFICATION, PLANT = "identification.json", "plant.yaml"
@@ -52,6 +62,8 @@ class Identification:
         One a joint, in the robot's order.
     notes
         What was found out about the logs on reading them.
+    first_log, arm
+        What `save_twin` runs.
 
     Examples
     --------
@@ -66,6 +78,8 @@ class Identification:
     period: float
     joints: tuple[JointIdentification, ...]
     notes: tuple[str, ...] = ()
+    first_log: CommandedLog | None = field(default=None, repr=False, compare=False)
+    arm: Robot | None = field(default=None, repr=False, compare=False)
 
     def __repr__(self) -> str:
         return f"Identification({self.robot!r}, {len(self.fitted)} of {len(self.joints)} joints)"
@@ -85,12 +99,17 @@ class Identification:
     @cached_property
     def table(self) -> Table:
         """One row a joint."""
-        columns = [Column("joint"), *(Column(*heading) for heading, _ in _SHOWN)]
+
+        def has_any(value: Callable[[JointIdentification], float]) -> bool:
+            return any(math.isfinite(value(joint)) for joint in self.fitted)
+
+        shown = [each for each in _SHOWN if each[0][0] in _ALWAYS or has_any(each[1])]
+        columns = [Column("joint"), *(Column(*heading) for heading, _ in shown)]
         rows: list[list[Cell]] = []
         for each in self.joints:
-            numbers: list[Cell] = ["refused", *[None] * (len(_SHOWN) - 1)]
+            numbers: list[Cell] = ["refused", *[None] * (len(shown) - 1)]
             if each.status == "fitted":
-                values = [value(each) for _, value in _SHOWN]
+                values = [value(each) for _, value in shown]
                 numbers = [value if math.isfinite(value) else None for value in values]
             rows.append([each.name, *numbers])
         return Table(columns, rows, f"{self.robot}: servos behind {_WORDS[self.mode]}")
@@ -105,6 +124,8 @@ class Identification:
     def plant(self) -> Servo:
         """Return the servos as a plant; refused joints get the medians of the others.
 
+        Of ambiguous joints lag and delay together are known: their lag is what the median delay leaves of that.
+
         Raises
         ------
         ValueRangeError
@@ -115,24 +136,39 @@ class Identification:
                 "identification: no joint could be identified, so there is no plant; see the reasons"
             )
 
-        def each(field: str) -> list[float]:
-            usual = float(np.median([getattr(joint, field) for joint in self.fitted]))
+        def usual(field: str) -> float:
+            return float(np.median([getattr(joint, field) for joint in self.fitted]))
+
+        def each(field: str, of_refused: Callable[[JointIdentification], float]) -> list[float]:
             return [
-                round(float(getattr(joint, field)) if joint.status == "fitted" else usual, 9)
+                round(float(getattr(joint, field) if joint.status == "fitted" else of_refused(joint)), 9)
                 for joint in self.joints
             ]
+
+        def delay(joint: JointIdentification) -> float:
+            return min(usual("delay"), joint.late) if math.isfinite(joint.late) else usual("delay")
+
+        def lag(joint: JointIdentification) -> float:
+            return joint.late - delay(joint) if math.isfinite(joint.late) else usual("lag")
 
         sags = [joint.sag if joint.sag > _LEAST_COMPLIANCE else 0.0 for joint in self.joints]
         sagging: dict[str, Any] = {}
         if any(sags):
             sagging = {"sag": 1.0, "stiffness": [float(f"{1 / sag:.6g}") if sag else _RIGID for sag in sags]}
+        of_second: dict[str, Any] = {}
+        if any(joint.order == 2 for joint in self.fitted):
+            of_second["bandwidth"] = [_known(joint.bandwidth, 0.0) for joint in self.joints]
+            of_second["damping_ratio"] = [_known(joint.damping_ratio, 1.0) for joint in self.joints]
+        if any(joint.friction for joint in self.fitted):
+            of_second["friction"] = [round(joint.friction, 9) for joint in self.joints]
         return Servo(
             command_mode="measured" if self.mode == "measured" else "integrated",
-            time_constant=each("lag"),
-            delay=each("delay"),
-            gain=each("gain"),
-            encoder_resolution=each("resolution"),
-            encoder_noise=each("noise"),
+            time_constant=each("lag", lag),
+            delay=each("delay", delay),
+            **of_second,
+            gain=each("gain", lambda _: usual("gain")),
+            encoder_resolution=each("resolution", lambda _: usual("resolution")),
+            encoder_noise=each("noise", lambda _: usual("noise")),
             **sagging,
         )
 
@@ -144,7 +180,14 @@ class Identification:
             "mode": self.mode,
             "period": self.period,
             "notes": list(self.notes),
-            "joints": [_jsonable(asdict(each)) for each in self.joints],
+            "joints": [
+                {
+                    each.name: _jsonable(getattr(joint, each.name))
+                    for each in fields(joint)
+                    if each.name != "trace"
+                }
+                for joint in self.joints
+            ],
         }
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
@@ -173,6 +216,25 @@ class Identification:
         else:
             (folder / PLANT).unlink(missing_ok=True)
         return folder
+
+    def save_twin(self, folder: str | Path) -> Twin:
+        """Run the commands of the first log on the identified servos, and save log and twin as runs.
+
+        Parameters
+        ----------
+        folder
+            As it was given to `save`; takes ``log`` and ``twin``, which ``dqcontrol compare`` and ``view`` read.
+
+        Raises
+        ------
+        ValueRangeError
+            If no joint was identified.
+        """
+        folder = Path(folder)
+        self.plant()
+        if self.first_log is None or self.arm is None or not (folder / PLANT).is_file():
+            raise ValueRangeError(f"folder: {folder} has no {PLANT}; save the identification there first")
+        return save_twin(self.first_log, self.arm, self.mode, folder)
 
     def plant_text(self) -> str:
         """Return the plant as the text of a file that specs name: ``plant: {kind: servo, file: plant.yaml}``."""
@@ -204,14 +266,18 @@ _SHOWN: list[tuple[tuple[str, str, str], Callable[[JointIdentification], float]]
     (("± 95 %", "ms", ".2g"), lambda joint: 1e3 * (joint.lag_interval[1] - joint.lag)),
     (("delay", "ms", ".4g"), lambda joint: 1e3 * joint.delay),
     (("± 95 %", "ms", ".2g"), lambda joint: 1e3 * (joint.delay_interval[1] - joint.delay)),
+    (("ω", "rad/s", ".4g"), lambda joint: joint.bandwidth),
+    (("ζ", "", ".3f"), lambda joint: joint.damping_ratio),
     (("correlation", "", ".3f"), lambda joint: joint.correlation),
     (("gain", "", ".4f"), lambda joint: joint.gain),
     (("sag", "mrad/(N·m)", ".3g"), lambda joint: 1e3 * joint.sag),
+    (("play", "mrad", ".2g"), lambda joint: 1e3 * joint.friction or math.nan),
     (("step", "mrad", ".3g"), lambda joint: 1e3 * joint.resolution),
     (("noise", "mrad", ".2g"), lambda joint: 1e3 * joint.noise),
     (("left, checked", "mrad", ".2g"), lambda joint: 1e3 * joint.residual),
     (("floor", "mrad", ".2g"), lambda joint: 1e3 * joint.floor),
 ]  # columns of the table, and what stands in them
+_ALWAYS = ("lag", "± 95 %", "delay")
 _WORDS = {
     "positions": "commanded positions",
     "integrated": "commanded velocities, added up",
@@ -283,6 +349,7 @@ def identify(
             targets=targets,
             missing="skip",
         )
+        _check_joints(path, arm)
         notes += [f"{path.name}: {note}" for note in data.notes]
         commanded.append(_commanded(data, joints or arm.joint_names, target_topic))
     if len({each.are_positions for each in commanded}) > 1:
@@ -290,12 +357,30 @@ def identify(
             f"{paths[0]}: holds other commands than {paths[1]}; give logs with positions, or with velocities"
         )
     for each in commanded:
-        each.check()
+        each.check(arm.joint_names)
     period = float(np.median([each.period for each in commanded]))
     torques = [arm.gravity_torque(each.q) if arm.inertia is not None else None for each in commanded]
-    tried = {mode: _identified(arm, commanded, mode, torques, period) for mode in commanded[0].modes}
+    modes: tuple[Mode, ...] = commanded[0].modes
+    if "integrated" in modes and all(_adds_up(each) for each in commanded):
+        modes = ("integrated",)
+    tried: dict[Mode, list[JointIdentification]] = {
+        mode: _identified(arm, commanded, mode, torques, period) for mode in modes
+    }
     mode = _best_mode(tried)
-    return Identification(arm.name, tuple(paths), mode, period, tuple(tried[mode]), tuple(notes))
+    return Identification(
+        arm.name, tuple(paths), mode, period, tuple(tried[mode]), tuple(notes), commanded[0], arm
+    )
+
+
+def _check_joints(path: Path, arm: Robot) -> None:
+    """Raise if a table has a column of a joint that the robot has not."""
+    if is_recording(path):
+        return
+    more = f"q{arm.configuration_size + 1}"
+    if more in column_names(path, [more]):
+        raise FileFormatError(
+            f"{path}:1: column {more}: {arm.name} has {arm.configuration_size} joints; is this another robot's log?"
+        )
 
 
 def _commanded(data: JointLog, names: Sequence[str], target_topic: str | None) -> CommandedLog:
@@ -336,6 +421,24 @@ def _identified(
     return found
 
 
+def _adds_up(logged: CommandedLog) -> bool:
+    """Whether most joints that are told to move go as far as their velocities add up to: then targets grow.
+
+    Targets that begin at the measured position explain any joint well, as all that is to be told is one period; but the
+    lags of servos let their joints move by a small share of such targets.
+    """
+    good, moved = 0, 0
+    for joint in range(logged.q.shape[1]):
+        segments = thinned(logged.segments(joint, "integrated", None), _MODE_SAMPLES)
+        if not segments or np.ptp(np.concatenate([each.target.values for each in segments])) < _MOVED:
+            continue
+        moved += 1
+        found = fit(segments, logged.period)
+        spread = float(np.std(np.concatenate([each.positions for each in segments])))
+        good += _WHOLE[0] < found.gain < _WHOLE[1] and found.rms < _EXPLAINED * spread
+    return good > moved / 2
+
+
 def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
     """Return the mode that leaves least of most joints that every mode explains, or else that explains most joints.
 
@@ -351,6 +454,10 @@ def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
         least = np.min([each[both] for each in left.values()], axis=0)
         return max(modes, key=lambda mode: int((left[mode][both] == least).sum()))
     return max(modes, key=lambda mode: int(np.isfinite(left[mode]).sum()))
+
+
+def _known(value: float, otherwise: float) -> float:
+    return round(value, 9) if math.isfinite(value) else otherwise
 
 
 def _jsonable(value: Any) -> Any:

@@ -1,42 +1,44 @@
-"""Lag, delay, gain, offset and sag of one joint by separable least squares.
+"""The servo of one joint by separable least squares.
 
-y(t) = g F[r(t − D)] + b + c₀ exp(−t/τ) − s F[τ_g], F a first-order lag τ: for each (τ, D) all others are linear
-(variable projection; the Jacobian is Kaufman's). Intervals are those of the sandwich with Bartlett weights, as
-residuals of encoders and of models that are a little wrong are not white.
+y(t) = g F[r(t − D)] + b + transients − s F[τ_g], F of first order (τ) or second (ω, ζ): for each of these numbers all
+others are linear (variable projection; the Jacobian is Kaufman's), and Levenberg and Marquardt's steps find the rest.
+Intervals are those of the sandwich with Bartlett weights, as residuals of encoders and of models that are a little
+wrong are not white.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from dqcontrol.arrays import Array
-from dqcontrol.logs.servos.lag_response import (
-    BY_DELAY,
-    BY_LAG,
-    OUTPUT,
-    TRANSIENT,
-    PiecewiseLinear,
-    lag_response,
-)
+from dqcontrol.logs.servos.lag_response import PiecewiseLinear
+from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, SECOND_ORDER, ServoOrder
 
-LEAST_LAG, MOST_LAG, MOST_DELAY = 2e-4, 2.0, 0.3  # s
 NORMAL_95 = 1.96
 _GRID_LAGS = np.geomspace(2e-3, 0.8, 11)
 _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
-_GRID_SAMPLES, _START_SAMPLES = 1200, 5000
+_GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3
+_ITERATIONS = 60
+_CLOSE = 1.02  # times the least sum of squares of a part of the samples, one that may be less of all
+_SHARES = (
+    0.3,
+    0.6,
+    0.9,
+)  # of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
+_BEGIN_DAMPINGS = (0.5, 1.0)
 
 
 class Segment(NamedTuple):
     """Part of a log of one joint without a break: what it was told, and what it did at which times.
 
-    ``torque`` is the gravity torque at each of ``times``, N·m or N; None without sag.
+    ``torque`` is the gravity torque over time, N·m or N; None without sag.
     """
 
     target: PiecewiseLinear
@@ -51,42 +53,103 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """What was found. Covariance in the order lag, delay, gain, then sag if there is one, then offsets."""
+    """What was found.
 
-    lag: float
-    delay: float
+    Attributes
+    ----------
+    kind
+        Of the servo.
+    values
+        Its numbers, see `ServoOrder`.
+    gain, sag, offset
+        g, s and b, that of all segments on average.
+    factors
+        Of all columns.
+    covariance
+        Of the values, then of the factors: gain, sag if there is one, offsets and transients.
+    residual, output
+        At all samples.
+    likelihood
+        Logarithm of it, if the fit is by `encoder_cells`.
+    """
+
+    kind: ServoOrder
+    values: Array
     gain: float
     sag: float
     offset: float
+    factors: Array
     covariance: Array
     residual: Array
     output: Array
+    likelihood: float = math.nan
 
     @property
     def rms(self) -> float:
         """Of the residual, rad or m."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
+    @property
+    def lag(self) -> float:
+        """τ, or 2ζ/ω, s."""
+        return self.kind.lag(self.values)[0]
+
+    @property
+    def delay(self) -> float:
+        """D, s."""
+        return float(self.values[-1])
+
     def error(self, which: int) -> float:
-        """Return a standard error."""
+        """Return the standard error of a number, or of a factor after these."""
         return math.sqrt(max(self.covariance[which, which], 0.0))
+
+    @cached_property
+    def _of_lag(self) -> tuple[float, float]:
+        """Return the standard error of the lag, and its covariance with the delay."""
+        k, slopes = len(self.values), self.kind.lag(self.values)[1]
+        part = self.covariance[:k, :k]
+        return math.sqrt(max(float(slopes @ part @ slopes), 0.0)), float(slopes @ part[:, -1])
+
+    @property
+    def lag_error(self) -> float:
+        """Standard error, s."""
+        return self._of_lag[0]
+
+    @property
+    def delay_error(self) -> float:
+        """Standard error, s."""
+        return self.error(len(self.values) - 1)
+
+    @property
+    def gain_error(self) -> float:
+        """Standard error."""
+        return self.error(len(self.values))
+
+    @property
+    def sag_error(self) -> float:
+        """Standard error; of a fit with sag."""
+        return self.error(len(self.values) + 1)
 
     @property
     def correlation(self) -> float:
         """Of lag and delay."""
-        sizes = self.error(0) * self.error(1)
-        return float(self.covariance[0, 1] / sizes) if sizes else 0.0
+        sizes = self.lag_error * self.delay_error
+        return self._of_lag[1] / sizes if sizes else 0.0
 
 
-class _Linear(NamedTuple):
-    """The columns (N, p) at some lag and delay, by these (N,), the factors of the columns, and what is left."""
+class Columns(NamedTuple):
+    """The linear problem at some numbers: columns (N, p), slopes (N, k) of the output, factors (p,), residual (N,)."""
 
     columns: Array
-    by_lag: Array
-    by_delay: Array
+    slopes: Array
     basis: Array
     factors: Array
     residual: Array
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares that is left."""
+        return float(self.residual @ self.residual)
 
 
 def fit(segments: list[Segment], period: float, near: Fit | None = None) -> Fit:
@@ -99,82 +162,86 @@ def fit(segments: list[Segment], period: float, near: Fit | None = None) -> Fit:
     period
         Median time between commands, s: minima may hide beside whole periods.
     near
-        A fit of almost the same: the search begins there.
+        A fit of almost the same, perhaps of second order: the search begins there.
     """
-    lag, delay = (near.lag, near.delay) if near is not None else _searched(segments)
-    found = [_descend(segments, lag, begin) for begin in (delay, delay - period / 2, delay + period / 2)]
-    _, lag, delay = min(found)
-    return fit_at(segments, lag, delay)
+    if near is not None:
+        return fit_at(segments, near.kind, _descend(segments, near.kind, near.values)[1])
+    values = _searched(segments)
+    starts = [values + np.array([0.0, late]) for late in (0.0, -period / 2, period / 2)]
+    return fit_at(segments, FIRST_ORDER, _descended(segments, FIRST_ORDER, starts))
 
 
-def _searched(segments: list[Segment]) -> tuple[float, float]:
-    """Return the lag and delay of the best minimum that a grid leads to."""
-    coarse, middle = _thinned(segments, _GRID_SAMPLES), _thinned(segments, _START_SAMPLES)
-    costs = [
-        (float(np.sum(_solve(coarse, lag, delay).residual ** 2)), lag, delay)
-        for lag in _GRID_LAGS
-        for delay in _GRID_DELAYS
+def second_order_fit(segments: list[Segment], found: Fit) -> Fit:
+    """Return the best second-order servo, beginning at what a fit of first order says of lag and delay together."""
+    both = found.lag + found.delay
+    starts = [
+        np.array([2 * damping / (share * both), damping, (1 - share) * both])
+        for share in _SHARES
+        for damping in _BEGIN_DAMPINGS
     ]
-    found = [_descend(middle, lag, delay) for _, lag, delay in sorted(costs)[:_STARTS]]
-    return min(found)[1:]
+    return fit_at(segments, SECOND_ORDER, _descended(segments, SECOND_ORDER, starts))
+
+
+def fit_at(segments: list[Segment], kind: ServoOrder, values: Array) -> Fit:
+    """Return the fit at given numbers of the servo, with its uncertainty as if these had been fitted."""
+    found = solved(segments, kind, values)
+    covariance = sandwich(np.column_stack([found.slopes, found.columns]), found.residual)
+    return fit_of(segments, kind, values, found, covariance)
+
+
+def fit_of(
+    segments: list[Segment], kind: ServoOrder, values: Array, found: Columns, covariance: Array
+) -> Fit:
+    """Return a fit from the columns and factors at its numbers."""
+    has_sag = segments[0].torque is not None
+    gain, sag = found.factors[0], found.factors[1] if has_sag else 0.0
+    output = np.concatenate([each.positions for each in segments]) - found.residual
+    pulled = sag * -found.columns[:, 1] if has_sag else 0.0
+    offset = float(np.mean(output - found.columns[:, 0] + pulled))
+    return Fit(
+        kind, values, float(gain), float(sag), offset, found.factors, covariance, found.residual, output
+    )
 
 
 def squares_at(segments: list[Segment], lag: float, delays: Array) -> float:
     """Return the least sum of squares that a lag leaves with one of some delays."""
-    return min(float(np.sum(_solve(segments, lag, delay).residual ** 2)) for delay in delays.tolist())
-
-
-def fit_at(segments: list[Segment], lag: float, delay: float) -> Fit:
-    """Return the fit at a given lag and delay, with its uncertainty as if these had been fitted."""
-    found = _solve(segments, lag, delay)
-    jacobian = np.column_stack([found.by_lag, found.by_delay, found.columns])
-    has_sag = segments[0].torque is not None
-    covariance = _sandwich(jacobian, found.residual)
-    gain, sag = found.factors[0], found.factors[1] if has_sag else 0.0
-    positions = np.concatenate([each.positions for each in segments])
-    output = positions - found.residual
-    moved = found.columns[:, 0]
-    offset = float(np.mean(output - moved + (sag * -found.columns[:, 1] if has_sag else 0.0)))
-    return Fit(lag, delay, float(gain), float(sag), offset, covariance, found.residual, output)
+    return min(solved(segments, FIRST_ORDER, np.array([lag, delay])).squares for delay in delays.tolist())
 
 
 def predicted(fitted: Fit, segment: Segment) -> Array:
     """Return what a fit says of a segment, from its first sample on, but for its offset."""
-    answer = lag_response(segment.target, fitted.delay, fitted.lag, segment.times)
-    output = fitted.gain * answer[:, OUTPUT]
+    output = fitted.gain * fitted.kind.answer(segment.target, fitted.values, segment.times).output
     if segment.torque is not None:
-        output -= fitted.sag * lag_response(segment.torque, 0.0, fitted.lag, segment.times)[:, OUTPUT]
+        pull = fitted.kind.answer(segment.torque, fitted.values, segment.times, delayed=False).output
+        output = output - fitted.sag * pull
     return output
 
 
-def _thinned(segments: list[Segment], most: int) -> list[Segment]:
-    total = sum(len(each.times) for each in segments)
-    step = max(1, total // most)
-    return [each.chosen(np.arange(0, len(each.times), step)) for each in segments]
-
-
-def _solve(segments: list[Segment], lag: float, delay: float) -> _Linear:
-    """Solve for all that is linear."""
-    has_sag, count = segments[0].torque is not None, len(segments)
-    total = sum(len(each.times) for each in segments)
-    shared = 1 + has_sag
-    columns = np.zeros((total, shared + 2 * count))
-    by_lag, by_delay = np.zeros_like(columns), np.zeros(total)
+def columns_at(segments: list[Segment], kind: ServoOrder, values: Array) -> tuple[Array, Array, Array | None]:
+    """Return the columns (N, p) at some numbers, and the slopes (N, k) of the first and, with sag, of the second."""
+    has_sag, count, order = segments[0].torque is not None, len(segments), kind.order
+    total, shared = sum(len(each.times) for each in segments), 1 + has_sag
+    columns = np.zeros((total, shared + (1 + order) * count))
+    slopes = np.zeros((total, len(values)))
+    pulls = np.zeros_like(slopes) if has_sag else None
     first = 0
     for k, each in enumerate(segments):
         rows = slice(first, first + len(each.times))
         first = rows.stop
-        answer = lag_response(each.target, delay, lag, each.times)
-        columns[rows, 0], by_lag[rows, 0], by_delay[rows] = (
-            answer[:, OUTPUT],
-            answer[:, BY_LAG],
-            answer[:, BY_DELAY],
-        )
-        if each.torque is not None:
-            sagging = lag_response(each.torque, 0.0, lag, each.times)
-            columns[rows, 1], by_lag[rows, 1] = -sagging[:, OUTPUT], -sagging[:, BY_LAG]
-        columns[rows, shared + 2 * k] = 1.0
-        columns[rows, shared + 2 * k + 1] = answer[:, TRANSIENT]
+        answer = kind.answer(each.target, values, each.times)
+        columns[rows, 0], slopes[rows] = answer.output, answer.slopes
+        if each.torque is not None and pulls is not None:
+            sagging = kind.answer(each.torque, values, each.times, delayed=False)
+            columns[rows, 1], pulls[rows] = -sagging.output, -sagging.slopes
+        own = shared + (1 + order) * k
+        columns[rows, own] = 1.0
+        columns[rows, own + 1 : own + 1 + order] = answer.transients
+    return columns, slopes, pulls
+
+
+def solved(segments: list[Segment], kind: ServoOrder, values: Array) -> Columns:
+    """Solve for all that is linear."""
+    columns, slopes, pulls = columns_at(segments, kind, values)
     positions = np.concatenate([each.positions for each in segments])
     basis, triangle = np.linalg.qr(columns)
     small = np.abs(np.diag(triangle)) < 1e-9 * np.abs(np.diag(triangle)).max()
@@ -184,56 +251,96 @@ def _solve(segments: list[Segment], lag: float, delay: float) -> _Linear:
     else:
         factors = np.asarray(np.linalg.solve(triangle, projected), dtype=np.float64)
     residual = positions - columns @ factors
-    return _Linear(columns, by_lag @ factors, by_delay * factors[0], basis, factors, residual)
+    by_values = factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
+    return Columns(columns, by_values, basis, factors, residual)
 
 
-def _descend(segments: list[Segment], lag: float, delay: float) -> tuple[float, float, float]:
-    """Return the sum of squares and the lag and delay of the minimum near a start."""
-    last: dict[bytes, _Linear] = {}
-
-    def solved(point: Array) -> _Linear:
-        key = point.tobytes()
-        if key not in last:
-            last.clear()
-            last[key] = _solve(segments, float(point[0]), float(point[1]))
-        return last[key]
-
-    def jacobian(point: Array) -> Array:
-        found = solved(point)
-        slopes = np.column_stack([found.by_lag, found.by_delay])
-        return -(slopes - found.basis @ (found.basis.T @ slopes))
-
-    start = np.clip([lag, delay], [1.01 * LEAST_LAG, 1e-6], [0.99 * MOST_LAG, 0.999 * MOST_DELAY])
-    scale = max(float(np.std(np.concatenate([each.positions for each in segments]))), 1e-9)
-    done = least_squares(
-        lambda point: solved(point).residual / scale,
-        start,
-        jac=cast("Any", lambda point: jacobian(point) / scale),
-        bounds=([LEAST_LAG, 0.0], [MOST_LAG, MOST_DELAY]),
-        x_scale=[0.02, 0.005],
-        xtol=1e-9,
-        ftol=1e-11,
-        gtol=1e-12,
-        max_nfev=60,
-    )
-    return float(done.cost) * scale**2, float(done.x[0]), float(done.x[1])
+def _searched(segments: list[Segment]) -> Array:
+    """Return the lag and delay of the best minimum that a grid leads to."""
+    coarse, middle = thinned(segments, _GRID_SAMPLES), thinned(segments, _START_SAMPLES)
+    costs = [
+        (solved(coarse, FIRST_ORDER, np.array([lag, delay])).squares, lag, delay)
+        for lag in _GRID_LAGS
+        for delay in _GRID_DELAYS
+    ]
+    starts = [np.array([lag, delay]) for _, lag, delay in sorted(costs)[:_STARTS]]
+    return min((_descend(middle, FIRST_ORDER, each) for each in starts), key=lambda each: each[0])[1]
 
 
-def _sandwich(jacobian: Array, residual: Array) -> Array:
-    """Return the covariance of the parameters (Newey and West 1987), bandwidth by Andrews (1991) for AR(1)."""
+def _descended(segments: list[Segment], kind: ServoOrder, starts: list[Array]) -> Array:
+    """Return the numbers of the best minimum near some starts: first of a part of the samples, then of all."""
+    middle = thinned(segments, _START_SAMPLES)
+    found = sorted((_descend(middle, kind, each) for each in starts), key=lambda each: each[0])
+    if middle is segments:
+        return found[0][1]
+    good = [values for squares, values in found if squares <= _CLOSE * found[0][0]]
+    different = [good[0]]
+    for values in good[1:]:
+        if all((np.abs(values - each) > 0.05 * kind.scale).any() for each in different):
+            different.append(values)
+    return min((_descend(segments, kind, each) for each in different), key=lambda each: each[0])[1]
+
+
+def thinned(segments: list[Segment], most: int) -> list[Segment]:
+    """Return every so manyth sample, as many as asked for or up to twice as many."""
+    total = sum(len(each.times) for each in segments)
+    step = total // most
+    if step < 2:
+        return segments
+    return [each.chosen(np.arange(0, len(each.times), step)) for each in segments]
+
+
+def _descend(segments: list[Segment], kind: ServoOrder, start: Array) -> tuple[float, Array]:
+    """Return the sum of squares and the numbers of the minimum near a start."""
+    lower, upper = kind.lower, kind.upper
+    values = np.clip(start, lower + 1e-3 * kind.scale, upper - 1e-3 * kind.scale)
+    found, damping = solved(segments, kind, values), 1e-3
+    for _ in range(_ITERATIONS):
+        slopes = (found.slopes - found.basis @ (found.basis.T @ found.slopes)) * kind.scale
+        normal, gradient = slopes.T @ slopes, slopes.T @ found.residual
+        floor = 1e-12 * max(float(np.trace(normal)), 1e-300)
+        for _ in range(8):
+            step = np.linalg.solve(normal + np.diag(damping * np.diag(normal) + floor), gradient)
+            tried = np.clip(values + step * kind.scale, lower, upper)
+            trial = solved(segments, kind, tried)
+            if trial.squares <= found.squares:
+                break
+            damping *= 6
+        else:
+            break
+        moved = float(np.abs((tried - values) / kind.scale).max())
+        gained = found.squares - trial.squares
+        values, found, damping = tried, trial, max(damping / 10, 1e-9)
+        if moved < 1e-7 or gained < 1e-11 * found.squares:
+            break
+    return found.squares, values
+
+
+def sandwich(jacobian: Array, residual: Array, scores: Array | None = None) -> Array:
+    """Return the covariance of the parameters (Newey and West 1987), bandwidth by Andrews (1991) for AR(1).
+
+    Parameters
+    ----------
+    jacobian
+        Shape (N, p), each row times the root of its weight.
+    residual
+        Shape (N,), times the same.
+    scores
+        What each sample pulls with, where that is not the residual.
+    """
     count = len(residual)
     sizes = np.linalg.norm(jacobian, axis=0)
     sizes[sizes == 0] = 1.0
     scaled = jacobian / sizes
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-13)
+    pulled = scaled * residual[:, None] if scores is None else scores / sizes
     along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
     along = min(max(along, -0.97), 0.97)
     ratio = 4 * along**2 / ((1 - along) ** 2 * (1 + along) ** 2)
     width = int(min(math.ceil(1.1447 * (ratio * count) ** (1 / 3)), count // 4))
-    scores = scaled * residual[:, None]
-    middle = scores.T @ scores
+    middle = pulled.T @ pulled
     for late in range(1, width + 1):
-        part = scores[:-late].T @ scores[late:]
+        part = pulled[:-late].T @ pulled[late:]
         middle += (1 - late / (width + 1)) * (part + part.T)
     covariance = inverse @ middle @ inverse * count / max(count - jacobian.shape[1], 1)
     return covariance / np.outer(sizes, sizes)

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.arrays import Array
+from dqcontrol.logs.servos.encoder_cells import refined
 from dqcontrol.logs.servos.encoder_noise import QUANTUM, noise_of, resolution_of
+from dqcontrol.logs.servos.hysteresis import hysteresis
 from dqcontrol.logs.servos.joint_fit import (
-    LEAST_LAG,
-    MOST_DELAY,
-    MOST_LAG,
     NORMAL_95,
     Fit,
     Segment,
     fit,
-    fit_at,
     predicted,
+    second_order_fit,
+    solved,
     squares_at,
+    thinned,
 )
+from dqcontrol.logs.servos.servo_orders import LEAST_LAG, MOST_DELAY, MOST_LAG
 
 Interval = tuple[float, float]
 
@@ -30,6 +33,7 @@ _EXCITED = 8.0  # times the noise or the encoder's step, least range of a comman
 _STUCK = 0.05  # of the command's range, least range of what moves
 _FAR = 6.0  # standard deviations
 _UNEXPLAINED = 2.5  # times the noise, a residual that may hide a clamp
+_CLAMP_SAMPLES = 4000
 _CLAMPED = 0.5  # of the sum of squares that a clamp leaves
 _TIED = 0.99  # correlation of lag and delay that lets the smallest flaw of the model shift one into the other
 _TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay; share of the lag that its standard error is
@@ -38,6 +42,38 @@ _POOR = 0.15  # of what moved, a residual at which no servo of this kind explain
 _BEGIN = 0.7  # of a joint's path is fitted, the rest checks
 _SURE = 3.0  # standard errors, of a sag that is there
 _REGULAR = 1.3  # times the floor: a residual that is more than noise
+_ALONG = 0.15  # correlation of neighbouring residuals that noise has not
+_BETTER, _BETTER_ELSEWHERE = (
+    0.8,
+    0.95,
+)  # of the sum of squares, and of the RMS not fitted, that second order leaves
+_PLAY_ROUNDS = 3
+_QUICKEST = 15.0  # times as fast as the motion changes, a bandwidth that it can tell
+_LIKELIER = 8.0  # logarithm of how much likelier second order is
+_COARSE = 0.45  # of the encoder's step, a residual that is mostly its rounding
+
+
+@dataclass(frozen=True, eq=False)
+class JointTrace:
+    """What a fit says of a joint beside what it did, at its samples: shape (N,) each.
+
+    Attributes
+    ----------
+    time
+        s.
+    target, position
+        Commanded and measured, rad or m.
+    fitted
+        By the fit of all samples.
+    foreseen
+        By a fit of the first 70 % of the path, on the rest; NaN before.
+    """
+
+    time: Array
+    target: Array
+    position: Array
+    fitted: Array
+    foreseen: Array
 
 
 @dataclass(frozen=True)
@@ -53,7 +89,7 @@ class JointIdentification:
     reason
         Why it was refused; empty otherwise.
     lag, delay
-        Time constant τ and delay D from a command to its effect, s.
+        Time constant τ (2ζ/ω of second order) and delay D from a command to its effect, s.
     lag_interval, delay_interval, gain_interval, sag_interval
         95 %.
     gain
@@ -75,6 +111,19 @@ class JointIdentification:
         What noise and steps of the encoder alone would leave, rad or m.
     notes
         What else should be known.
+    late
+        Lag and delay together, s: known of ambiguous joints, too.
+    order
+        1, or 2 where the data ask for it.
+    bandwidth, damping_ratio
+        ω, rad/s, and ζ of second order; NaN of first.
+    bandwidth_interval, damping_ratio_interval
+        95 %.
+    friction
+        By how much the joint stays behind to the side that it comes from, rad or m: half of a play, or friction; 0 if
+        none is sure.
+    trace
+        For plots; None of refused joints.
     """
 
     name: str
@@ -95,6 +144,14 @@ class JointIdentification:
     residual: float = math.nan
     floor: float = math.nan
     notes: tuple[str, ...] = ()
+    late: float = math.nan
+    order: int = 1
+    bandwidth: float = math.nan
+    bandwidth_interval: Interval = (math.nan, math.nan)
+    damping_ratio: float = math.nan
+    damping_ratio_interval: Interval = (math.nan, math.nan)
+    friction: float = 0.0
+    trace: JointTrace | None = field(default=None, repr=False, compare=False)
 
 
 class _Clamp(NamedTuple):
@@ -147,7 +204,8 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
             reason=f"clamped: targets beyond {clamp.lower:.4g} … {clamp.upper:.4g} {unit} have no effect "
             f"({100 * clamp.share:.1f} % of the samples); log a motion that stays inside",
         )
-    return _judged(bare, unit, kept, found, period, floor, dropped)
+    found, kept, friction = _chosen(kept, found, floor, resolution, period)
+    return _judged(bare, unit, kept, found, period, floor, dropped, friction)
 
 
 def _judged(
@@ -158,6 +216,7 @@ def _judged(
     period: float,
     floor: float,
     dropped: int,
+    friction: float,
 ) -> JointIdentification:
     """Return the fit of a joint, or why it is none."""
     spread = float(np.std(np.concatenate([each.positions for each in segments])))
@@ -170,25 +229,30 @@ def _judged(
             reason=f"not explained by a lag and a delay: they leave {found.rms:.3g} {unit} RMS of the "
             f"{spread:.3g} that it moved",
         )
+    bent = found.kind.order == 2
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
-        sag, sag_interval = found.sag, _interval(found.sag, found.error(3))
-        if abs(found.sag) < _SURE * found.error(3):
+        sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
+        if found.sag < _SURE * found.sag_error:  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
             found = fit(segments, period, near=found)
-    lag_error, delay_error = found.error(0), found.error(1)
+    squares = found.residual @ found.residual
+    if _is_coarse(found, bare.resolution):
+        found = refined(segments, found, bare.resolution)
+        if sag:
+            sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
     no_lag = found.lag <= LEAST_LAG * 1.01
-    unsure = abs(found.correlation) > _TRADED and lag_error > _UNSURE * found.lag
-    if found.lag < period / 2:  # answers are steps then, whose slopes tell nothing: is a longer lag as good?
+    unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
+    if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
         longer = squares_at(
             segments,
             found.lag + period,
             found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
         )
-        unsure = longer < (1 + _SAME / len(found.residual)) * float(np.sum(found.residual**2))
+        unsure = longer < (1 + _SAME / len(found.residual)) * squares
     # What the model lacks shifts one into the other, and intervals hold for the model alone.
-    tied = abs(found.correlation) > _TIED and found.rms > _REGULAR * floor
-    unsure = unsure or tied or not delay_error < period
+    tied = not bent and abs(found.correlation) > _TIED and found.rms > _REGULAR * floor
+    unsure = unsure or tied or not found.delay_error < period
     if unsure:
         both = found.lag + found.delay
         return replace(
@@ -198,26 +262,32 @@ def _judged(
             correlation=found.correlation,
             residual=found.rms,
             floor=floor,
+            late=both,
         )
     notes = []
     if dropped:
         notes.append(f"{dropped} samples far off were left out")
-    residual = _checked(segments, found, period)
+    if friction:
+        notes.append(
+            f"comes to rest {friction:.2g} {unit} behind on either side: play, a dead band or friction (half its width)"
+        )
+    residual, trace = _checked(segments, found, period)
     noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
     if found.rms > _REGULAR * floor:
         notes.append(
-            f"{found.rms / floor:.2g} times as much is left as by noise and encoder: a servo of second order, "
-            "friction, play or other joints"
+            f"{found.rms / floor:.2g} times as much is left as by noise and encoder: "
+            f"{'' if bent else 'a servo of higher order, '}{'' if friction else 'friction, '}other joints that pull"
         )
+    values, errors = found.values, [found.error(k) for k in range(len(found.values))]
     return replace(
         bare,
         status="fitted",
         lag=0.0 if no_lag else found.lag,
-        lag_interval=_interval(found.lag, lag_error, least=0.0),
+        lag_interval=_interval(found.lag, found.lag_error, least=0.0),
         delay=found.delay,
-        delay_interval=_interval(found.delay, delay_error, least=0.0),
+        delay_interval=_interval(found.delay, found.delay_error, least=0.0),
         gain=found.gain,
-        gain_interval=_interval(found.gain, found.error(2)),
+        gain_interval=_interval(found.gain, found.gain_error),
         offset=found.offset,
         sag=sag,
         sag_interval=sag_interval,
@@ -226,7 +296,72 @@ def _judged(
         residual=residual,
         floor=floor,
         notes=tuple(notes),
+        late=found.lag + found.delay,
+        order=found.kind.order,
+        bandwidth=float(values[0]) if bent else math.nan,
+        bandwidth_interval=_interval(float(values[0]), errors[0]) if bent else (math.nan, math.nan),
+        damping_ratio=float(values[1]) if bent else math.nan,
+        damping_ratio_interval=_interval(float(values[1]), errors[1]) if bent else (math.nan, math.nan),
+        friction=friction,
+        trace=trace,
     )
+
+
+def _is_coarse(found: Fit, resolution: float) -> bool:
+    """Whether what a fit leaves is mostly rounding."""
+    return 0 < found.rms < _COARSE * resolution
+
+
+def _chosen(
+    segments: list[Segment], found: Fit, floor: float, resolution: float, period: float
+) -> tuple[Fit, list[Segment], float]:
+    """Return a fit with play and of second order where the data ask for it, the segments without play, and that."""
+    first, played, friction = _with_play(segments, found, resolution, period)
+    residual, is_coarse = first.residual, _is_coarse(first, resolution)
+    along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
+    if not is_coarse and first.rms < _REGULAR * floor and along < _ALONG:
+        return first, played, friction
+    second = second_order_fit(segments, found)
+    if second.values[0] > _QUICKEST * _rapidity(segments, second):
+        return first, played, friction
+    if is_coarse:
+        likelihoods = [refined(played, each, resolution).likelihood for each in (first, second)]
+        return (
+            (second, played, friction)
+            if likelihoods[1] > likelihoods[0] + _LIKELIER
+            else (first, played, friction)
+        )
+    other = _with_play(segments, second, resolution, period)
+    if other[0].residual @ other[0].residual > _BETTER * (residual @ residual):
+        return first, played, friction
+    elsewhere = _checked(played, first, period)[0], _checked(other[1], other[0], period)[0]
+    return (first, played, friction) if elsewhere[1] > _BETTER_ELSEWHERE * elsewhere[0] else other
+
+
+def _with_play(
+    segments: list[Segment], found: Fit, resolution: float, period: float
+) -> tuple[Fit, list[Segment], float]:
+    """Return a fit with play if there is some, the segments without it, and its half width."""
+    friction, played = 0.0, segments
+    for _ in range(_PLAY_ROUNDS):
+        again, mended = hysteresis(segments, found, resolution, friction)
+        if not again:
+            break
+        friction, played = again, mended
+        found = fit(played, period, near=found)
+    return found, played, friction
+
+
+def _rapidity(segments: list[Segment], found: Fit) -> float:
+    """Return how fast the motion changes, rad/s: RMS acceleration over RMS speed."""
+    speeds, rates = list[Array](), list[Array]()
+    for each, output in zip(
+        segments, np.split(found.output, np.cumsum([len(each.times) for each in segments])[:-1]), strict=True
+    ):
+        speeds.append(np.gradient(output, each.times))
+        rates.append(np.gradient(speeds[-1], each.times))
+    squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in (rates, speeds)]
+    return math.sqrt(squares[0] / max(squares[1], 1e-300))
 
 
 def _interval(value: float, error: float, least: float = -math.inf) -> Interval:
@@ -250,10 +385,9 @@ def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
     """Return the limits of the targets that explain what is left, if they explain at least half of it."""
     positions = np.concatenate([each.positions for each in segments])
     targets = np.concatenate([each.target.values for each in segments])
-    best = float(np.sum(found.residual**2))
-    first = best
+    some = thinned(segments, _CLAMP_SAMPLES)
+    first = best = solved(some, found.kind, found.values).squares
     ends = [float(targets.min()), float(targets.max())]
-    lag, delay = found.lag, found.delay
     for _ in range(2):
         for side, extreme in enumerate((float(positions.min()), float(positions.max()))):
             span = float(np.ptp(targets))
@@ -261,8 +395,7 @@ def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
                 limits = [trial, ends[1]] if side == 0 else [ends[0], trial]
                 if limits[0] >= limits[1]:
                     continue
-                again = fit_at(_limited(segments, *limits), lag, delay)
-                cost = float(np.sum(again.residual**2))
+                cost = solved(_limited(some, *limits), found.kind, found.values).squares
                 if cost < 0.98 * best:
                     best, ends = cost, limits
     if best > _CLAMPED * first:
@@ -280,11 +413,11 @@ def _limited(segments: list[Segment], lower: float, upper: float) -> list[Segmen
     ]
 
 
-def _checked(segments: list[Segment], found: Fit, period: float) -> float:
-    """Return the RMS that a fit of the first 70 % of the joint's path leaves on the rest; NaN if nothing is left."""
+def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float, JointTrace]:
+    """Return the RMS that a fit of the first 70 % of the joint's path leaves on the rest, NaN if nothing is left."""
     paths = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(each.target.values)))]) for each in segments]
     wanted, before = _BEGIN * sum(float(each[-1]) for each in paths), 0.0
-    begun, rest = list[Segment](), list[tuple[Segment, NDArray[np.bool_]]]()
+    begun, rest = list[Segment](), list[NDArray[np.bool_]]()
     for each, path in zip(segments, paths, strict=True):
         until = each.target.begins[min(np.searchsorted(path, wanted - before), len(path) - 1)]
         early = each.times <= until
@@ -294,9 +427,28 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> float:
             early[:] = False
         before += float(path[-1])
         begun += [each.chosen(early)] if early.sum() > 20 else []
-        rest += [(each, ~early)] if (~early).sum() > 20 else []
-    if not begun or not rest:
-        return math.nan
-    from_begin = fit(begun, period, near=found)
-    left = [(each.positions - predicted(from_begin, each))[late] for each, late in rest]
-    return float(np.sqrt(np.mean(np.concatenate([each - each.mean() for each in left]) ** 2)))
+        rest.append(~early & ((~early).sum() > 20))
+    foreseen = [np.full(len(each.times), np.nan) for each in segments]
+    left = list[Array]()
+    if begun and any(late.any() for late in rest):
+        from_begin = fit(begun, period, near=found)
+        for each, late, shown in zip(segments, rest, foreseen, strict=True):
+            if late.any():
+                away = (each.positions - predicted(from_begin, each))[late]
+                shown[late] = each.positions[late] - away + away.mean()
+                left.append(away - away.mean())
+    trace = JointTrace(
+        np.concatenate([each.times for each in segments]),
+        np.concatenate([_held_at(each) for each in segments]),
+        np.concatenate([each.positions for each in segments]),
+        found.output,
+        np.concatenate(foreseen),
+    )
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else math.nan, trace
+
+
+def _held_at(segment: Segment) -> Array:
+    """Return the target at the samples."""
+    begins, values, slopes = segment.target
+    last = np.searchsorted(begins, segment.times, side="right") - 1
+    return values[last] + slopes[last] * (segment.times - begins[last])

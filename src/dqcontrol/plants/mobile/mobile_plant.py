@@ -97,6 +97,11 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
         as_positive("plant.link_radius", self.link_radius)
 
+    def base_errors(self) -> tuple[float, float]:
+        """Return the camera's standard deviations, m and rad."""
+        camera = self.camera if self.location == "camera" else None
+        return (camera.position_noise, camera.angle_noise) if camera else (0.0, 0.0)
+
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMobile:
         """Return the robot at rest at q0, standing on its wheels.
 

@@ -1,4 +1,4 @@
-"""Position servos: lag, gravity sag, delay, encoders, rate and position limits."""
+"""Position servos: lag or second order, gravity sag, delay, play, encoders, rate and position limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
-from scipy.linalg import block_diag
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
@@ -27,6 +26,7 @@ from dqcontrol.plants.plant import (
     start_configuration,
 )
 from dqcontrol.plants.servo import servo_step as layout
+from dqcontrol.plants.servo.free_response import free_response
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.robots.gravity import WORK, body_table
@@ -40,12 +40,14 @@ _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
 class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
-    """Joints with position servos that lag first-order and sag under gravity.
+    """Joints with position servos of first or second order that sag under gravity.
 
     Each period the target of joint i moves by T uᵢ, starting from where it was (``integrated``) or from the measured
     position (``measured``: what a velocity command through a position interface becomes; gravity then drags the arm
     down at every sample until the law holds it). The joint follows q̇ = (target − s(q) − q)/τ, integrated exactly with
-    s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above q0 by s(q0).
+    s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above q0 by s(q0). Joints with a
+    ``bandwidth`` ω are of second order instead: q̈ = ω² (target − s(q) − q) − 2ζω q̇. Those with ``friction`` stay behind
+    what drives them by as much, to the side that they come from (play).
 
     Of whole bodies the joints do that. Mobile bases move with the speeds that they get, delayed as the targets: drives
     on the arc of their v and ω, with a lag on that of the mean of each over the period. ``rate_limit`` scales v and ω
@@ -61,6 +63,12 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         ``"integrated"`` or ``"measured"``.
     time_constant
         τ in s, each; 0 for none.
+    bandwidth
+        ω of joints of second order, rad/s, each; 0: first order, with ``time_constant``.
+    damping_ratio
+        ζ of joints of second order, each.
+    friction
+        Half the play between a servo and its joint, rad or m, each.
     gain
         Share of a commanded move that the target makes, each.
     sag
@@ -89,6 +97,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     has_velocity_limits: ClassVar[bool] = True
     command_mode: CommandMode = "integrated"
     time_constant: Annotated[Each, Meta(description="τ, s")] = 0.05
+    bandwidth: Annotated[Each, Meta(description="ω of second order, rad/s; 0: first order")] = 0.0
+    damping_ratio: Annotated[Each, Meta(description="ζ of second order")] = 1.0
+    friction: Annotated[Each, Meta(description="half the play, rad or m")] = 0.0
     gain: Annotated[Each, Meta(description="share of a commanded move that is made")] = 1.0
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
     stiffness: Annotated[Each, Meta(description="K, N·m/rad or N/m")] = 500.0
@@ -113,6 +124,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
         own = {key: value for key, value in data.items() if key != "file"}
         return servo_parameters(folder / data["file"]) | own
+
+    def base_errors(self) -> tuple[float, float]:
+        """Return the camera's standard deviations, m and rad."""
+        return (self.camera.position_noise, self.camera.angle_noise) if self.camera else (0.0, 0.0)
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
         """Return the plant at rest at q0.
@@ -155,6 +170,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         joint[:, layout.DELAY] = [each.delay for each in answers]
         joint[:, layout.OLDEST] = [each.oldest for each in answers]
         joint[:, layout.DECAY] = [each.decay for each in answers]
+        joint[:, layout.FRICTION] = self._each("friction", n)
+        for i, each in enumerate(answers):
+            if each.second is not None:
+                joint[i, layout.IS_SECOND :] = 1.0, *each.second
         joint[:, layout.RESOLUTION] = self._each("encoder_resolution", n)
         joint[:, layout.NOISE] = self._each("encoder_noise", n)
         if sag and isinstance(robot, TreeRobot):
@@ -162,7 +181,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
         chain = np.zeros((n + 1, 8)) if isinstance(robot, TreeRobot) else robot.chain  # for the sag alone
         parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), chain.ravel()])
-        state = np.concatenate([target, np.zeros(n), np.tile(target, oldest + 1), np.zeros(WORK * n)])
+        state = np.concatenate(
+            [target, np.zeros(n), np.tile(target, oldest + 1), np.zeros((WORK + 1) * n), q0]
+        )
         noise = (
             np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
             if joint[:, layout.NOISE].any()
@@ -179,12 +200,13 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
-        """Return the joints without sag, encoder and rate limit: positions, then their targets, newest first.
+        """Return the joints without sag, play, encoder and rate limit: positions, then their targets, newest first.
 
         One joint stands for all if all are alike. None for mobile bases, which move otherwise than joints.
 
         t⁺ = t + g T u (``integrated``) or y + g T u (``measured``), y⁺ = a y + (1 − a) t⁺ delayed, a = exp(−T/τ); where
-        the delay ends within a period, t⁺ is the mean of the two that are in force then, by their weights.
+        the delay ends within a period, t⁺ is the mean of the two that are in force then, by their weights. Speeds of
+        joints of second order come last.
         """
         if base_coordinates(robot).any():
             return None
@@ -193,6 +215,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         answers = [(self._answer(i, n, dt), float(gain[i])) for i in range(n)]
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], dt)
+        from scipy.linalg import block_diag
+
         models = [self._joint_model(*each, dt) for each in answers]
         sizes = [len(model.transition) for model in models]
         begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
@@ -202,12 +226,22 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         return LinearModel(transition, inputs).reduced(round(_HORIZON / dt))
 
     def _joint_model(self, answer: _Answer, gain: float, dt: float) -> LinearModel:
-        delay, oldest, decay = answer
-        transition, inputs = np.zeros((delay + 2, delay + 2)), np.zeros((delay + 2, 1))
+        delay, oldest, decay, second = answer
+        size = delay + 2 + (second is not None)
+        transition, inputs = np.zeros((size, size)), np.zeros((size, 1))
         transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
         inputs[1] = gain * dt
         for late in range(2, delay + 2):
             transition[late, late - 1] = 1.0
+        if second is not None:
+            weights = np.array([second.newer, second.speed_newer])
+            older = np.array([1 - second.kept, second.speed_lost]) - weights
+            ends, newer = [0, size - 1], max(delay, 1)
+            transition[ends] = np.outer(older, transition[delay + 1]) + np.outer(weights, transition[newer])
+            inputs[ends] = np.outer(older, inputs[delay + 1]) + np.outer(weights, inputs[newer])
+            transition[ends, 0] += second.kept, -second.speed_lost
+            transition[ends, -1] += second.by_speed, second.speed_kept
+            return LinearModel(transition, inputs)
         transition[0] = (1 - decay) * (oldest * transition[-1] + (1 - oldest) * transition[-2] * (delay > 0))
         transition[0, 0] += decay
         inputs[0] = (1 - decay) * (oldest * inputs[-1] + (1 - oldest) * inputs[-2] * (delay > 0))
@@ -243,6 +277,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
         """
         delay, share = begun_periods("plant.delay", float(self._each("delay", n)[joint]), dt)
+        bandwidth = float(self._each("bandwidth", n)[joint])
+        if bandwidth:
+            damping = float(self._each("damping_ratio", n, zero_allowed=False)[joint])
+            return _Answer(delay, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
         tau = float(self._each("time_constant", n)[joint])
         if not tau:
             return _Answer(delay, 1.0 if share == 1 else 0.0, 0.0)
@@ -251,9 +289,35 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         return _Answer(delay, oldest, decay)
 
 
+class _SecondOrder(NamedTuple):
+    """What a period does to distance and speed of a joint of second order, as `servo_step.IS_SECOND` says."""
+
+    kept: float
+    by_speed: float
+    newer: float
+    speed_lost: float
+    speed_kept: float
+    speed_newer: float
+
+
 class _Answer(NamedTuple):
-    """Delay in periods begun, weight of the oldest target, and exp(−T/τ) of a joint."""
+    """Delay in periods begun, weight of the oldest target, and exp(−T/τ) of a joint; or its second order."""
 
     delay: int
     oldest: float
     decay: float
+    second: _SecondOrder | None = None
+
+
+def _second_order(bandwidth: float, damping: float, newer: float, dt: float) -> _SecondOrder:
+    """Return the exact step, the newer target being in force for the last ``newer`` seconds of a period."""
+    first, second = free_response(dt, bandwidth, damping)
+    late, late_second = free_response(newer, bandwidth, damping)
+    return _SecondOrder(
+        kept=first,
+        by_speed=second,
+        newer=1 - late,
+        speed_lost=bandwidth**2 * second,
+        speed_kept=first - 2 * damping * bandwidth * second,
+        speed_newer=bandwidth**2 * late_second,
+    )

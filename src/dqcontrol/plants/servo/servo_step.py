@@ -9,15 +9,18 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.plants.plant import PLANT
-from dqcontrol.robots.gravity import gravity_torque
+from dqcontrol.robots.gravity import WORK, gravity_torque
 
 # parameters: head, then a row of columns for each joint, bodies (4n), chain (8 (n + 1))
 MEASURED_MODE, OLDEST_TARGET, SAG, GRAVITY = 0, 1, 2, 3
 HEAD = 6
 STEP, RATE, LOWER, UPPER, COMPLIANCE, DECAY, DELAY, OLDEST, RESOLUTION, NOISE = range(10)
+FRICTION, IS_SECOND, KEPT, BY_SPEED, NEWER, SPEED_LOST, SPEED_KEPT, SPEED_NEWER = range(10, 18)
 """Columns: gain times period; rate limit; least and largest target; α/K; exp(−T/τ); delay in periods begun; weight of
-the oldest target, below 1 where the delay ends within a period; step and noise of the encoder."""
-COLUMNS = 10
+the oldest target, below 1 where the delay ends within a period; step and noise of the encoder; half the play. Then of
+second order: 1; what a period leaves of the distance and adds by the speed, and the share of the newer target; what it
+takes from the speed for the distance, leaves of it, and the share of the newer target."""
+COLUMNS = 18
 
 
 def servo_step(
@@ -47,13 +50,28 @@ def servo_step(
     if parameters[SAG] != 0.0:
         work = state[2 * n + n * (oldest + 1) :]
         gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
+    at = 2 * n + n * (oldest + 1) + WORK * n
+    speed, driven = state[at : at + n], state[at + n : at + 2 * n]
     for i in range(n):
         delay = int(joint[i, DELAY])
         goal = queue[n * delay + i]
-        if joint[i, OLDEST] < 1.0:
-            goal = joint[i, OLDEST] * goal + (1.0 - joint[i, OLDEST]) * queue[n * (delay - 1) + i]
-        rest = goal - joint[i, COMPLIANCE] * sag[i]
-        q[i] = rest + (q[i] - rest) * joint[i, DECAY]
+        before = driven[i] if joint[i, FRICTION] > 0.0 else q[i]
+        if joint[i, IS_SECOND] != 0.0:
+            rest = goal - joint[i, COMPLIANCE] * sag[i]
+            jump = queue[n * (delay - 1) + i] - goal if joint[i, OLDEST] < 1.0 else 0.0
+            away = before - rest
+            after = rest + joint[i, KEPT] * away + joint[i, BY_SPEED] * speed[i] + joint[i, NEWER] * jump
+            lost = joint[i, SPEED_LOST] * away
+            speed[i] = joint[i, SPEED_KEPT] * speed[i] - lost + joint[i, SPEED_NEWER] * jump
+        else:
+            if joint[i, OLDEST] < 1.0:
+                goal = joint[i, OLDEST] * goal + (1.0 - joint[i, OLDEST]) * queue[n * (delay - 1) + i]
+            rest = goal - joint[i, COMPLIANCE] * sag[i]
+            after = rest + (before - rest) * joint[i, DECAY]
+        if joint[i, FRICTION] > 0.0:
+            driven[i] = after
+            after = min(max(q[i], after - joint[i, FRICTION]), after + joint[i, FRICTION])
+        q[i] = after
         value = q[i] + joint[i, NOISE] * noise[i]
         if joint[i, RESOLUTION] > 0.0:
             value = joint[i, RESOLUTION] * math.floor(value / joint[i, RESOLUTION] + 0.5)

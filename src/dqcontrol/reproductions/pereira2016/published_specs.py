@@ -7,10 +7,7 @@ from typing import Any
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, SERVO, spec_path
-
-FITTED = {SERVO: "sag", PHYSICS: "gravity_factor"}
-"""Which number of each plant is fitted."""
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, spec_path
 
 _MEKA = "meka-a2"
 _APPENDIX_C = ("meka-circle", "meka-square", "meka-surface")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dqcontrol.experiments.run_study import run_study
-from dqcontrol.experiments.sampling_time import sampling_table, sampling_times
+from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
+from dqcontrol.reproductions.pereira2016.fair import reproduce_fair
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
     EXACT,
@@ -31,11 +32,13 @@ from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
 from dqcontrol.reproductions.pereira2016.verdicts.h_infinity_verdicts import attenuations
 from dqcontrol.reproductions.pereira2016.verdicts.sampling_time_verdicts import PERIODS
 from dqcontrol.reproductions.pereira2016.when_to_use import when_to_use
+from dqcontrol.reproductions.pereira2016.writing import reproduce_writing
 from dqcontrol.reproductions.printed_comparison import command_table, comparison_tables
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.results import Results
 
 _SHORT = "P16"
+_BEYOND = {"fair": reproduce_fair, "writing": reproduce_writing}
 _BESIDE = ("", EXACT, SUFFIX)  # of a law's label: as printed, and what stands beside it
 
 
@@ -47,6 +50,8 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
         return Reproduced(full, [calibrate(plant), printed_factors()], plant=plant)
     if name == "sampling-time":
         return _in_real_time(chosen, conditions)
+    if name in _BEYOND:
+        return _BEYOND[name](conditions)
     sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
     if chosen.robust:
         sources = {spec: with_hundredfold(source) for spec, source in sources.items()}
@@ -102,7 +107,10 @@ def _verdicts(name: str, evidence: Evidence, title: str = "") -> Table:
 def _in_real_time(chosen: Reproduction, conditions: Conditions) -> Reproduced:
     (spec,), plant, samples = chosen.specs.values(), conditions.plant, conditions.samples
     source, periods = published_spec(spec, plant), list(PERIODS.values())
-    rows = sampling_times(source, periods, samples, progress=conditions.of(spec))
+    rows = [
+        *bare_loops(periods, samples),
+        *sampling_times(source, periods, samples, progress=conditions.of(spec)),
+    ]
     sets = {period: label for label, period in PERIODS.items()}
     measured = [
         {

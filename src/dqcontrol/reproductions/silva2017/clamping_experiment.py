@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment
+from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, part_of
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator
@@ -19,7 +17,7 @@ from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
-from dqcontrol.reproductions.silva2017.specs import setting_of, spec_data, verdicts
+from dqcontrol.reproductions.silva2017.specs import S17, setting_of, spec_data, verdicts
 from dqcontrol.robots import Robot
 
 LIMITS: dict[str, CommandLimits] = {
@@ -36,10 +34,17 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     """Run without clamping, with the modified and with the original one; then random goals within the limits."""
     study = run_study(spec_data("clamping"), jobs=conditions.jobs, progress=conditions.of("clamping"))
     setting = setting_of("clamping")
-    records = {label: _record(setting, limits) for label, limits in LIMITS.items()}
-    robot = setting.scene.robot
+    robot, period = setting.scene.robot, setting.spec.period
+    by_law = {
+        case.names.law: {label: _record(case, period, limits) for label, limits in LIMITS.items()}
+        for case in setting.cases
+    }
+    records = by_law[S17]
     nearest = closest_error(robot, records["no clamping"].desired_pose[0])
-    reached = _reached(setting, count)
+    judgements = [
+        _judge(by_law[case.names.law], robot, nearest, _reached(case, period, count), count)
+        for case in setting.cases
+    ]
     back = (0.0, _BACK)
     figures: dict[str, Draw] = {
         "figure-5.8": lambda: _view("superimposed")(robot, _first_phase(records)),
@@ -49,16 +54,15 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
         ),
     }
     tables = [
-        _table(records, robot, nearest),
-        verdicts("clamping", _judge(records, robot, nearest, reached, count)),
+        _table(by_law, robot, nearest),
+        verdicts("clamping", *judgements),
     ]
     return Reproduced("silva2017/clamping", tables, {"clamping": study}, figures)
 
 
-def _record(setting: PreparedExperiment, limits: CommandLimits) -> Record:
-    (case,) = setting.cases
+def _record(case: Combination, period: float, limits: CommandLimits) -> Record:
     scene = case.scene
-    law = case.variant.law.prepare(scene.robot, scene.reference, setting.spec.period, limits)
+    law = case.variant.law.prepare(scene.robot, scene.reference, period, limits)
     back = SetPoint(scene.robot.fkm(scene.start)).samples(scene.samples[1:, -1])
     back[:, -1] += scene.samples[-1, -1]
     return simulate_prepared(law, Integrator(), scene.start, np.vstack([scene.samples, back]))
@@ -78,10 +82,9 @@ def closest_error(robot: Robot, goal: Array, starts: int = 40) -> float:
     return min(float(np.linalg.norm(least_squares(residual, q, bounds=(lower, upper)).fun)) for q in draws)
 
 
-def _reached(setting: PreparedExperiment, count: int) -> dict[str, int]:
+def _reached(case: Combination, period: float, count: int) -> dict[str, int]:
     """Return how many of random goals within the limits are reached without and with clamping."""
-    (case,) = setting.cases
-    scene, period = case.scene, setting.spec.period
+    scene = case.scene
     goals = scene.robot.fkm(
         random_goals(scene.robot, scene.start, count, reach=0.0, lowest=-np.inf, seed=_SEED)
     )
@@ -111,22 +114,25 @@ def _blocked(record: Record, robot: Robot, k: int) -> list[int]:
     return [int(i) for i in np.flatnonzero(margin < _AT_LIMIT)]
 
 
-def _table(records: dict[str, Record], robot: Robot, nearest: float) -> Table:
+def _table(by_law: dict[str, dict[str, Record]], robot: Robot, nearest: float) -> Table:
     rows: list[list[Cell]] = []
-    for label, record in records.items():
-        first, last = _phases(record)
-        names = [record.joint_names[i] for i in _blocked(record, robot, first)]
-        rows.append(
-            [
-                label,
-                float(record.error[first]),
-                max(_excess(record, robot), 0.0),
-                ", ".join(names) or "none",
-                float(record.error[last]),
-            ]
-        )
-    rows.append(["nearest within the limits, by search", nearest, 0.0, "", None])
+    for law, records in by_law.items():
+        for label, record in records.items():
+            first, last = _phases(record)
+            names = [record.joint_names[i] for i in _blocked(record, robot, first)]
+            rows.append(
+                [
+                    law,
+                    label,
+                    float(record.error[first]),
+                    max(_excess(record, robot), 0.0),
+                    ", ".join(names) or "none",
+                    float(record.error[last]),
+                ]
+            )
+    rows.append(["", "nearest within the limits, by search", nearest, 0.0, "", None])
     columns = [
+        Column("Law"),
         Column("Limits"),
         Column("Error before the way back", "", ".3g"),
         Column("Largest excess", "rad", ".3g"),
@@ -169,19 +175,10 @@ def _judge(
 
 def _first_phase(records: dict[str, Record]) -> dict[str, Record]:
     """Return the ways to the goal, with and without clamping."""
-    found = {}
-    for label in ("no clamping", "modified clamping"):
-        record, end = records[label], _phases(records[label])[0] + 1
-        found[label] = replace(
-            record,
-            time=record.time[:end],
-            q=record.q[:end],
-            measured=record.measured[:end],
-            command=record.command[:end],
-            pose=record.pose[:end],
-            desired=record.desired[:end],
-        )
-    return found
+    return {
+        label: part_of(records[label], 0, _phases(records[label])[0] + 1)
+        for label in ("no clamping", "modified clamping")
+    }
 
 
 def _view(name: str):

@@ -9,11 +9,11 @@ import numpy as np
 
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.run_study import run_study
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement, listed
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
-from dqcontrol.reproductions.silva2017.specs import spec_data, verdicts
+from dqcontrol.reproductions.silva2017.specs import OURS, S17, spec_data, verdicts
 
 DAMPED: dict[str, tuple[float, float]] = {
     "k̄ = 0.6, k_v = 1": (0.6, 1),
@@ -30,18 +30,19 @@ _NONE = 1e-3  # an overshoot below it is none
 
 def reproduce(conditions: Conditions) -> Reproduced:
     """Run the five sets."""
-    study = run_study(spec_data("gains"), jobs=conditions.jobs, progress=conditions.of("gains"))
-    runs = {label: _run(study.runs, label) for label in DAMPED | STIFF}
+    data = spec_data("gains")
+    study = run_study(data, jobs=conditions.jobs, progress=conditions.of("gains"))
+    runs = {law: {label: _run(study.runs, law, label) for label in DAMPED | STIFF} for law in data["laws"]}
     figures: dict[str, Draw] = {
-        "figure-5.2": lambda: _poses({label: runs[label] for label in DAMPED}),
-        "figure-5.3": lambda: _poses({label: runs[label] for label in STIFF}),
+        "figure-5.2": lambda: _poses({label: runs[S17][label] for label in DAMPED}),
+        "figure-5.3": lambda: _poses({label: runs[S17][label] for label in STIFF}),
     }
-    tables = [_table(runs), verdicts("gains", _judge(runs))]
+    tables = [_table(runs), verdicts("gains", _judge(runs[S17]), _judge(runs[OURS]))]
     return Reproduced("silva2017/gains", tables, {"gains": study}, figures)
 
 
-def _run(runs: dict[str, Run], label: str) -> Run:
-    return next(run for name, run in runs.items() if label in name.split(" · "))
+def _run(runs: dict[str, Run], law: str, label: str) -> Run:
+    return next(run for name, run in runs.items() if {law, label} <= set(name.split(" · ")))
 
 
 def damping_ratio(stiffness: float, damping: float) -> float:
@@ -54,23 +55,26 @@ def overshoot(run: Run) -> float:
     return float(np.nanmax([run.metrics.position_overshoot, run.metrics.orientation_overshoot]))
 
 
-def _table(runs: dict[str, Run]) -> Table:
-    rows = []
-    for label, gains in (DAMPED | STIFF).items():
-        metrics = runs[label].metrics
-        rows.append(
-            [
-                label,
-                damping_ratio(*gains),
-                metrics.settling_time,
-                metrics.samples,
-                100 * overshoot(runs[label]),
-                metrics.hand_acceleration.peak,
-                metrics.effort,
-                runs[label].record.stopped,
-            ]
-        )
+def _table(runs: dict[str, dict[str, Run]]) -> Table:
+    rows: list[list[Cell]] = []
+    for law, each in runs.items():
+        for label, gains in (DAMPED | STIFF).items():
+            metrics = each[label].metrics
+            rows.append(
+                [
+                    law,
+                    label,
+                    damping_ratio(*gains),
+                    metrics.settling_time,
+                    metrics.samples,
+                    100 * overshoot(each[label]),
+                    metrics.hand_acceleration.peak,
+                    metrics.effort,
+                    each[label].record.stopped,
+                ]
+            )
     columns = [
+        Column("Law"),
         Column("Set"),
         Column("ζ", "", ".3g"),
         Column("Settling to 2 %", "s", ".4g"),
@@ -80,7 +84,9 @@ def _table(runs: dict[str, Run]) -> Table:
         Column("Effort", "rad/√s", ".3g"),
         Column("Ended by"),
     ]
-    return Table(columns, rows, "S17 Figs 5.2–5.3")
+    return Table(
+        columns, rows, "S17 Figs 5.2–5.3; a run ends after 50 samples in a row with an error below 1e-4"
+    )
 
 
 def _judge(runs: dict[str, Run]) -> dict[str, Judgement]:

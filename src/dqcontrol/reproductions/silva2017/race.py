@@ -10,7 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.laws import GuidedProportional, Law
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, part_of
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.metrics import evaluate
@@ -31,7 +31,10 @@ class RaceOutcome:
     Attributes
     ----------
     settling
-        Iterations until the error norm stays below `GOOD_ENOUGH`; NaN if it does not.
+        Iterations until the error norm stays below `GOOD_ENOUGH`; NaN if it does not. Of a run that ended when it first
+        was: until then.
+    first_below
+        Iterations until it is first below `GOOD_ENOUGH`; NaN if it never is.
     effort
         √∫|u_f|² dt, rad/√s. [S17 Table 5.1]
     first, largest_change
@@ -43,6 +46,7 @@ class RaceOutcome:
     """
 
     settling: float
+    first_below: float
     effort: float
     first: float
     largest_change: float
@@ -51,12 +55,14 @@ class RaceOutcome:
 
     @classmethod
     def of(cls, record: Record, period: float) -> RaceOutcome:
-        """Measure a run of a body with drives."""
+        """Measure a whole run of a body with drives."""
         metrics = evaluate(record, tolerance=GOOD_ENOUGH)
         told = record.readings[ACTUATORS].values
         changes = np.linalg.norm(np.diff(told, axis=0, prepend=np.zeros((1, told.shape[1]))), axis=1)
+        below = np.flatnonzero(record.error < GOOD_ENOUGH)
         return cls(
             metrics.settling_time / period,
+            float(below[0]) if len(below) else math.nan,
             metrics.effort,
             float(changes[0]),
             float(changes.max()),
@@ -65,11 +71,18 @@ class RaceOutcome:
         )
 
 
-def outcome(robot: Robot, start: Array, samples: Array, law: Law, period: float) -> RaceOutcome:
-    """Run a law on ideal joints."""
-    return RaceOutcome.of(
-        simulate_prepared(law.prepare(robot, None, period), Integrator(), start, samples), period
-    )
+def until_good_enough(record: Record) -> Record:
+    """Return a record up to where S17 ends its runs on the robot: its first error norm below `GOOD_ENOUGH`."""
+    below = np.flatnonzero(record.error < GOOD_ENOUGH)
+    return part_of(record, 0, int(below[0]) + 1) if len(below) else record
+
+
+def outcome(
+    robot: Robot, start: Array, samples: Array, law: Law, period: float, *, as_s17: bool = False
+) -> RaceOutcome:
+    """Run a law on ideal joints, with S17's stop or to the end."""
+    record = simulate_prepared(law.prepare(robot, None, period), Integrator(), start, samples)
+    return RaceOutcome.of(until_good_enough(record) if as_s17 else record, period)
 
 
 def guided_outcome(robot: Robot, start: Array, samples: Array, period: float) -> RaceOutcome:

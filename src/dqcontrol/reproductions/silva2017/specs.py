@@ -13,6 +13,7 @@ from dqcontrol.reproductions.judgement import Judgement, verdict_table
 from dqcontrol.reproductions.printed import PublishedCell, read_claims, read_table
 
 FOLDER = Path(__file__).parent
+S17, OURS = "S17", "ours"  # labels of S17's law, and of what we take by default
 GOOD_ENOUGH = 0.04  # error norm at which S17 ends its runs on the robot [S17 5.1]
 
 
@@ -37,9 +38,21 @@ def printed(experiment: str, law: str, metric: str) -> float:
     raise LookupError(f"{experiment}: {law}, {metric}")
 
 
-def verdicts(experiment: str, judgements: Mapping[str, Judgement]) -> Table:
-    """Return the table of verdicts on an experiment's claims; each of them must be judged."""
+def verdicts(
+    experiment: str, judgements: Mapping[str, Judgement], ours: Mapping[str, Judgement] | None = None
+) -> Table:
+    """Return the table of verdicts on an experiment's claims, each of them judged.
+
+    Parameters
+    ----------
+    experiment
+        Its name.
+    judgements
+        On S17's law, with S17's stop.
+    ours
+        On our law, where it is another one.
+    """
     claims = [claim for claim in read_claims(FOLDER / "claims.yaml") if claim.reproduction == experiment]
     if {claim.id for claim in claims} != set(judgements):
         raise LookupError(f"{experiment}: judged {sorted(judgements)}")
-    return verdict_table(claims, judgements, "S17", f"Claims of S17: {experiment}")
+    return verdict_table(claims, judgements, "S17", f"Claims of S17: {experiment}", ours)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol.reproductions.judgement import Judgement, listed
+from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
+    PROPORTIONAL,
     ROBUST,
     Evidence,
     decides,
@@ -68,12 +70,16 @@ def _worst(evidence: Evidence) -> Judgement:
 
 @decides("h-infinity-lowest-error-on-circle")
 def _lowest(evidence: Evidence) -> Judgement:
-    errors = {law: min(evidence.mean(law, each) for each in evidence.ours.sets(law)) for law in LAWS}
-    first = min(errors, key=errors.__getitem__) in ROBUST
-    rise = evidence.mean("HIR", "", "joint_step") - evidence.mean("K", "", "joint_step")
-    return Judgement(
-        first and rise <= 0.025, f"Err HIR {errors['HIR']:.3g}, K {errors['K']:.3g}; Eff {rise:+.3f}"
-    )
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        errors = {
+            law: min(evidence.mean(law, each) for each in evidence.ours.sets(law))
+            for law in (*PROPORTIONAL, *LQR, *laws)
+        }
+        first = min(errors, key=errors.__getitem__) in laws
+        rise = evidence.mean(laws[0], "", "joint_step") - evidence.mean("K", "", "joint_step")
+        return first and rise <= 0.025, f"Err HIR {errors[laws[0]]:.3g}, K {errors['K']:.3g}; Eff {rise:+.3f}"
+
+    return evidence.of_robust(look)
 
 
 @decides("lqr-dq-worse-tracking")
@@ -86,36 +92,46 @@ def _dq_over_r8(evidence: Evidence) -> Judgement:
 
 @decides("lqr-lower-first-peaks")
 def _peaks(evidence: Evidence) -> Judgement:
+    """Judge by K, and by HIR where it followed."""
     first = evidence.ours.sets("LQR-R8")[0]
-    peaks = {law: evidence.first_peak("hand_speed", law, first if law in LQR else "") for law in LAWS}
-    lower = max(peaks[law] for law in LQR) < min(peaks["K"], peaks["HIR"])
-    text = ", ".join(f"{law} {peaks[law]:.2g}" for law in ("K", "LQR-R8", "LQR-DQ", "HIR"))
-    return Judgement(lower, f"first peaks of the hand's speed, m/s: {text}")
+    followed = [law for law in ("HIR", f"HIR{SUFFIX}") if evidence.followed(law)]
+    others = ("K", *followed)
+    shown = dict.fromkeys(("K", *LQR, "HIR", f"HIR{SUFFIX}"))
+    peaks = {law: evidence.first_peak("hand_speed", law, first if law in LQR else "") for law in shown}
+    lower = max(peaks[law] for law in LQR) < min(peaks[law] for law in others)
+    text = ", ".join(f"{law} {peak:.2g}" for law, peak in peaks.items())
+    return Judgement(lower, f"first peaks of the hand's speed, m/s: {text}; judged by {' and '.join(others)}")
 
 
 @decides("large-first-commands")
 def _first_commands(evidence: Evidence) -> Judgement:
-    ratios = []
-    for law in LAWS:
-        record = evidence.record(law, evidence.ours.sets(law)[0])
-        command = np.linalg.norm(record.command, axis=1)
-        first = record.time < 1.0
-        ratios.append(float(command[first].max() / command[~first].mean()))
-    return Judgement(min(ratios) > 1, f"first peak over later mean: {_range(ratios)}")
+    """Judge by the laws that followed."""
+    ratios = {}
+    for law in (*LAWS, *(law + SUFFIX for law in ROBUST)):
+        if law in LQR or evidence.followed(law):
+            record = evidence.record(law, evidence.ours.sets(law)[0])
+            command = np.linalg.norm(record.command, axis=1)
+            first = record.time < 1.0
+            ratios[law] = float(command[first].max() / command[~first].mean())
+    return Judgement(
+        min(ratios.values()) > 1,
+        "first peak over later mean: " + ", ".join(f"{law} {ratio:.2f}" for law, ratio in ratios.items()),
+    )
 
 
 @decides("h-infinity-fast-at-low-rate")
 def _low_rate(evidence: Evidence) -> Judgement:
-    slow = evidence.mean("HIR", "", "hand_speed") / evidence.mean("K", "", "hand_speed")
-    setting = evidence.changed("circle", ("K", "HIR"), period=0.008)
-    lengths = [
-        np.linalg.norm(np.diff(record_of(setting, law).position, axis=0), axis=1).sum()
-        for law in ("HIR", "K")
-    ]
-    fast = float(lengths[0] / lengths[1])
-    return Judgement(
-        slow > 1.1 and slow > fast, f"L.Vel of HIR over K: {slow:.3f} at 20 ms, {fast:.3f} at 8 ms"
-    )
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        slow = evidence.mean(laws[0], "", "hand_speed") / evidence.mean("K", "", "hand_speed")
+        setting = evidence.changed("circle", ("K", laws[0]), period=0.008)
+        lengths = [
+            np.linalg.norm(np.diff(record_of(setting, law).position, axis=0), axis=1).sum()
+            for law in (laws[0], "K")
+        ]
+        fast = float(lengths[0] / lengths[1])
+        return slow > 1.1 and slow > fast, f"L.Vel of HIR over K: {slow:.3f} at 20 ms, {fast:.3f} at 8 ms"
+
+    return evidence.of_robust(look)
 
 
 def _over_k(evidence: Evidence, metric: str) -> list[float]:

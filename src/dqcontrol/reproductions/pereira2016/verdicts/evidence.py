@@ -11,7 +11,8 @@ import numpy as np
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.loop import Record
-from dqcontrol.reproductions.judgement import Judgement
+from dqcontrol.reproductions.judgement import DID_NOT_FOLLOW, Judgement
+from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, with_hundredfold
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
@@ -19,8 +20,12 @@ from dqcontrol.reproductions.results import Results
 
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
-MOST_OVER_PRINTED = 2.0  # errors beyond it: the law did not follow, and what is said of it is not tested
+MOST_OVER_PRINTED = (
+    2.0  # of Err or L.Vel: beyond it the law did not follow, and what is said of it is not tested
+)
 START = 5.0  # s; "in the beginning of the trajectory"
+
+Look = Callable[[tuple[str, ...]], tuple[bool, str]]
 
 
 @dataclass(frozen=True)
@@ -49,18 +54,37 @@ class Evidence:
         """Return the mean of a metric over the repeats."""
         return self.ours.mean(law, parameters, metric, experiment)
 
-    def followed(self, laws: Sequence[str], sets: Sequence[str] = ("",), experiment: str = "") -> bool:
-        """Tell whether laws came as near to their path as `MOST_OVER_PRINTED` times what is printed, in all sets."""
+    def followed(self, law: str, sets: Sequence[str] = ("",)) -> bool:
+        """Tell whether a law came as near to its path, and as smoothly, as `MOST_OVER_PRINTED` says, in all sets."""
         printed = {
-            (cell.law, cell.set): cell.mean
-            for cell in published_cells(self.reproduction)
-            if cell.experiment == experiment and cell.metric == "error"
+            (cell.law, cell.set, cell.metric): cell.mean for cell in published_cells(self.reproduction)
         }
+        label = law.removesuffix(SUFFIX)
         return all(
-            self.mean(law, each, experiment=experiment) <= MOST_OVER_PRINTED * printed[law, each]
-            for law in laws
+            self.mean(law, each, metric) <= MOST_OVER_PRINTED * printed[label, each, metric]
             for each in sets
+            for metric in ("error", "hand_speed")
         )
+
+    def of_robust(self, look: Look, sets: Sequence[str] = ("",)) -> Judgement:
+        """Judge a sentence on HIR and HIRT by the first reading of their gains with which they followed their path.
+
+        Parameters
+        ----------
+        look
+            Takes the labels of both; returns whether the sentence holds of them, and the number.
+        sets
+            Of gains, in all of which they must follow.
+        """
+        holds, texts = None, []
+        for name, suffix in (("gains as printed", ""), ("× 100", SUFFIX)):
+            laws = tuple(law + suffix for law in ROBUST)
+            if all(self.ours.sets(law) for law in laws):
+                follows = all(self.followed(law, sets) for law in laws)
+                verdict, number = look(laws)
+                holds = verdict if holds is None and follows else holds
+                texts.append(f"{name}{'' if follows else ', which do not follow'}: {number}")
+        return Judgement(holds, "; ".join(texts), DID_NOT_FOLLOW if holds is None else "")
 
     def period(self, experiment: str = "") -> float:
         """Return the control period, s."""
@@ -93,7 +117,7 @@ class Evidence:
 
         A change ``laws`` overrides keys of the laws; None takes a key away.
         """
-        data = published_spec(spec, self.plant)
+        data = with_hundredfold(published_spec(spec, self.plant))
         overrides = changes.pop("laws", {})
         data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
         for key in ("parameter_sets", "grids", "repeats", "skip_initial"):

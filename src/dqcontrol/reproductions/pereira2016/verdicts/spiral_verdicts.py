@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol.reproductions.judgement import Judgement, listed
+from dqcontrol.reproductions.judgement import ABOUT_THE_ROBOT, Judgement, listed
+from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX
 from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
     LAWS,
@@ -18,6 +19,7 @@ from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
 )
 from dqcontrol.reproductions.results import Results
 
+HUNDREDFOLD = tuple(law + SUFFIX for law in ROBUST)
 SETS = ("best", "ln2", "ln2²")
 METRICS = ("error", "control", "joint_step", "hand_speed", "hand_acceleration")
 _STEP, _LQR_STEP = 1 / np.log(2), 1 / np.sqrt(np.log(2))
@@ -34,11 +36,15 @@ def _near(values: list[float], target: float, share: float = 0.05) -> bool:
 
 @decides("error-inverse-to-gain")
 def _inverse(evidence: Evidence) -> Judgement:
-    steps = {law: _steps(evidence.ours, law) for law in (*PROPORTIONAL, *ROBUST)}
-    text = "; ".join(f"{law} {listed(values)}" for law, values in steps.items())
-    if evidence.second is not None:
-        text += f"; second fit {listed(_steps(evidence.second, 'HIR scaled'))}"
-    return Judgement(all(_near(values, _STEP) for values in steps.values()), f"{text}; 1/ln2 = {_STEP:.3f}")
+    """Judge by the laws that followed; those that did not say nothing about the sentence."""
+    steps = {law: _steps(evidence.ours, law) for law in (*PROPORTIONAL, *ROBUST, *HUNDREDFOLD)}
+    left_out = [law for law in steps if not evidence.followed(law, SETS)]
+    text = "; ".join(
+        f"{law}{' (did not follow)' if law in left_out else ''} {listed(values)}"
+        for law, values in steps.items()
+    )
+    kept = [values for law, values in steps.items() if law not in left_out]
+    return Judgement(all(_near(values, _STEP) for values in kept), f"{text}; 1/ln2 = {_STEP:.3f}")
 
 
 @decides("dq-error-inverse-to-gain")
@@ -49,39 +55,51 @@ def _dq_inverse(evidence: Evidence) -> Judgement:
 
 @decides("r8-not-exponential")
 def _r8(evidence: Evidence) -> Judgement:
-    steps = _steps(evidence.ours, "LQR-R8")
-    return Judgement(not _near(steps, _LQR_STEP), f"{listed(steps)}; the gain √(q/r) gives {_LQR_STEP:.3f}")
+    steps, exact = (_steps(evidence.ours, law) for law in ("LQR-R8", "LQR-R8 exact"))
+    return Judgement(
+        not _near(steps, _LQR_STEP),
+        f"{listed(steps)} with one Euler step a period; solved exactly {listed(exact)}; √(q/r) gives {_LQR_STEP:.3f}",
+    )
 
 
 @decides("h-infinity-best-everywhere")
 def _best(evidence: Evidence) -> Judgement:
-    holds, places = True, []
-    for each in SETS:
-        for number in (evidence.ours.mean, evidence.ours.deviation):
-            ranked = sorted(LAWS, key=lambda law, of=number, at=each: of(law, at))
-            holds = holds and set(ranked[:2]) == set(ROBUST)
-        ranked = sorted(LAWS, key=lambda law, at=each: evidence.mean(law, at))
-        places.append(f"{each} {1 + min(ranked.index(law) for law in ROBUST)}")
-    return Judgement(holds, f"place of the better of HIR and HIRT by mean error: {', '.join(places)}")
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        holds, places, all_laws = True, [], (*PROPORTIONAL, *LQR, *laws)
+        for each in SETS:
+            for number in (evidence.ours.mean, evidence.ours.deviation):
+                ranked = sorted(all_laws, key=lambda law, of=number, at=each: of(law, at))
+                holds = holds and set(ranked[:2]) == set(laws)
+            ranked = sorted(all_laws, key=lambda law, at=each: evidence.mean(law, at))
+            places.append(f"{each} {1 + min(ranked.index(law) for law in laws)}")
+        return holds, f"place of the better of HIR and HIRT by mean error {', '.join(places)}"
+
+    return evidence.of_robust(look, SETS)
 
 
 @decides("h-infinity-without-excessive-speed")
 def _speed(evidence: Evidence) -> Judgement:
-    ratios = [
-        evidence.mean("HIR", "best", key) / evidence.mean("K", "best", key)
-        for key in ("hand_speed", "joint_step")
-    ]
-    return Judgement(max(ratios) <= 1.1, f"L.Vel and Eff over K's: {listed(ratios)}")
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        ratios = [
+            evidence.mean(laws[0], "best", key) / evidence.mean("K", "best", key)
+            for key in ("hand_speed", "joint_step")
+        ]
+        return max(ratios) <= 1.1, f"L.Vel and Eff over K's {listed(ratios)}"
+
+    return evidence.of_robust(look, ["best"])
 
 
 @decides("h-infinity-lower-effort")
 def _lower_effort(evidence: Evidence) -> Judgement:
-    ratios = [
-        evidence.mean("HIR", each, "joint_step") / evidence.mean(law, each, "joint_step")
-        for each in SETS
-        for law in ("K", "LQR-R8")
-    ]
-    return Judgement(max(ratios) < 1, f"Eff over K's and R8's: {min(ratios):.3f} … {max(ratios):.3f}")
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        ratios = [
+            evidence.mean(laws[0], each, "joint_step") / evidence.mean(law, each, "joint_step")
+            for each in SETS
+            for law in ("K", "LQR-R8")
+        ]
+        return max(ratios) < 1, f"Eff over K's and R8's {min(ratios):.3f} … {max(ratios):.3f}"
+
+    return evidence.of_robust(look, SETS)
 
 
 @decides("dq-predictable")
@@ -132,15 +150,26 @@ def _less_repeatable(evidence: Evidence) -> Judgement:
     larger = "of 15 deviations, K's and then K+FF's are larger than those of R8, DQ, HIR and HIRT in"
     return Judgement(
         None,
-        f"errors repeat to {share:.2g} % or better with the encoders' noise, printed {printed:.2g} %: what varied on "
-        f"the robot is not in the model; {larger} {', '.join(map(str, counts))}",
+        f"errors repeat to {share:.2g} % or better, printed {printed:.2g} %: what varied on the robot is not in the "
+        f"model; {larger} {', '.join(map(str, counts))}",
+        ABOUT_THE_ROBOT,
     )
 
 
 @decides("proportional-less-precise")
 def _less_precise(evidence: Evidence) -> Judgement:
-    ratios = [evidence.mean("K", each) / evidence.mean(law, each) for each in SETS for law in (*LQR, *ROBUST)]
-    return Judgement(min(ratios) > 1, f"Err of K over the others': {min(ratios):.3f} … {max(ratios):.3f}")
+    others = [
+        (law, each)
+        for each in SETS
+        for law in (*LQR, *ROBUST, *HUNDREDFOLD)
+        if evidence.followed(law, [each])
+    ]
+    ratios = {where: evidence.mean("K", where[1]) / evidence.mean(*where) for where in others}
+    worst = min(ratios, key=ratios.__getitem__)
+    least, most = ratios[worst], max(ratios.values())
+    return Judgement(
+        least > 1, f"Err of K over those that followed: {least:.3f} ({' '.join(worst)}) … {most:.3f}"
+    )
 
 
 @decides("lqr-lower-hand-speed")
@@ -160,7 +189,11 @@ def _feedforward(evidence: Evidence) -> Judgement:
 
 @decides("tracking-term-changes-nothing")
 def _tracking(evidence: Evidence) -> Judgement:
-    return _no_change(evidence, "HIRT", "HIR")
+    def look(laws: tuple[str, ...]) -> tuple[bool, str]:
+        found = _no_change(evidence, laws[1], laws[0])
+        return bool(found.holds), found.number
+
+    return evidence.of_robust(look, SETS)
 
 
 def _no_change(evidence: Evidence, law: str, other: str) -> Judgement:

@@ -1,0 +1,223 @@
+"""A law that keeps constraints: time of a step, of its parts, and reactive scenes.
+
+    python benchmarks/constraints.py [--scenes 200] [--runs 100]
+
+Scenes: a Panda among three balls, start and goal clear of them by 30 mm, and a way between by random configurations
+that is clear too; joints do what they are told. Runs: the worst distance below what was asked, with 20 instants a
+period, of random scenes with things that move.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from measure import Ratio, medians, table
+
+import dqcontrol as dqc
+from dqcontrol.geometry import Capsule
+from dqcontrol.geometry import distance_kernels as geometry
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+from dqcontrol.measures.deadlock import deadlocks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
+
+PERIOD = 0.01
+HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
+MOST = 15.0  # s of a scene
+REACHED = 0.01  # m
+
+
+def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.laws.Constraints:
+    """Return constraints with balls of 60 mm at these centres."""
+    obstacles: dict[str, Any] = {
+        f"ball {i}": dqc.laws.SphereObstacle(center=tuple(ball), radius=0.06) for i, ball in enumerate(balls)
+    }
+    return dqc.laws.Constraints(obstacles=obstacles, **options)
+
+
+def around(arm: dqc.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return random centres around the arm."""
+    return rng.uniform([-0.1, -0.7, 0.2], [0.8, 0.7, 1.0], (count, 3))
+
+
+def step_ratios(short: bool) -> list[Ratio]:
+    """Return a step with all limits and 51 pairs against one of Mink, and without constraints."""
+    arm = dqc.load_robot("panda")
+    rng = np.random.default_rng(1)
+    hand = dqc.DualQuaternion(arm.fkm(HOME)).translation
+    while True:
+        balls = around(arm, rng, 6)
+        given = fenced(arm, balls, acceleration=10.0)
+        law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(arm, None, PERIOD)
+        kept = PreparedConstraints(given, arm, PERIOD, "measured")
+        room = kept.values(HOME[None], [0.0])[0]
+        if 0.02 < room.min() < 0.08 and np.linalg.norm(balls - hand, axis=1).min() < 0.3:
+            break
+    free = dqc.laws.Proportional(gain=3.0).prepare(arm, None, PERIOD)
+    sample = dqc.Sample(arm.fkm(HOME + 0.3))
+    state, plain = law.initial_state(HOME), free.initial_state(HOME)
+    out = np.empty(7)
+
+    def step() -> None:
+        law.sent(state, out * 0.0)
+        law.command(HOME, sample, state, out)
+
+    functions = {"ours": step, "without": lambda: free.command(HOME, sample, plain, out)}
+    t = medians(functions, 500, 3 if short else 15)
+    times = np.empty(2000 if short else 100_000)
+    for i in range(len(times)):
+        begin = time.perf_counter()
+        step()
+        times[i] = time.perf_counter() - begin
+    pairs = len(kept.labels)
+    print(
+        f"step, 7 joints, all limits, {pairs} pairs: {t['ours']:.2f} µs (without constraints {t['without']:.2f}), "
+        f"single steps: median {1e6 * np.median(times):.2f}, p99.9 {1e6 * np.quantile(times, 0.999):.2f} µs; "
+        f"{law.report[0]:.0f} rows active, {law.report[1]:.0f} programs"
+    )
+    found = [Ratio(f"step, {pairs} pairs", t["ours"], "µs", "the same law without", t["without"], "≤ 20")]
+    if find_spec("mink"):
+        from quadratic_programs import by_mink
+
+        goal = np.asarray(dqc.DualQuaternion(arm.fkm(HOME + 0.3)).matrix())
+        mink = medians({"mink": by_mink(goal, arm)}, 500, 3 if short else 15)["mink"]
+        found.append(
+            Ratio(f"step, {pairs} pairs", t["ours"], "µs", "Mink without collisions", mink, "≤ 0.05")
+        )
+    return found
+
+
+def capsule_time() -> float:
+    """Return ns of a pair of capsules in a compiled loop."""
+    rng = np.random.default_rng(2)
+    ends = rng.normal(size=(2, 10_000, 2, 3))
+    a, b = (np.array([Capsule(start, end, 0.1).row for start, end in each]) for each in ends)
+    out = np.empty((len(a), geometry.FOUND))
+    t = medians({"pairs": lambda: geometry.distances(a, b, out)}, 10, 9)
+    return 1e3 * t["pairs"] / len(a)
+
+
+def level_times() -> tuple[float, float]:
+    """Return µs of three degenerate levels with 14 inputs, and of one program of the same rows."""
+    from program_samples import degenerate_levels, packed_levels, solve_levels
+
+    from dqcontrol.laws.constrained import active_set
+
+    rng = np.random.default_rng(3)
+    cases = [packed_levels(*degenerate_levels(rng), 3) for _ in range(100)]
+    _, _, n, m = cases[0]
+    room = active_set.room_for(n, m, soft=True)
+    scratch = np.empty(active_set.scratch_size(n, m, room))
+    softened = []
+    for each, *_ in cases:
+        copy = each.copy()
+        active_set.unpack_program(copy, n, m).softness[:] = 1e-4
+        softened.append(copy)
+    answer = np.empty((1, 3 * n + m))
+
+    def programs() -> None:
+        for each in softened:
+            active_set.solve_programs(
+                each[None], n, m, 500, answer, np.zeros((1, room + 2), np.intp), scratch
+            )
+
+    def levels() -> None:
+        for each in cases:
+            solve_levels(*each)
+
+    t = medians({"programs": programs, "levels": levels}, 10, 5)
+    return t["levels"] / len(cases), t["programs"] / len(cases)
+
+
+def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return balls, start and goal of a scene that has a way."""
+    low, high = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.8)
+    steps = np.linspace(0, 1, 60)[:, None]
+    while True:
+        balls = around(arm, rng, 3)
+        kept = PreparedConstraints(fenced(arm, balls), arm, PERIOD, "measured")
+
+        def clear(q: np.ndarray, kept: PreparedConstraints = kept) -> bool:
+            return bool(kept.values(q, np.zeros(len(q))).min() > 0.03)
+
+        def straight(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+            return a + steps * (b - a)
+
+        start, goal = rng.uniform(low, high, (2, 7))
+        if not clear(np.vstack([start, goal])) or clear(straight(start, goal)):
+            continue
+        for _ in range(30):
+            via = rng.uniform(low, high)
+            if clear(straight(start, via)) and clear(straight(via, goal)):
+                return balls, start, goal
+
+
+def scenes(count: int) -> None:
+    """Print how many scenes the law solves, and what became of the others."""
+    arm, rng = dqc.load_robot("panda"), np.random.default_rng(4)
+    ends: Counter[str] = Counter()
+    least = np.inf
+    for _ in range(count):
+        balls, start, goal = scene(rng, arm)
+        law = dqc.laws.Proportional(gain=2.0, constraints=fenced(arm, balls, acceleration=10.0))
+        record = dqc.simulate(
+            arm, dqc.references.SetPoint(arm.fkm(goal)), law, dqc.plants.Integrator(), start, PERIOD, MOST
+        )
+        least = min(least, float(record.readings["kept_distance"].values.min()))
+        held = deadlocks(record)
+        turned = float(np.linalg.norm(record.rotation_error[-1]))
+        if record.position_error[-1] < REACHED and turned < 0.05:
+            ends["reached"] += 1
+        elif held and held[-1].end > MOST - 1:
+            ends["held by " + ("obstacles" if "ball" in " ".join(held[-1].names) else held[-1].names[0])] += 1
+        else:
+            ends["late, or at limits of joints"] += 1
+    print(f"{count} scenes: {dict(ends)}; least distance {1e3 * least:.2f} mm, asked 10")
+
+
+def runs(count: int) -> None:
+    """Print the worst distance below what was asked of random runs."""
+    from constraint_scenes import least_room, random_constraints, random_goal
+
+    arm, rng, worst = dqc.load_robot("panda"), np.random.default_rng(5), np.inf
+    excess = -np.inf
+    for _ in range(count):
+        period, acceleration = float(rng.uniform(0.001, 0.01)), float(rng.uniform(5, 20))
+        law = dqc.laws.Proportional(
+            gain=3.0, constraints=random_constraints(rng, arm, HOME, acceleration=acceleration)
+        )
+        goal = random_goal(rng, arm)
+        record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), HOME, period, 1.5)
+        worst = min(worst, least_room(law.prepare(arm, goal, period), record, period))
+        excess = max(excess, float(record.readings["kept_effect"].values[:, 3].max()))
+    print(
+        f"{count} runs, 20 instants a period: worst shortfall {max(-worst, 0.0):.3g} m, "
+        f"largest excess of acceleration {max(excess, 0.0):.3g} of its limit"
+    )
+
+
+def ratios(short: bool) -> list[Ratio]:
+    """Return the step, and levels against one program."""
+    levels, program = level_times()
+    print(f"capsule and capsule in a loop: {capsule_time():.0f} ns")
+    return [
+        *step_ratios(short),
+        Ratio("three degenerate levels, n = 14", levels, "µs", "one program of their rows", program, "≤ 3"),
+    ]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--runs", type=int, default=100)
+    options = parser.parse_args()
+    print(table(ratios(short=False), "Constraints").markdown())
+    runs(options.runs)
+    scenes(options.scenes)

@@ -1,0 +1,91 @@
+"""The shapes of a robot's links, listed and written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from dqcontrol.cli.screen import print_table
+from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.files.whole_file import whole_file
+from dqcontrol.geometry import Box, Capsule, Sphere
+from dqcontrol.measures.tables import Column, Table
+from dqcontrol.robots import SerialArm, load_robot
+from dqcontrol.robots.collision_shapes import (
+    FittedShape,
+    collision_shapes,
+    kept,
+    sampled_pairs,
+)
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.robot_file import plain_arm
+
+
+def list_shapes(
+    source: str, base_link: str | None, tip_link: str | None, write: Path | None, every_pair: bool
+) -> None:
+    """Print the shapes of a robot and its pairs; write an arm's robot file with them."""
+    if write is not None and write.exists():
+        raise ExistsError(f"{write}: exists already; choose another name or remove it")
+    robot = load_robot(source, base_link, tip_link)
+    fitted: list[FittedShape] = []
+    if robot.shapes is None and isinstance(robot, SerialArm) and robot.urdf is not None:
+        fitted = collision_shapes(robot)
+    known = tuple(each.shape for each in fitted) if fitted else robot.shapes.shapes if robot.shapes else ()
+    if not known:
+        raise ShapeError(
+            f"{robot.name}: has no shapes; only URDF files and robot files with 'shapes' have some"
+        )
+    made_of = [f"{each.made_of}, {each.overhead:.2f} × its volume" for each in fitted] or [""] * len(known)
+    joints = ("stands still", *robot.joint_names)
+    rows = [
+        [each.name, joints[each.frame], *_size(each), origin]
+        for each, origin in zip(known, made_of, strict=True)
+    ]
+    columns = [Column("shape"), Column("moved by"), Column("kind"), Column("size", "mm"), Column("made of")]
+    print_table(Table(columns if fitted else columns[:-1], rows if fitted else [row[:-1] for row in rows]))
+    found = sampled_pairs(robot, known)
+    chosen = tuple(kept(found)) if fitted else robot.shapes.pairs if robot.shapes else ()
+    if every_pair:
+        columns = [
+            Column("pair"),
+            Column("nearest", "mm", ".1f"),
+            Column("overlap", "%", ".1f"),
+            Column("kept apart"),
+        ]
+        print_table(
+            Table(
+                columns,
+                [
+                    [
+                        f"{known[each.a].name}, {known[each.b].name}",
+                        1e3 * each.least,
+                        100 * each.colliding,
+                        "yes" if (each.a, each.b) in chosen else each.reason or "no",
+                    ]
+                    for each in found
+                ],
+            )
+        )
+    print(f"{robot.name}: {len(known)} shapes, {len(chosen)} of {len(found)} pairs kept apart")
+    if write is not None:
+        if not isinstance(robot, SerialArm):
+            raise ShapeError(f"{robot.name}: is a whole body; write the shapes of its arms")
+        robot.shapes = LinkShapes(known, chosen)
+        text = yaml.safe_dump(plain_arm(robot), sort_keys=False, default_flow_style=None, width=120)
+        with whole_file(write) as draft:
+            draft.write_text(text, encoding="utf-8")
+        print(f"wrote {write}")
+
+
+def _size(each: LinkShape) -> list[str]:
+    """Return kind and size of a shape."""
+    shape = each.shape
+    if isinstance(shape, Sphere):
+        return ["sphere", f"radius {1e3 * shape.radius:.1f}"]
+    if isinstance(shape, Capsule):
+        length = float(((shape.end - shape.start) ** 2).sum() ** 0.5)
+        return ["capsule", f"radius {1e3 * shape.radius:.1f}, length {1e3 * length:.1f}"]
+    assert isinstance(shape, Box)
+    return ["box", " × ".join(f"{1e3 * edge:.1f}" for edge in shape.size)]

@@ -1,0 +1,52 @@
+/* A real-time loop around the controller: absolute deadlines, SCHED_FIFO, and every step noted in memory of yours. */
+#ifndef DQC_LOOP_H
+#define DQC_LOOP_H
+
+#include "dqc_controller.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* One step. */
+typedef struct {
+  double time;                   /* by deadlines, s */
+  double begin;                  /* when it began, s since the first step */
+  double computation;            /* of the controller, s */
+  double idle;                   /* slept before it, s */
+  double late;                   /* 1 if the work before it took longer than its deadline, else 0 */
+  double sample[21];             /* desired pose, twist, twist rate, time of the reference */
+  double q[DQC_COORDINATES];     /* where the robot truly is, if that is known, else as measured */
+  double measured[DQC_COORDINATES];
+  double command[DQC_INPUTS];
+  double interventions, status;
+} dqc_row;
+
+/* Send u to the robot (null before the first step) and read where it is; return 0, or 1 if no measurement came. It may
+ * not wait: what it waits for is late. */
+typedef int (*dqc_exchange)(void *robot, const double *u, double *q, double *measured);
+
+typedef struct {
+  dqc_controller controller;
+  dqc_row *rows;     /* room for steps */
+  int64_t capacity;  /* of rows: the loop ends when they are full */
+  int64_t written;   /* steps noted so far; read it with dqc_loop_written */
+  int32_t request;   /* set it with dqc_loop_request */
+  int32_t real_time; /* whether the system gave SCHED_FIFO */
+  int64_t missed;    /* periods that passed without a step */
+  int64_t late;      /* steps that began late because of the work before them */
+} dqc_loop;
+
+enum { DQC_LOOP_GO, DQC_LOOP_END, DQC_LOOP_STOP };
+
+/* Run until the controller has ended or stopped, or there is no more room; priority: of SCHED_FIFO, 0 for none.
+ * Return the controller's last status. Pages that a loop writes should be locked and written to before. */
+int dqc_loop_run(dqc_loop *loop, const dqc_config *config, dqc_exchange exchange, void *robot, int priority);
+
+int64_t dqc_loop_written(const dqc_loop *loop);
+void dqc_loop_request(dqc_loop *loop, int request);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,319 @@
+"""What compiled code knows of constraints: shapes, obstacles, rows, limits of joints; and the memory it works in."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.geometry.distance_kernels import FOUND, SHAPE
+from dqcontrol.laws.constrained.active_set import program_size, scratch_size
+from dqcontrol.laws.constrained.levels import levels_size, room_for_levels
+
+# kinds of rows
+APART, INSIDE, AT_MOST, AT_LEAST, SIGHT = 0.0, 1.0, 2.0, 3.0, 4.0
+
+# how an obstacle moves
+STILL, STRAIGHT, BY_TABLE = 0.0, 1.0, 2.0
+
+BALL = SHAPE  # of a shape's numbers: centre (3) and radius of a ball around it; none around a plane: infinite
+BODY = SHAPE + 4
+
+MOST_ROWS = 160  # of distances and angles in one program; of more the nearest
+MOST_CUTS = 16  # rows that verification adds
+ROUNDS = 6  # of it
+
+
+class Head(NamedTuple):
+    """Sizes, and numbers that belong to no row.
+
+    Attributes
+    ----------
+    inputs, shapes, obstacles, rows, names, moving, capacity, drives
+        How many there are of each; of rows in one program.
+    program, solver, levels, sets
+        How many numbers these parts of the scratch have.
+    integrates
+        1 where commands move a target that joints follow with a lag: that target is then kept.
+    rate
+        η, 1/s.
+    recovery
+        Largest speed at which a distance that is too small is asked to grow, m/s or rad/s.
+    angular, free
+        l² and ρ² of the objective, m².
+    """
+
+    period: float
+    inputs: float
+    shapes: float
+    obstacles: float
+    rows: float
+    names: float
+    moving: float
+    capacity: float
+    drives: float
+    program: float
+    solver: float
+    levels: float
+    sets: float
+    integrates: float
+    rate: float
+    recovery: float
+    angular: float
+    free: float
+
+
+class Row(NamedTuple):
+    """One distance or angle that is to be kept; lengths in m, angles in rad.
+
+    Attributes
+    ----------
+    kind
+        `APART`: shapes a and b of the world; `INSIDE`: ball a in round shape b; `AT_MOST`, `AT_LEAST`: an angle
+        between an axis of frame a and a direction; `SIGHT`: between an axis of frame a and the way to obstacle b.
+    a, b
+        Numbers of shapes, of robot shapes first; or of a frame.
+    kept
+        What is kept: the distance asked for, and what samples must keep beyond it; of angles the room.
+    level
+        Its priority, 0 is the highest.
+    name
+        Number of its name.
+    speed
+        At which b may come nearer by itself, m/s.
+    limit
+        Of an angle.
+    axis, other
+        Axis in the frame; direction in the world, or place of the camera in the frame.
+    """
+
+    kind: float
+    a: float
+    b: float
+    kept: float
+    level: float
+    name: float
+    speed: float
+    limit: float
+    axis: Annotated[Array, 3]
+    other: Annotated[Array, 3]
+
+
+head, row_of = MemoryLayout(Head), MemoryLayout(Row)
+HEAD, ROW = head.size(), row_of.size()
+# of an obstacle's numbers: how it moves, place in the table of motions, its velocity
+MOTION, PLACE, VELOCITY = BODY, BODY + 1, BODY + 2
+OBSTACLE = BODY + 5
+
+
+class ConstraintParameters(NamedTuple):
+    """What is given.
+
+    Attributes
+    ----------
+    head
+        See `Head`.
+    lower, upper, velocity, acceleration, coordinate
+        Limits of each input, infinite where it has none, and the coordinate that it moves.
+    inputs_before
+        How many inputs move each frame, the base's first.
+    bodies
+        Frame of each shape of the robot, and its numbers in that frame.
+    obstacles
+        Numbers of each, where it is at the start.
+    rows
+        See `Row`.
+    levers
+        Of each row: how fast it can change per unit of each input, not growing from the first input on.
+    drives
+        As the robot has them, and below them the speed limit of each one's rim.
+    rims
+        See ``drives``.
+    table
+        Shift and velocity (6) of each obstacle that moves by it, one row a sample.
+    """
+
+    head: Annotated[Array, HEAD]
+    lower: Annotated[Array, "m"]
+    upper: Annotated[Array, "m"]
+    velocity: Annotated[Array, "m"]
+    acceleration: Annotated[Array, "m"]
+    coordinate: Annotated[Array, "m"]
+    inputs_before: Annotated[Array, "n + 1"]
+    bodies: Annotated[Array, "shapes", BODY + 1]
+    obstacles: Annotated[Array, "obstacles", OBSTACLE]
+    rows: Annotated[Array, "rows", ROW]
+    levers: Annotated[Array, "rows", "m"]
+    drives: Annotated[Array, "drives", 4]
+    rims: Annotated[Array, "drives"]
+    table: Annotated[Array, ..., "6 * moving + 1"]
+
+
+class ConstraintMemory(NamedTuple):
+    """What is kept from sample to sample, behind the law's state.
+
+    Attributes
+    ----------
+    started
+        1 after the first sample.
+    target
+        Where commands have led, if they move a target.
+    sent
+        The last command that left.
+    """
+
+    started: Annotated[Array, 1]
+    target: Annotated[Array, "n"]
+    sent: Annotated[Array, "m"]
+
+
+NUMBERS = 6  # of a report that belong to no name
+
+
+class Report(NamedTuple):
+    """What happened in the last sample.
+
+    Attributes
+    ----------
+    numbers
+        How many rows were active, how often the program was solved, share of the command that was left by scaling,
+        largest excess of an acceleration limit (as a share), speed of the hand as the law asks and as it leaves, both
+        as |[lω ; v]|, m/s.
+    least, pressure, slack
+        Of each name: least distance or angle, sum of its multipliers, and how much it gave way (m/s or rad/s).
+    """
+
+    numbers: Annotated[Array, NUMBERS]
+    least: Annotated[Array, "names"]
+    pressure: Annotated[Array, "names"]
+    slack: Annotated[Array, "names"]
+
+
+class ConstraintWork(NamedTuple):
+    """Scratch.
+
+    Attributes
+    ----------
+    report
+        See `Report`.
+    config, trial
+        Configuration where rows are made, and that a period later.
+    wish, best
+        What the law asks, and the best of several answers.
+    low, high, rough_low, rough_high
+        Box of each input with its limit of acceleration and without.
+    frames, places
+        Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
+    world
+        All shapes where they are.
+    drift
+        Velocities of obstacles.
+    found, line
+        Of one pair, and how the inputs change its distance.
+    buffer, hand, jacobian
+        Kinematics of the chain; Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
+    lines, bounds, owners, required, press
+        Rows of the program, those that verification adds at the end: gradient of the distance, bound, which row of the
+        constraints, what it has to be after this period, multiplier.
+    hessian
+        H.
+    program, solver, levels, sets
+        Memory of the solvers.
+    """
+
+    report: Annotated[Array, "3 * names + 6"]
+    config: Annotated[Array, "n"]
+    trial: Annotated[Array, "n"]
+    wish: Annotated[Array, "m"]
+    low: Annotated[Array, "m"]
+    high: Annotated[Array, "m"]
+    rough_low: Annotated[Array, "m"]
+    rough_high: Annotated[Array, "m"]
+    frames: Annotated[Array, "8 * (n + 1)"]
+    places: Annotated[Array, "n + 1", 12]
+    world: Annotated[Array, "shapes + obstacles", BODY]
+    drift: Annotated[Array, "obstacles", 3]
+    found: Annotated[Array, FOUND]
+    line: Annotated[Array, "m"]
+    buffer: Annotated[Array, "8 + 14 * m"]
+    hand: Annotated[Array, 6, "m"]
+    jacobian: Annotated[Array, 6, "m"]
+    lines: Annotated[Array, "capacity", "m"]
+    bounds: Annotated[Array, "capacity"]
+    owners: Annotated[Array, "capacity"]
+    required: Annotated[Array, "capacity"]
+    press: Annotated[Array, "capacity"]
+    best: Annotated[Array, "m"]
+    hessian: Annotated[Array, "m", "m"]
+    program: Annotated[Array, "program"]
+    solver: Annotated[Array, "solver"]
+    levels: Annotated[Array, "levels"]
+    sets: Annotated[Array, "sets"]
+
+
+parameters_of = MemoryLayout(
+    ConstraintParameters, "n", "m", "shapes", "obstacles", "rows", "drives", "moving"
+)
+memory_of = MemoryLayout(ConstraintMemory, "n", "m")
+report_of = MemoryLayout(Report, "names")
+work_of = MemoryLayout(
+    ConstraintWork,
+    "n",
+    "m",
+    "shapes",
+    "obstacles",
+    "names",
+    "capacity",
+    "program",
+    "solver",
+    "levels",
+    "sets",
+)
+
+
+def solver_sizes(m: int, capacity: int, drives: int) -> dict[str, int]:
+    """Return how many numbers programs of so many rows, their solvers, and their sets of active constraints need."""
+    rows = capacity + 2 * m + 4 * drives
+    return {
+        "program": program_size(m, rows),
+        "solver": scratch_size(m, rows, room_for_soft(m)),
+        "levels": levels_size(m, rows),
+        "sets": room_for_levels(m, rows) + 2 + rows,
+    }
+
+
+@inline
+def room_for_soft(m: int) -> int:
+    """Return how many constraints can be active: independent ones, and soft limits of acceleration."""
+    return 3 * m + 2
+
+
+__all__ = [
+    "APART",
+    "AT_LEAST",
+    "AT_MOST",
+    "BALL",
+    "BODY",
+    "BY_TABLE",
+    "HEAD",
+    "INSIDE",
+    "MOST_CUTS",
+    "MOST_ROWS",
+    "MOTION",
+    "NUMBERS",
+    "OBSTACLE",
+    "PLACE",
+    "ROUNDS",
+    "ROW",
+    "SIGHT",
+    "STILL",
+    "STRAIGHT",
+    "VELOCITY",
+    "ConstraintMemory",
+    "ConstraintParameters",
+    "ConstraintWork",
+    "Head",
+    "Report",
+    "Row",
+]

@@ -1,0 +1,262 @@
+"""Where shapes are, how far they are apart, and how that changes with the inputs, compiled."""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compiled.compile import inline, shared
+from dqcontrol.geometry.distance_kernels import (
+    CENTER,
+    CORE,
+    KIND,
+    NORMAL,
+    OFFSET,
+    PLANE,
+    RADIUS,
+    ROTATION,
+    ROUND,
+    SHAPE,
+    add_distance_row,
+    find_distance,
+)
+from dqcontrol.laws.constrained.constraint_layout import (
+    APART,
+    AT_LEAST,
+    AT_MOST,
+    BALL,
+    BY_TABLE,
+    INSIDE,
+    MOTION,
+    PLACE,
+    STRAIGHT,
+    VELOCITY,
+    row_of,
+)
+from dqcontrol.robots.kinematics_kernels import joint_frames
+
+_ALONG = 1e-9  # sine of an angle below which the plane in which it opens is unknown
+
+
+@shared
+def place_frames(chain, config, work):
+    """Write rotation matrix and position of the base and of all joint frames at a configuration."""
+    n = config.shape[0]
+    status = joint_frames(chain, config, work.frames)
+    place = work.places[0]
+    for k in range(12):
+        place[k] = 1.0 if k == 0 or k == 4 or k == 8 else 0.0
+    for i in range(n):
+        w, x, y, z = (
+            work.frames[8 * i],
+            work.frames[8 * i + 1],
+            work.frames[8 * i + 2],
+            work.frames[8 * i + 3],
+        )
+        a, b, c, d = (
+            work.frames[8 * i + 4],
+            work.frames[8 * i + 5],
+            work.frames[8 * i + 6],
+            work.frames[8 * i + 7],
+        )
+        place = work.places[i + 1]
+        place[0] = 1.0 - 2.0 * (y * y + z * z)
+        place[1] = 2.0 * (x * y - w * z)
+        place[2] = 2.0 * (x * z + w * y)
+        place[3] = 2.0 * (x * y + w * z)
+        place[4] = 1.0 - 2.0 * (x * x + z * z)
+        place[5] = 2.0 * (y * z - w * x)
+        place[6] = 2.0 * (x * z - w * y)
+        place[7] = 2.0 * (y * z + w * x)
+        place[8] = 1.0 - 2.0 * (x * x + y * y)
+        place[9] = 2.0 * (-a * x + b * w - c * z + d * y)
+        place[10] = 2.0 * (-a * y + b * z + c * w - d * x)
+        place[11] = 2.0 * (-a * z - b * y + c * x + d * w)
+    return status
+
+
+@inline
+def turned(place, x, y, z):
+    """Return a vector of a frame in the axes of the world."""
+    return (
+        place[0] * x + place[1] * y + place[2] * z,
+        place[3] * x + place[4] * y + place[5] * z,
+        place[6] * x + place[7] * y + place[8] * z,
+    )
+
+
+@inline
+def _put(place, body, at, out, to):
+    """Write a point of a frame in the world."""
+    x, y, z = turned(place, body[at], body[at + 1], body[at + 2])
+    out[to], out[to + 1], out[to + 2] = x + place[9], y + place[10], z + place[11]
+
+
+@shared
+def place_bodies(given, work):
+    """Write the shapes of the robot where its frames are."""
+    for s in range(given.bodies.shape[0]):
+        body, out = given.bodies[s, 1:], work.world[s]
+        place = work.places[int(given.bodies[s, 0])]
+        if body[KIND] == ROUND:
+            out[KIND], out[RADIUS], out[8], out[9] = ROUND, body[RADIUS], body[8], body[9]
+            _put(place, body, CORE, out, CORE)
+            out[5], out[6], out[7] = turned(place, body[5], body[6], body[7])
+        else:  # a box
+            out[0], out[1], out[2], out[3] = body[0], body[1], body[2], body[3]
+            _put(place, body, CENTER, out, CENTER)
+            for k in range(3):
+                x, y, z = turned(place, body[ROTATION + k], body[ROTATION + 3 + k], body[ROTATION + 6 + k])
+                out[ROTATION + k], out[ROTATION + 3 + k], out[ROTATION + 6 + k] = x, y, z
+        _put(place, body, BALL, out, BALL)
+        out[BALL + 3] = body[BALL + 3]
+
+
+@shared
+def place_obstacles(given, work, time, sample):
+    """Write the obstacles where they are at a time, and how they move."""
+    first = given.bodies.shape[0]
+    for o in range(given.obstacles.shape[0]):
+        body, out, drift = given.obstacles[o], work.world[first + o], work.drift[o]
+        for k in range(SHAPE + 4):
+            out[k] = body[k]
+        for k in range(3):
+            drift[k] = 0.0
+        motion = body[MOTION]
+        if motion == 0.0:
+            continue
+        x, y, z = 0.0, 0.0, 0.0
+        if motion == STRAIGHT:
+            for k in range(3):
+                drift[k] = body[VELOCITY + k]
+            x, y, z = time * drift[0], time * drift[1], time * drift[2]
+        elif motion == BY_TABLE:
+            row = given.table[min(max(sample, 0), given.table.shape[0] - 1)]
+            at = 6 * int(body[PLACE])
+            x, y, z = row[at], row[at + 1], row[at + 2]
+            for k in range(3):
+                drift[k] = row[at + 3 + k]
+        if body[KIND] == PLANE:
+            out[OFFSET] += x * body[NORMAL] + y * body[NORMAL + 1] + z * body[NORMAL + 2]
+        else:
+            at = CORE if body[KIND] == ROUND else CENTER
+            out[at], out[at + 1], out[at + 2] = out[at] + x, out[at + 1] + y, out[at + 2] + z
+        out[BALL], out[BALL + 1], out[BALL + 2] = out[BALL] + x, out[BALL + 1] + y, out[BALL + 2] + z
+
+
+@inline
+def farther_than(work, row):
+    """Return a distance that two shapes are apart at least, by the balls around them."""
+    a, b = work.world[int(row.a)], work.world[int(row.b)]
+    if b[KIND] == PLANE:
+        height = a[BALL] * b[NORMAL] + a[BALL + 1] * b[NORMAL + 1] + a[BALL + 2] * b[NORMAL + 2]
+        return height - b[OFFSET] - a[BALL + 3]
+    x, y, z = a[BALL] - b[BALL], a[BALL + 1] - b[BALL + 1], a[BALL + 2] - b[BALL + 2]
+    return math.sqrt(x * x + y * y + z * z) - a[BALL + 3] - b[BALL + 3]
+
+
+@inline
+def _angle(ax, ay, az, bx, by, bz):
+    """Return the angle between two unit vectors, and the unit vector about which it opens from b to a."""
+    x, y, z = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
+    sine = math.sqrt(x * x + y * y + z * z)
+    cosine = ax * bx + ay * by + az * bz
+    if sine > _ALONG:
+        x, y, z = x / sine, y / sine, z / sine
+    else:  # any that is across
+        x, y, z = (0.0, bz, -by) if abs(bx) < 0.5 else (-bz, 0.0, bx)
+        size = math.sqrt(x * x + y * y + z * z)
+        x, y, z = x / size, y / size, z / size
+    return math.atan2(sine, cosine), x, y, z
+
+
+@inline
+def _target(given, work, row):
+    """Return camera axis, place, and the unit vector and distance to the target of a line of sight."""
+    place = work.places[int(row.a)]
+    lx, ly, lz = turned(place, row.axis[0], row.axis[1], row.axis[2])
+    px, py, pz = turned(place, row.other[0], row.other[1], row.other[2])
+    px, py, pz = px + place[9], py + place[10], pz + place[11]
+    target = work.world[given.bodies.shape[0] + int(row.b)]
+    bx, by, bz = target[BALL] - px, target[BALL + 1] - py, target[BALL + 2] - pz
+    far = max(math.sqrt(bx * bx + by * by + bz * bz), 1e-6)
+    return lx, ly, lz, px, py, pz, bx / far, by / far, bz / far, far
+
+
+@shared
+def value_of(given, work, row):
+    """Return a distance, or how much room an angle has, and write what was found about the pair."""
+    if row.kind <= INSIDE:
+        a, b = work.world[int(row.a)], work.world[int(row.b)]
+        find_distance(a, b, work.found)
+        return work.found[0] if row.kind == APART else -work.found[0] - 2.0 * a[RADIUS]
+    if row.kind <= AT_LEAST:
+        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        angle, _, _, _ = _angle(lx, ly, lz, row.other[0], row.other[1], row.other[2])
+        return row.limit - angle if row.kind == AT_MOST else angle - row.limit
+    lx, ly, lz, _, _, _, bx, by, bz, _ = _target(given, work, row)
+    angle, _, _, _ = _angle(lx, ly, lz, bx, by, bz)
+    return row.limit - angle
+
+
+@shared
+def write_line(given, work, row, jacobian, line):
+    """Write how the inputs change the value, as last found by `value_of`; return how it changes by itself."""
+    for j in range(line.shape[0]):
+        line[j] = 0.0
+    first = given.bodies.shape[0]
+    if row.kind <= INSIDE:
+        sign = 1.0 if row.kind == APART else -1.0
+        a, b = int(row.a), int(row.b)
+        mine = int(given.inputs_before[int(given.bodies[a, 0])])
+        drift = 0.0
+        if b < first:
+            other = int(given.inputs_before[int(given.bodies[b, 0])])
+            if mine >= other:
+                add_distance_row(work.found, sign, jacobian, other, mine, line)
+            else:
+                add_distance_row(work.found, -sign, jacobian, mine, other, line)
+        else:
+            add_distance_row(work.found, sign, jacobian, 0, mine, line)
+            moves = work.drift[b - first]
+            for k in range(3):
+                drift -= sign * work.found[1 + k] * moves[k]
+        return drift
+    inputs = int(given.inputs_before[int(row.a)])
+    if row.kind <= AT_LEAST:
+        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        _, nx, ny, nz = _angle(lx, ly, lz, row.other[0], row.other[1], row.other[2])
+        sign = -1.0 if row.kind == AT_MOST else 1.0
+        for j in range(inputs):
+            line[j] = sign * (nx * jacobian[0, j] + ny * jacobian[1, j] + nz * jacobian[2, j])
+        return 0.0
+    lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
+    _, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
+    # t: direction in which b turns towards l
+    tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
+    mx, my, mz = py * tz - pz * ty, pz * tx - px * tz, px * ty - py * tx
+    for j in range(inputs):  # φ̇ = n·ω − t·(v_target − v_camera)
+        line[j] = -(nx + mx) * jacobian[0, j] - (ny + my) * jacobian[1, j] - (nz + mz) * jacobian[2, j]
+        line[j] -= tx * jacobian[3, j] + ty * jacobian[4, j] + tz * jacobian[5, j]
+    moves = work.drift[int(row.b)]
+    return tx * moves[0] + ty * moves[1] + tz * moves[2]
+
+
+@inline
+def curvature(levers, u):
+    """Return how large the second derivative of a row can be while the inputs are constant.
+
+    Of a point of a link p̈ = Σ uᵢ uⱼ z_min × J_max, at most Σ lever_max |uᵢ||uⱼ|; a distance to what is convex curves
+    no less, and so does the least over a link's points.
+    """
+    total, before = 0.0, 0.0
+    for j in range(u.shape[0]):
+        size = abs(u[j])
+        total += levers[j] * size * (size + 2.0 * before)
+        before += size
+    return total
+
+
+@inline
+def row_at(given, i):
+    """Return row i by name."""
+    return row_of(given.rows[i])

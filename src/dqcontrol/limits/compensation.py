@@ -1,0 +1,286 @@
+"""What is left compensated in the joints: sag fed forward, and a disturbance observer, as a stage around any law."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, Kernel, kernel
+from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
+from dqcontrol.limits.position_limit import POSITION_LIMIT
+from dqcontrol.robots.gravity import WORK, body_table, gravity_torque
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
+_MOST_LATE = 2000  # periods
+
+
+class CompensationParameters(NamedTuple):
+    """What compiled code knows of it.
+
+    Attributes
+    ----------
+    period, late
+        T, and how many targets are remembered.
+    share
+        1 − exp(−T/τ_q) of the observer; 0 without one.
+    gravity
+        In the base frame.
+    compliance, decay, delay, oldest
+        Of each joint: c, exp(−T/τ), delay in periods begun, and the weight of the older target.
+    bodies, chain
+        Of the robot.
+    """
+
+    period: float
+    late: float
+    share: float
+    sags: float
+    gravity: Annotated[Array, 3]
+    compliance: Annotated[Array, "n"]
+    decay: Annotated[Array, "n"]
+    delay: Annotated[Array, "n"]
+    oldest: Annotated[Array, "n"]
+    bodies: Annotated[Array, "n", 4]
+    chain: Annotated[Array, "n + 1", 8]
+
+
+class CompensationMemory(NamedTuple):
+    """What it keeps, and scratch; the command that left stands last, as `PositionLimit.memory` asks for it."""
+
+    begun: Annotated[Array, 1]
+    before: Annotated[Array, "n"]
+    disturbance: Annotated[Array, "n"]
+    torque: Annotated[Array, "n"]
+    ahead: Annotated[Array, "n"]
+    moved: Annotated[Array, "n"]
+    scratch: Annotated[Array, "n", WORK]
+    targets: Annotated[Array, "late", "n"]
+    sent: Annotated[Array, "n"]
+
+
+compensation_parameters = MemoryLayout(CompensationParameters, "n")
+compensation_memory = MemoryLayout(CompensationMemory, "n", "late")
+
+
+@kernel(POSITION_LIMIT)
+def compensate(
+    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
+):
+    """Write the law's command, with what the joints will give way added, and what they were seen to give way.
+
+    The memory's size depends on n and on how many targets it holds, which the second parameter says.
+    """
+    status = call_law(
+        law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
+    )
+    if status != OK:
+        return status
+    n = out.shape[0]
+    given = compensation_parameters(parameters, n)
+    late = int(given.late)
+    size = 1 + n * (6 + 18 + late)
+    kept = compensation_memory(state[state.shape[0] - size :], n, late)
+    targets, torque, before = kept.targets, kept.torque, kept.before
+    scratch = state[state.shape[0] - size + 1 + 5 * n : state.shape[0] - size + 1 + 23 * n]
+    for i in range(n):
+        torque[i] = 0.0
+        kept.moved[i] = q[i]
+    if given.sags != 0.0:
+        status = gravity_torque(given.chain, given.bodies, kept.moved, given.gravity, torque, scratch)
+        if status != OK:
+            return status
+    if kept.begun[0] == 0.0:
+        kept.begun[0] = 1.0
+        for i in range(n):
+            before[i] = q[i]
+            for k in range(late):
+                targets[k, i] = q[i] + given.compliance[i] * torque[i]
+    else:
+        for k in range(late - 1, 0, -1):
+            for i in range(n):
+                targets[k, i] = targets[k - 1, i]
+        for i in range(n):
+            targets[0, i] += given.period * kept.sent[i]
+    for i in range(n):
+        if given.share != 0.0:
+            delay = int(given.delay[i])
+            goal = targets[delay, i]
+            if given.oldest[i] < 1.0:
+                goal = given.oldest[i] * goal + (1.0 - given.oldest[i]) * targets[delay - 1, i]
+            answer = (q[i] - given.decay[i] * before[i]) / (1.0 - given.decay[i])
+            seen = answer - goal + given.compliance[i] * torque[i]
+            change = given.share * (seen - kept.disturbance[i])
+            kept.disturbance[i] += change
+            out[i] -= change / given.period
+            before[i] = q[i]
+    if given.sags != 0.0:
+        for i in range(n):
+            kept.moved[i] = q[i] + given.period * out[i]
+        status = gravity_torque(given.chain, given.bodies, kept.moved, given.gravity, kept.ahead, scratch)
+        if status != OK:
+            return status
+        for i in range(n):
+            out[i] += given.compliance[i] * (kept.ahead[i] - torque[i]) / given.period
+    return OK
+
+
+class Compensation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Sag fed forward, and a disturbance observer, for joints whose targets the commands move (``integrated``).
+
+    The observer compares the targets that left, through what it takes the joints for, with where they are, and takes
+    the difference, low-passed with τ_q, off the next targets: an integral of what disturbs the joints that does not
+    wind up, as it knows what left. It is stable as long as |Q Δ| < 1 at all frequencies, Q its low pass and Δ by what
+    share the joints differ from the model; ``dqcontrol check`` judges the loop with it.
+
+    Parameters
+    ----------
+    compliance
+        c = α/K: by how much a joint gives way to its gravity torque, rad/(N·m), each; needs a robot with inertia. It is
+        fed forward, and what of it is known is not taken for a disturbance.
+    observer
+        τ_q, s; without it nothing is observed.
+    lag, delay
+        What the observer takes the joints for, s, each.
+    gravity
+        m/s² in the base frame.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), [0, 0.6, 0, 1.6, 0, 0.6, 0]
+    >>> circle = dqc.references.StartRamp(dqc.references.Circle(arm.fkm(q), radius=0.05, duration=2.0), 0.5)
+    >>> law, plant = dqc.laws.ProportionalFeedforward(gain=5.0), dqc.plants.Servo(sag=1.0)
+    >>> limits = [None, dqc.limits.CommandLimits(compensation=dqc.limits.Compensation(compliance=1 / 500))]
+    >>> errors = [
+    ...     dqc.simulate(arm, circle, law, plant, q, 0.01, limits=each).position_error.max() for each in limits
+    ... ]
+    >>> bool(errors[1] < 0.8 * errors[0])
+    True
+    """
+
+    kernel: ClassVar[Kernel] = compensate
+    compliance: Annotated[Each, Meta(description="rad/(N·m) or m/N")] = 0.0
+    observer: Annotated[float, Meta(gt=0, description="s")] | None = None
+    lag: Annotated[Each, Meta(description="s")] = 0.0
+    delay: Annotated[Each, Meta(description="s")] = 0.0
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    def parameters(
+        self, robot: Robot, dt: float, command_mode: str, velocity: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the kernel's parameters.
+
+        Raises
+        ------
+        Error
+            If one is not allowed, the robot has a mobile base or branches, or no inertia for its sag.
+        """
+        n = robot.configuration_size
+        if robot.input_size != n or robot.table.shape != (n + 1, 8):
+            raise ShapeError(f"limits.compensation: is for arms, and {robot.name} is none")
+        compliance = self._each("compliance", n)
+        if compliance.any() and robot.inertia is None:
+            raise ValueRangeError(f"limits.compensation.compliance: {robot.name} has no inertia to sag under")
+        answers = [self._answer(delay, lag, dt) for delay, lag in zip(*self._model(n), strict=True)]
+        delays, oldest, decays = np.array(answers).T
+        bodies = body_table(robot.inertia) if robot.inertia is not None else np.zeros((n, 4))
+        share = (
+            -math.expm1(-dt / as_positive("limits.compensation.observer", self.observer))
+            if self.observer
+            else 0.0
+        )
+        return compensation_parameters.pack(
+            period=dt,
+            late=self._late(n, dt),
+            share=share,
+            sags=float(compliance.any()),
+            gravity=as_array("limits.compensation.gravity", self.gravity, (3,)),
+            compliance=compliance,
+            decay=decays,
+            delay=delays,
+            oldest=oldest,
+            bodies=bodies,
+            chain=robot.table,
+        )
+
+    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
+        """Return how many numbers are kept from sample to sample, the last n of them the command that left."""
+        n = robot.configuration_size
+        return compensation_memory.size(n, self._late(n, dt))
+
+    def _late(self, n: int, dt: float) -> int:
+        delays, _ = self._model(n)
+        most = float(delays.max(initial=0.0)) / dt
+        if most > _MOST_LATE:
+            raise ValueRangeError(
+                f"limits.compensation.delay: must be ≤ {_MOST_LATE} periods, got {delays.max():g} s"
+            )
+        return math.ceil(most - 1e-9) + 1
+
+    def _model(self, n: int) -> tuple[Array, Array]:
+        return self._each("delay", n), self._each("lag", n)
+
+    def _each(self, field: str, n: int) -> Array:
+        values = as_each(f"limits.compensation.{field}", getattr(self, field), n)
+        if (values < 0).any():
+            raise ValueRangeError(f"limits.compensation.{field}: must be ≥ 0, got {values.min():g}")
+        return values
+
+    @staticmethod
+    def _answer(delay: float, lag: float, dt: float) -> tuple[float, float, float]:
+        """Return delay in periods begun, weight of the older target, and exp(−T/τ), as servos have them."""
+        periods = delay / dt
+        begun = round(periods) if abs(round(periods) - periods) * dt <= 1e-9 else math.ceil(periods)
+        share = 1.0 if begun - periods < 1e-9 / dt else periods - math.floor(periods)
+        if not lag:
+            return float(begun), 1.0 if share == 1 else 0.0, 0.0
+        decay = math.exp(-dt / lag)
+        oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / lag) - decay) / -math.expm1(-dt / lag)
+        return float(begun), oldest, decay
+
+    def behind(self, transition: Array, inputs: Array, n: int, dt: float) -> tuple[Array, Array] | None:
+        """Return a plant's linear model x⁺ = A x + B u with the observer before it; None without an observer.
+
+        Sag, which changes with the configuration, is left out. y are the first entries of x, as before.
+        """
+        if not self.observer:
+            return None
+        size, m = inputs.shape
+        delays, lags = self._model(n)
+        if m == 1:  # one joint stands for all
+            delays, lags = delays[:1], lags[:1]
+        answers = [self._answer(delay, lag, dt) for delay, lag in zip(delays, lags, strict=True)]
+        late, share = self._late(n, dt), -math.expm1(-dt / self.observer)
+
+        def step(state: Array, command: Array) -> Array:
+            x, rest = state[:size], state[size:]
+            targets = rest[: late * m].reshape(late, m).copy()
+            before, disturbance, sent = rest[late * m :].reshape(3, m)
+            targets[1:] = targets[:-1].copy()
+            targets[0] += dt * sent
+            change = np.zeros(m)
+            for i, (delay, oldest, decay) in enumerate(answers):
+                goal = oldest * targets[int(delay), i] + (1 - oldest) * targets[max(int(delay) - 1, 0), i]
+                seen = (x[i] - decay * before[i]) / (1 - decay) - goal
+                change[i] = share * (seen - disturbance[i])
+            left = command - change / dt
+            return np.concatenate(
+                [transition @ x + inputs @ left, targets.ravel(), x[:m], disturbance + change, left]
+            )
+
+        whole = size + (late + 3) * m
+        zero, idle = np.zeros(whole), np.zeros(m)
+        return (
+            np.column_stack([step(unit, idle) for unit in np.eye(whole)]),
+            np.column_stack([step(zero, unit) for unit in np.eye(m)]),
+        )

@@ -1,0 +1,109 @@
+"""A fit refined by what a coarse encoder says: in which cell the joint was, and not that it was in the middle of it.
+
+P(y) = Φ((y + δ/2 − m)/s) − Φ((y − δ/2 − m)/s) of a step δ, m what the model says. The likelihood is concave in m, so
+Newton's steps from a least-squares fit go up; the width s is the one under which the log is likeliest.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import log_ndtr, ndtr
+
+from dqcontrol.arrays import Array
+from dqcontrol.logs.servos.joint_fit import Columns, Fit, Segment, columns_at, fit_of, sandwich
+
+_WIDTHS = (0.04, 0.06, 0.09, 0.13, 0.2, 0.3)  # of a step; narrower ones trust the model too much
+_NO_BASIS = np.zeros((0, 0))
+_ROUNDS = 12
+_FARTHEST = 8.0  # standard deviations outside of a cell beyond which a sample pulls no harder
+
+
+def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
+    """Return the likeliest fit near one of least squares, with its uncertainty.
+
+    Parameters
+    ----------
+    segments
+        As for the fit.
+    found
+        The fit.
+    resolution
+        Step of the encoder, rad or m.
+    """
+    positions = np.concatenate([each.positions for each in segments])
+    best: tuple[float, Array, Columns, float] | None = None
+    point = np.concatenate([found.values, found.factors])
+    for width in reversed(_WIDTHS):
+        likelihood, point, columns = _climbed(
+            segments, found, positions, point, resolution, width * resolution
+        )
+        if best is not None and likelihood <= best[0]:
+            break
+        best = likelihood, point, columns, width * resolution
+    assert best is not None
+    _, point, columns, spread = best
+    values = point[: len(found.values)]
+    score, weight, likelihood = _cells(columns.residual, resolution, spread)
+    jacobian = np.column_stack([columns.slopes, columns.columns])
+    root = np.sqrt(weight)
+    covariance = sandwich(jacobian * root[:, None], score, jacobian * score[:, None])
+    return replace(fit_of(segments, found.kind, values, columns, covariance), likelihood=likelihood)
+
+
+def _climbed(
+    segments: list[Segment], found: Fit, positions: Array, point: Array, resolution: float, spread: float
+) -> tuple[float, Array, Columns]:
+    """Return the log-likelihood at its top for a width, the parameters there and the columns."""
+    k, kind = len(found.values), found.kind
+
+    def at(trial: Array) -> tuple[float, Columns, Array, Array]:
+        values, factors = trial[:k], trial[k:]
+        columns, slopes, pulls = columns_at(segments, kind, values)
+        by_values = factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
+        residual = positions - columns @ factors
+        score, weight, likelihood = _cells(residual, resolution, spread)
+        return likelihood, Columns(columns, by_values, _NO_BASIS, factors, residual), score, weight
+
+    likelihood, columns, score, weight = at(point)
+    for _ in range(_ROUNDS):
+        jacobian = np.column_stack([columns.slopes, columns.columns])
+        sizes = np.linalg.norm(jacobian, axis=0)
+        sizes[sizes == 0] = 1.0
+        scaled = jacobian / sizes
+        normal = (scaled * weight[:, None]).T @ scaled
+        step = np.linalg.lstsq(normal, scaled.T @ score, rcond=1e-12)[0] / sizes
+        for halved in range(6):
+            trial = point + step / 2**halved
+            trial[:k] = np.clip(trial[:k], kind.lower, kind.upper)
+            tried = at(trial)
+            if tried[0] >= likelihood:
+                break
+        else:
+            break
+        gained, point = tried[0] - likelihood, trial
+        likelihood, columns, score, weight = tried
+        if gained < 1e-4:
+            break
+    return likelihood, point, columns
+
+
+def _cells(residual: Array, resolution: float, spread: float) -> tuple[Array, Array, float]:
+    """Return the slope and the curvature (positive) of each sample's log-likelihood by the model, and their sum."""
+    above, below = (residual + resolution / 2) / spread, (residual - resolution / 2) / spread
+    # P is that of a cell on the side where the normal distribution is not 1: by symmetry, the negative side.
+    flip = above + below > 0
+    upper, lower = np.where(flip, -below, above), np.where(flip, -above, below)
+    share = np.maximum(ndtr(upper) - ndtr(lower), 1e-300)
+    far = upper < -_FARTHEST
+    logarithm = np.where(far, log_ndtr(upper), np.log(share))
+    density = (
+        np.exp(-(upper**2) / 2) / math.sqrt(2 * math.pi),
+        np.exp(-(lower**2) / 2) / math.sqrt(2 * math.pi),
+    )
+    slope = np.where(far, -upper, (density[0] - density[1]) / share)
+    bend = np.where(far, 1.0, slope**2 + (upper * density[0] - lower * density[1]) / share)
+    signed = np.where(flip, slope, -slope) / spread
+    return signed, np.maximum(bend, 1e-9) / spread**2, float(logarithm.sum())

@@ -1,0 +1,64 @@
+"""A motion of the joints as files that run: for law ``joint-motion``, and the hand's poses beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from dqcontrol.algebra import rotation, translation
+from dqcontrol.arrays import Array
+from dqcontrol.references.points_file import POSITION, QUATERNION
+from dqcontrol.robots import Robot
+
+MOTION, HAND = "motion.csv", "hand.csv"
+
+_HAND_STEP = 0.02  # s between the poses of the hand's reference
+
+
+def write_joint_motion(
+    spec: Path, robot: Robot, time: Array, positions: Array, start: Array, plant: dict[str, Any], note: str
+) -> None:
+    """Write a spec, and beside it the joint positions and the poses of the hand that it names.
+
+    Parameters
+    ----------
+    spec
+        The file; its name is that of the experiment.
+    robot
+        An arm with an origin, or one that comes with dqcontrol.
+    time, positions
+        Shape (N,), s, regular, from 0; (N, n), rad or m.
+    start
+        Configuration, shape (n,).
+    plant
+        As the spec says it.
+    note
+        First line of the spec.
+    """
+    period, folder = float(time[1] - time[0]), spec.parent
+    _write_table(folder / MOTION, ["time", *robot.joint_names], np.column_stack([time, positions]))
+    step = max(round(_HAND_STEP / period), 1)
+    rows = np.append(np.arange(0, len(time) - 1, step), len(time) - 1)
+    poses = robot.fkm(positions[rows])
+    hand = np.column_stack([time[rows], translation(poses), rotation(poses)])
+    _write_table(folder / HAND, ["time", *POSITION, *QUATERNION], hand)
+    source, base_link, tip_link = robot.origin or (robot.name, None, None)
+    ends = {key: value for key, value in (("base_link", base_link), ("tip_link", tip_link)) if value}
+    data = {
+        "name": spec.stem,
+        "robot": {"source": source} | ends if ends else source,
+        "start": [round(float(value), 9) for value in start],
+        "period": round(period, 9),
+        "reference": {"kind": "points", "file": HAND},
+        "law": {"kind": "joint-motion", "file": MOTION},
+        "plant": plant,
+    }
+    text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+    spec.write_text(f"# {note}\n{text}", encoding="utf-8")
+
+
+def _write_table(path: Path, names: list[str], rows: Array) -> None:
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")

@@ -1,0 +1,95 @@
+"""A log beside its twin: the same commands, given to the identified servos in simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.run import Run, run
+from dqcontrol.logs.evaluation import evaluate_log
+from dqcontrol.logs.servos.commanded import CommandedLog
+from dqcontrol.logs.servos.joint_motion_files import HAND, write_joint_motion
+from dqcontrol.robots import Robot
+
+LOG, TWIN = "log", "twin"
+
+_BEGIN = 0.5  # s that are not compared: what was commanded before is unknown
+_MOST = 200_000  # periods
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """The same commands on the robot and on its identified servos.
+
+    Attributes
+    ----------
+    log, simulated
+        Runs: of the log, against where its commands put the hand, and of the twin.
+    hand_rms
+        Distance of the two hands, m.
+    motion_rms
+        How far the robot's hand was from where its commands put it, m.
+    """
+
+    log: Run
+    simulated: Run
+    hand_rms: float
+    motion_rms: float
+
+    def __str__(self) -> str:
+        return (
+            f"twin: its hand is {1e3 * self.hand_rms:.3g} mm RMS from the log's, which is "
+            f"{1e3 * self.motion_rms:.3g} mm from where the commands put it"
+        )
+
+
+def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Twin:
+    """Run the commands of a log on the servos of ``plant.yaml`` in a folder, and save both as runs there.
+
+    Parameters
+    ----------
+    logged
+        The log.
+    robot
+        As it was identified.
+    mode
+        What was commanded, see `Identification`.
+    folder
+        With ``plant.yaml``; takes ``log`` and ``twin``, folders of runs, and the files that make them.
+    """
+    period = round(logged.period, 9)
+    begin = max(logged.command_time[0], logged.time[0])
+    count = min(int((min(logged.command_time[-1], logged.time[-1]) - begin) / period), _MOST)
+    time = period * np.arange(count, dtype=np.float64)
+    row = np.searchsorted(logged.command_time, begin + time + 1e-6 * period, side="right") - 1
+    measured = np.column_stack([np.interp(begin + time, logged.time, each) for each in logged.q.T])
+    targets = logged.command[row]
+    if mode != "positions":
+        moves = np.cumsum(period * targets, axis=0)
+        targets = measured[0] + np.concatenate([np.zeros((1, moves.shape[1])), moves[:-1]])
+    elif count > 1:  # the command of a sample is in force at once; the law's leads to the next one
+        targets = np.concatenate([targets[1:], targets[-1:]])
+    plant = {"kind": "servo", "file": "plant.yaml", "rate_limit": False, "position_limit": False}
+    note = "The commands of a log on the servos identified from it."
+    write_joint_motion(folder / "twin.yaml", robot, time, targets, measured[0], plant, note)
+    table = np.column_stack([time, measured])
+    header = ",".join(["time", *robot.joint_names])
+    np.savetxt(folder / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    simulated = run(folder / "twin.yaml")
+    source, base_link, tip_link = robot.origin or (robot.name, None, None)
+    own = evaluate_log(
+        folder / "log.csv", source, folder / HAND, base_link=base_link, tip_link=tip_link, low_pass=0
+    )
+    simulated.save(folder / TWIN, force=True, figures=False)
+    own.save(folder / LOG, force=True, figures=False)
+    late = slice(min(round(_BEGIN / period), count - 2), count)
+    hands = [translation(robot.fkm(each)) for each in (measured, simulated.q[:count], targets)]
+    return Twin(own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late]))
+
+
+def _rms(away: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(away**2, axis=1))))

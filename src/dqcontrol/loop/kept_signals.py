@@ -1,0 +1,59 @@
+"""What constraints did in a run, as quantities over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.laws.constrained.constraint_layout import NUMBERS
+from dqcontrol.laws.law import PreparedLaw
+from dqcontrol.loop.signals import Signal
+
+DISTANCE, ROOM = "kept_distance", "kept_room"
+PRESSURE, SLACK, EFFECT = "kept_pressure", "kept_slack", "kept_effect"
+
+# of `EFFECT`: rows that pressed, programs solved, share of the command left by scaling, excess of a limit of
+# acceleration as a share of it, and speed of the hand as the law asked and as it left
+_PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "speed")
+_UNITS = ("", "", "", "", "m/s", "m/s")
+
+
+def kept_signals(law: PreparedLaw, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
+    """Return distances and the room beyond what was asked by name, how hard rows pressed and gave way, and the effect.
+
+    Parameters
+    ----------
+    law
+        That commanded.
+    q, times
+        True configurations, shape (N, n), and when they were.
+    reports
+        Of the constraints, shape (N, size).
+
+    Returns
+    -------
+    dict
+        Empty without constraints. Distances in m, angles' room in rad; both are computed of the true configurations.
+    """
+    kept = law.constraints
+    if kept is None or reports is None or not kept.names:
+        return {}
+    finite = np.isfinite(q).all(axis=1)
+    values = np.full((len(q), len(kept.labels)), np.nan)
+    values[finite] = kept.values(q[finite], times[finite])
+    names, count = kept.names, len(kept.names)
+    distance, room = np.full((len(q), count), np.inf), np.full((len(q), count), np.inf)
+    units = ["m"] * count
+    for i, owner in enumerate(kept.owners):
+        distance[:, owner] = np.minimum(distance[:, owner], values[:, i])
+        room[:, owner] = np.minimum(room[:, owner], values[:, i] - kept.asked[i])
+        units[owner] = "rad" if kept.is_angle[i] else "m"
+    rates = tuple(f"{unit}/s" for unit in units)
+    pressure, slack = (reports[:, NUMBERS + k * count : NUMBERS + (k + 1) * count] for k in (1, 2))
+    return {
+        DISTANCE: Signal(DISTANCE, names, tuple(units), distance),
+        ROOM: Signal(ROOM, names, tuple(units), room),
+        PRESSURE: Signal(PRESSURE, names, ("",) * count, pressure),
+        SLACK: Signal(SLACK, names, rates, slack),
+        EFFECT: Signal(EFFECT, _PARTS, _UNITS, reports[:, :NUMBERS]),
+    }

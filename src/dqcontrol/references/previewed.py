@@ -1,0 +1,96 @@
+"""Twists that come early, and lead: what joints with a delay and a lag must be told to be there in time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dqcontrol.algebra import translation
+from dqcontrol.arrays import Array
+from dqcontrol.errors import as_positive
+from dqcontrol.references.reference import Reference
+from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
+
+_STEP = 0.2  # of the lag, between the twists whose difference leads
+_LEAST_STEP = 1e-3  # s
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Previewed(Reference):
+    """A reference whose poses are those of another one, and whose twists are what makes lagging joints follow them.
+
+    A joint with delay D and lag τ that is told the velocity u answers y with τÿ + ẏ = u(t − D). So laws with
+    feed-forward are given (ξ(t + D) − a ξ(t + D − h))/(1 − a) with a = exp(−h/τ), which for short h is
+    ξ(t + D) + τ ξ̇(t + D) and is also defined at corners, as twist of the pose at t. Errors are corrected as before, so
+    no loop's stability changes. What cannot be done in advance is not: the first D seconds.
+
+    Parameters
+    ----------
+    reference
+        What is followed.
+    delay, lag
+        D and τ of the joints, s, as ``dqcontrol identify`` finds them: those of the slowest, or the mean.
+    step
+        h, s; the control period is best. Default: a fifth of the lag.
+
+    Raises
+    ------
+    ValueRangeError
+        If a time is negative.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import Circle
+    >>> circle = Circle([1, 0, 0, 0, 0, 0, 0, 0], radius=0.1, duration=10.0)
+    >>> early = Previewed(circle, delay=0.5)
+    >>> bool(abs(early.at(1.0).twist - circle.at(1.5).twist).max() < 1e-12)
+    True
+    """
+
+    reference: Reference
+    delay: float = 0.0
+    lag: float = 0.0
+    step: float | None = None
+    duration: float = field(init=False)
+    corners: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        delay = as_positive("delay", self.delay, zero_allowed=True)
+        lag = as_positive("lag", self.lag, zero_allowed=True)
+        step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
+        corners = self.reference.corners - delay
+        moved = np.unique(np.concatenate([corners, corners + step])) if lag else corners
+        moved = moved[(moved > 0) & (moved < self.reference.duration)]
+        moved.flags.writeable = False
+        values = {
+            "duration": self.reference.duration,
+            "corners": moved,
+            "_share": math.exp(-step / lag) if lag else 0.0,
+            "_ahead": delay,
+            "_behind": step,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        out = self.reference.motion(times)
+        share: float = self._share  # type: ignore[attr-defined]
+        ahead: Array = times + self._ahead  # type: ignore[attr-defined]
+        moving = self._moving(ahead)
+        if share:
+            before = ahead - self._behind  # type: ignore[attr-defined]
+            moving = (moving - share * self._moving(before) * (before >= 0)[:, None]) / (1 - share)
+        turning, speed = moving[:, :3], moving[:, 3:]
+        out[:, TWIST.start : TWIST.start + 3] = turning
+        out[:, TWIST.start + 3 : TWIST.stop] = speed + np.cross(translation(out[:, POSE]), turning)
+        out[:, TWIST_RATE] = 0.0
+        return out
+
+    def _moving(self, times: Array) -> Array:
+        """Return [ω; ṗ] of the reference, at rest before and after it."""
+        samples = self.reference.samples(np.maximum(times, 0.0))
+        turning, dual = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
+        return np.hstack([turning, dual - np.cross(translation(samples[:, POSE]), turning)])

@@ -1,0 +1,230 @@
+"""Shapes of a URDF file's links, and the pairs of them that are worth keeping apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule
+from dqcontrol.geometry import distance_kernels as kernels
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.mesh_files import mesh_file, missing_note
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.urdf import UrdfTree, origin_matrix
+from dqcontrol.robots.urdf_xml import CheckedXml
+
+_TOUCHING = 0.002  # m: pairs that never come nearer are not looked after
+_APART = 0.02  # m: pairs that are nearly always nearer are made of parts of one thing
+_ALWAYS = 0.95  # of all samples
+
+
+@dataclass(frozen=True)
+class FittedShape:
+    """A shape, and what it was made of.
+
+    Attributes
+    ----------
+    shape
+        The shape.
+    made_of
+        ``"sphere"``, ``"cylinder"``, ``"box"``, or a mesh's file.
+    overhead
+        Its volume over that of what it was made of (of a mesh, its convex hull).
+    """
+
+    shape: LinkShape
+    made_of: str
+    overhead: float
+
+
+@dataclass(frozen=True)
+class SampledPair:
+    """Two shapes, how near they come, and why they are kept apart or not.
+
+    Attributes
+    ----------
+    a, b
+        Numbers of the shapes.
+    least
+        Least distance of all samples, m.
+    colliding
+        Share of samples in which they overlap.
+    reason
+        Why the pair is left out; empty for one that is kept apart.
+    """
+
+    a: int
+    b: int
+    least: float
+    colliding: float
+    reason: str
+
+
+def collision_shapes(arm: SerialArm) -> list[FittedShape]:
+    """Return shapes of the links of an arm that was read from a URDF file: primitives as they are, capsules of meshes.
+
+    A cylinder becomes the capsule of its radius with its flat ends inside. A mesh becomes the smallest capsule around
+    it that `bounding_capsule` finds. Balls inside of a capsule of the same link are left out.
+
+    Raises
+    ------
+    ShapeError
+        If the arm has no file.
+    FileFormatError
+        If the file has no collision shapes, or a mesh is not found.
+    """
+    if arm.urdf is None:
+        raise ShapeError(f"{arm.name}: was not read from a URDF file, which has collision shapes")
+    path, base_link = arm.urdf
+    tree = UrdfTree(CheckedXml(path))
+    frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
+    homes = [np.eye(4), *(algebra.matrix_from_pose(frame) for frame in frames)]
+    places = {link: (place, carrier) for link, place, carrier in tree.places(arm.joint_names)}
+    to_base = np.linalg.inv(places[base_link][0])
+    found: list[FittedShape] = []
+    for link, (place, carrier) in places.items():
+        own: list[FittedShape] = []
+        for k, part in enumerate(tree.links[link].collisions):
+            at = np.linalg.inv(homes[carrier]) @ to_base @ place @ origin_matrix(part)
+            name = link if len(tree.links[link].collisions) == 1 else f"{link}.{k + 1}"
+            own.append(_fitted(path, name, carrier, part.geometry, at))
+        found += [each for each in own if not _is_inside(each, own)]
+    if not found:
+        raise FileFormatError(f"{path}: its links have no collision shapes")
+    return found
+
+
+def _fitted(path: Path, name: str, frame: int, geometry: Any, at: Array) -> FittedShape:
+    turn, middle = at[:3, :3], at[:3, 3]
+    if geometry.sphere is not None:
+        return FittedShape(LinkShape(name, frame, Sphere(middle, geometry.sphere.radius)), "sphere", 1.0)
+    if geometry.cylinder is not None:
+        radius, half = geometry.cylinder.radius, 0.5 * geometry.cylinder.length
+        capsule = Capsule(middle - half * turn[:, 2], middle + half * turn[:, 2], radius)
+        return FittedShape(
+            LinkShape(name, frame, capsule), "cylinder", capsule.volume / (2 * np.pi * radius**2 * half)
+        )
+    if geometry.box is not None:
+        rotation = algebra.rotation_from_matrix(turn)
+        return FittedShape(
+            LinkShape(name, frame, Box(algebra.pose(rotation, middle), geometry.box.size)), "box", 1.0
+        )
+    mesh = _mesh(path, geometry.mesh)
+    hull = mesh.convex_hull
+    capsule = bounding_capsule(hull.vertices @ turn.T + middle)
+    shape = LinkShape(name, frame, capsule)
+    return FittedShape(shape, Path(geometry.mesh.filename).name, capsule.volume / max(hull.volume, 1e-12))
+
+
+def _mesh(path: Path, given: Any) -> Any:
+    import trimesh
+
+    try:
+        mesh = trimesh.load(mesh_file(path, given.filename), force="mesh")
+    except FileNotFoundError:
+        raise FileFormatError(missing_note(path) or f"{path}: {given.filename} is not found") from None
+    return mesh.apply_scale(1.0 if given.scale is None else given.scale)
+
+
+def _is_inside(each: FittedShape, own: list[FittedShape]) -> bool:
+    """Return whether a ball lies inside of a capsule of its link."""
+    ball = each.shape.shape
+    if not isinstance(ball, Sphere):
+        return False
+    for other in own:
+        capsule = other.shape.shape
+        if isinstance(capsule, Capsule):
+            along = capsule.end - capsule.start
+            share = np.clip((ball.center - capsule.start) @ along / max(along @ along, 1e-12), 0, 1)
+            away = float(np.linalg.norm(ball.center - capsule.start - share * along))
+            if away + ball.radius <= capsule.radius + 1e-6:
+                return True
+    return False
+
+
+def sampled_pairs(
+    robot: Robot, shapes: tuple[LinkShape, ...], samples: int = 20_000, seed: int = 0
+) -> list[SampledPair]:
+    """Return pairs of shapes of different links, how near random configurations bring them, and which to keep apart.
+
+    Left out are pairs of one link and of neighbours in the chain, pairs that overlap in nearly all samples, that never
+    come nearer than 2 mm, and that are nearly always nearer than 20 mm: the last are parts of one thing, whose shapes
+    are too large for it. A sample is no proof.
+
+    Parameters
+    ----------
+    robot
+        Of whom the shapes are.
+    shapes
+        Its shapes.
+    samples, seed
+        Number and seed of configurations within the limits (of joints without limits and beyond, half a turn each way).
+    """
+    rng = np.random.default_rng(seed)
+    low = np.maximum(robot.limits.lower, -math.pi)
+    high = np.minimum(robot.limits.upper, math.pi)
+    q = rng.uniform(low, high, (samples, robot.configuration_size))
+    rows = [_moved_rows(robot, q, shape) for shape in shapes]
+    carrying = sorted({each.frame for each in shapes})
+    return [
+        _sampled_pair(a, b, shapes, rows, carrying)
+        for a in range(len(shapes))
+        for b in range(a + 1, len(shapes))
+        if shapes[a].frame != shapes[b].frame
+    ]
+
+
+def _sampled_pair(
+    a: int, b: int, shapes: tuple[LinkShape, ...], rows: list[Array], carrying: list[int]
+) -> SampledPair:
+    out = np.empty((len(rows[a]), kernels.FOUND))
+    kernels.distances(rows[a], rows[b], out)
+    distance = out[:, kernels.DISTANCE]
+    least, colliding = float(distance.min()), float((distance < 0).mean())
+    places = [carrying.index(shapes[k].frame) for k in (a, b)]
+    reason = ""
+    if abs(places[0] - places[1]) == 1:
+        reason = "neighbours"
+    elif colliding > _ALWAYS:
+        reason = f"overlap in {100 * colliding:.0f} % of samples"
+    elif least > _TOUCHING:
+        reason = f"never nearer than {1000 * least:.0f} mm"
+    elif float((distance < _APART).mean()) > _ALWAYS:
+        reason = f"nearly always within {1000 * _APART:.0f} mm"
+    return SampledPair(a, b, least, colliding, reason)
+
+
+def _moved_rows(robot: Robot, q: Array, shape: LinkShape) -> Array:
+    """Return the numbers of a shape at configurations (N, n), shape (N, 16)."""
+    row = shape.shape.row
+    rows = np.tile(row, (len(q), 1))
+    if shape.frame == 0:
+        return rows
+    matrix = algebra.matrix_from_pose(robot.frames(q)[:, shape.frame - 1])
+    turn, shift = matrix[:, :3, :3], matrix[:, :3, 3]
+    if row[0] == kernels.ROUND:
+        rows[:, 2:5] = turn @ row[2:5] + shift
+        rows[:, 5:8] = turn @ row[5:8]
+    else:
+        rows[:, 4:7] = turn @ row[4:7] + shift
+        rows[:, 7:] = (turn @ row[7:].reshape(3, 3)).reshape(-1, 9)
+    return rows
+
+
+def with_pairs(robot: Robot, shapes: tuple[LinkShape, ...]) -> LinkShapes:
+    """Return shapes with the pairs that `sampled_pairs` keeps apart."""
+    return LinkShapes(shapes, tuple(kept(sampled_pairs(robot, shapes))))
+
+
+def kept(pairs: list[SampledPair]) -> Iterator[tuple[int, int]]:
+    """Yield the pairs that are kept apart."""
+    return ((each.a, each.b) for each in pairs if not each.reason)

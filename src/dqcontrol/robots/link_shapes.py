@@ -1,0 +1,106 @@
+"""The shapes of a robot's links, and which of them are kept apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.geometry import Box, Capsule, Shape, Sphere
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+
+@dataclass(frozen=True)
+class LinkShape:
+    """A shape that a link carries.
+
+    Attributes
+    ----------
+    name
+        Of the shape; several of one link have one name each.
+    frame
+        0 for what stands still, k for what moves with coordinate k, counted from 1: row k − 1 of `Robot.frames`.
+    shape
+        In that frame.
+    """
+
+    name: str
+    frame: int
+    shape: Sphere | Capsule | Box
+
+    @property
+    def extent(self) -> float:
+        """Largest distance of a point of it from the origin of its frame, m."""
+        shape = self.shape
+        if isinstance(shape, Sphere):
+            return float(np.linalg.norm(shape.center)) + shape.radius
+        if isinstance(shape, Capsule):
+            return float(max(np.linalg.norm(shape.start), np.linalg.norm(shape.end))) + shape.radius
+        center, half = shape.row[4:7], shape.row[1:4]
+        return float(np.linalg.norm(center) + np.linalg.norm(half))
+
+
+@dataclass(frozen=True)
+class LinkShapes:
+    """All shapes of a robot, and the pairs of them that are kept apart.
+
+    Attributes
+    ----------
+    shapes
+        In any order.
+    pairs
+        Indices of two shapes each.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If two shapes have one name, or a pair names none.
+    """
+
+    shapes: tuple[LinkShape, ...]
+    pairs: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        names = [each.name for each in self.shapes]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueRangeError(f"shapes: two of them have the name '{name}'")
+        for a, b in self.pairs:
+            if not (0 <= a < len(names) and 0 <= b < len(names) and a != b):
+                raise ShapeError(
+                    f"pairs: expected two different shapes of 0 … {len(names) - 1}, got {a}, {b}"
+                )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shapes."""
+        return tuple(each.name for each in self.shapes)
+
+    def index(self, field: str, name: str) -> int:
+        """Return the number of a shape by its name, or say that there is none such."""
+        if name not in self.names:
+            raise unknown_name(field, name, self.names)
+        return self.names.index(name)
+
+    def moved(self, robot: Robot, q: Array) -> list[Shape]:
+        """Return all shapes where a configuration takes them, shape (n,), rad or m."""
+        frames = robot.frames(q)
+        return [
+            each.shape if each.frame == 0 else each.shape.moved(frames[each.frame - 1])
+            for each in self.shapes
+        ]
+
+    def joined(
+        self, other: LinkShapes, shift: int, prefix: str, pairs: Sequence[tuple[int, int]]
+    ) -> LinkShapes:
+        """Return these and those of a part that comes later in the chain, whose frames begin ``shift`` later."""
+        first = len(self.shapes)
+        later = tuple(LinkShape(prefix + each.name, each.frame + shift, each.shape) for each in other.shapes)
+        moved = tuple((a + first, b + first) for a, b in other.pairs)
+        return LinkShapes((*self.shapes, *later), (*self.pairs, *moved, *pairs))

@@ -1,0 +1,121 @@
+"""Where a mobile base is, as its odometry or a localisation says on a topic."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+
+from dqcontrol.arrays import Array
+from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
+from dqcontrol.ros2.messages import (
+    NANOSECONDS,
+    RefusedError,
+    Stamps,
+    deviation_of,
+    nanoseconds,
+    planar_pose_of,
+)
+from dqcontrol.ros2.parameters import Number, number
+from dqcontrol.ros2.period_monitor import PeriodMonitor
+
+_AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from the future
+
+_TIMEOUT, _TIMEOUT_PERIODS = 0.1, 2.5  # s, or so many periods if that is longer
+
+
+def numbers_of_odometry(period: float) -> tuple[Number, Number]:
+    """Return what may be changed of a controller that hears odometry, with its period, s."""
+    timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * period)
+    words = "after which odometry no longer counts, s"
+    return (
+        Number("odometry_timeout", timeout, 0.01, max(2.0, timeout), words),
+        Number("odometry_deviation", 0.5, 0.001, 10.0, "standard deviation from which it counts as none, m"),
+    )
+
+
+class Localisation:
+    """Hears odometry, and refuses what cannot be right.
+
+    Parameters
+    ----------
+    node
+        Whose topics and parameters.
+    frame
+        That poses are to be in.
+    heading
+        Where the base is expected to face at first, rad: of the equal headings the nearest counts, and from then on
+        that nearest to the last one.
+    period
+        s, that it is expected about once in.
+    guarded
+        Wraps what hears a message, and may refuse it.
+    is_relied_on
+        Whether a robot moves by it: then it may not begin anew with another clock.
+    heard
+        Called with the time of hearing, s, and the stamp, ns.
+
+    Attributes
+    ----------
+    pose
+        x, y (m) and φ (rad), shape (3,); NaN before the first.
+    topic
+        After ROS's renaming.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        frame: str,
+        heading: float,
+        period: float,
+        guarded: Callable[..., Callable[[Any], None]],
+        is_relied_on: Callable[[], bool],
+        heard: Callable[[float, int], None],
+    ) -> None:
+        self._node, self._frame, self._told = node, frame, heard
+        self._is_relied_on = is_relied_on
+        self._heading, self._stamp, self._heard = heading, 0.0, -math.inf
+        self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(period)
+        self.pose: Array = np.full(3, np.nan)
+        self.topic = node.resolve_topic_name(ODOMETRY)
+        node.create_subscription(Odometry, ODOMETRY, guarded(self._hear), NEWEST)
+
+    @property
+    def age(self) -> float:
+        """Time since the last odometry was measured, s, as if the fastest one had taken no time; infinite before."""
+        return self._monitor.age(time.monotonic()) if self._heard > -math.inf else math.inf
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the last odometry is too old to count."""
+        return not self.age <= number(self._node, "odometry_timeout")
+
+    def _hear(self, message: Odometry) -> None:
+        now, at = time.monotonic(), nanoseconds(message.header.stamp)
+        pose, deviation = planar_pose_of(message, self._frame), deviation_of(message)
+        most, stamp = number(self._node, "odometry_deviation"), at / NANOSECONDS
+        if deviation > most:
+            raise RefusedError(
+                f"odometry: its standard deviation is {deviation:.3g} m; odometry_deviation is {most:g}"
+            )
+        if self._is_relied_on() or not self.is_silent:
+            ahead = stamp - self._stamp - self._monitor.age(now)
+            if ahead > _AHEAD:
+                raise RefusedError(f"odometry: its stamp is {ahead:.3g} s ahead of its clock")
+            self._stamps.check(at)
+            self._monitor.hear(now, stamp)
+        else:  # it may have begun anew, with another clock
+            self._stamps.forget()
+            self._stamps.check(at)
+            self._monitor.start(now, stamp)
+        self._heard, self._stamp = now, stamp
+        pose[2] = self._heading + math.remainder(pose[2] - self._heading, 2.0 * math.pi)
+        self._heading = float(pose[2])
+        self.pose = pose
+        self._told(now, at)

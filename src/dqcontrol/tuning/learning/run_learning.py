@@ -1,0 +1,526 @@
+"""Repeats of one motion, each with a reference shifted by what the ones before it missed."""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import yaml
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import NoteWarning, ReachError, ShapeError, ValueRangeError
+from dqcontrol.experiments.check import driven_model
+from dqcontrol.experiments.feasibility import path_demand
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
+from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.run_comparison import write_table
+from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.loop import Clock, Record
+from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.table_cells import Cell, Column
+from dqcontrol.measures.tables import Table
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.plant import Plant
+from dqcontrol.references import Points
+from dqcontrol.references.sample import POSE, TIME, TWIST
+from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
+from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
+from dqcontrol.tuning.learning.learnt_motion import (
+    filtered,
+    hand_error,
+    increment,
+    motion_of,
+    start_weights,
+    weighted_norm,
+    write_motion,
+)
+from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
+from dqcontrol.tuning.plant_family import plant_family
+
+LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
+LearnProgress = Callable[[int, int], None]
+_CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where it starts
+_JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
+_GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
+_NARROWER = 0.6
+_AT_NOISE = 1.5
+_MOST_FLAT = 2
+_HIDDEN = 1.3  # times what encoders see: less is not worth a word
+_TRUSTED = 3  # accepted repeats from which on increments are averaged
+
+
+@dataclass(frozen=True)
+class LearningRun:
+    """One run of the motion.
+
+    Attributes
+    ----------
+    number
+        0 is the first, with nothing learnt.
+    position, orientation
+        Root mean square of the hand's true errors, mm and degrees, without the start that is skipped.
+    peak
+        Largest true error of the position, mm.
+    seen
+        Root mean square of the position's error as it was measured, mm.
+    learnable
+        The error below the cut-off that the sensors see, turns as ways, mm.
+    noise
+        What of it is noise, estimated from what lies above the cut-off, mm.
+    cutoff
+        Hz, with which the next motion is learnt.
+    peak_command
+        Largest input, rad/s or m/s.
+    outcome
+        ``"first"``, ``"accepted"``, ``"flat"`` or ``"grown"``.
+    """
+
+    number: int
+    position: float
+    orientation: float
+    peak: float
+    seen: float
+    learnable: float
+    noise: float
+    cutoff: float
+    peak_command: float
+    outcome: str
+
+
+@dataclass(frozen=True)
+class Learning:
+    """What was learnt.
+
+    Attributes
+    ----------
+    problem
+        What was asked for.
+    convergence
+        Of the learning operator.
+    repeats
+        All runs.
+    best
+        Number of the best one, whose motion is returned.
+    motion
+        The learnt motion.
+    stopped
+        Why there are no more repeats.
+    first, last
+        Records of the first run and of the best.
+    notes
+        What is to be known of it.
+    """
+
+    problem: LearnProblem
+    convergence: Convergence
+    repeats: tuple[LearningRun, ...]
+    best: int
+    motion: Points
+    stopped: str
+    first: Record = field(repr=False)
+    last: Record = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the table, and what is to be said of it."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        return "\n".join([self.table().markdown(), *(f"* {line}" for line in self.remarks())])
+
+    @property
+    def gain(self) -> float:
+        """How many times smaller the error of the best repeat is than that of the first run."""
+        return self.repeats[0].position / self.repeats[self.best].position
+
+    def table(self) -> Table:
+        """Return one row a repeat."""
+        columns = [
+            Column("repeat"),
+            Column("position error RMS", "mm", ".3g"),
+            Column("peak", "mm", ".3g"),
+            Column("orientation error RMS", "°", ".3g"),
+            Column("as measured", "mm", ".3g"),
+            Column("noise in the band", "mm", ".2g"),
+            Column("cut-off", "Hz", ".3g"),
+            Column("peak |u|", "rad/s or m/s", ".3g"),
+            Column("outcome"),
+        ]
+        rows: list[list[Cell]] = [
+            [
+                each.number,
+                each.position,
+                each.peak,
+                each.orientation,
+                each.seen,
+                each.noise,
+                each.cutoff,
+                each.peak_command,
+                each.outcome + ", kept" * (each.number == self.best),
+            ]
+            for each in self.repeats
+        ]
+        return Table(columns, rows, f"{self.problem.spec.name}: learning from repetition")
+
+    def remarks(self) -> list[str]:
+        """Say what was expected, and why it ended."""
+        factor, frequency = self.convergence.worst
+        return [
+            f"condition: errors of no frequency grow by more than {factor:.3g} a repeat (at {frequency:.2g} Hz); "
+            f"learnt up to {self.convergence.cutoff:.2g} Hz",
+            f"noise: each repeat puts {self.convergence.noise_factor:.2g} × the noise of its measurement into the "
+            "motion",
+            *self.notes,
+            f"ended: {self.stopped}",
+        ]
+
+    def spec(self, file: str | Path = LEARNT) -> dict[str, Any]:
+        """Return the spec of a run of the learnt motion, as plain data."""
+        return self.problem.data | {"reference": {"kind": "points", "file": str(file)}}
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write the learnt motion, a spec that runs it, the table, figures and a report into a new folder.
+
+        Raises
+        ------
+        ExistsError
+            If the folder exists (without ``force``).
+        """
+        with new_folder(folder, force=force) as new:
+            self.write(new)
+        return Path(folder)
+
+    def write(self, folder: Path) -> None:
+        """Write the files of `save` into an existing folder."""
+        block = msgspec.to_builtins(self.problem.block, enc_hook=str)
+        text = _yaml(self.problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}})
+        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
+        copy_inputs(parse_yaml("spec", text), folder)
+        law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))
+        plant = json.dumps(self.problem.data.get("plant") or self.problem.data.get("plants"))
+        notes = (
+            f"learnt in {self.best} repeats; another loop needs another motion: replay it with the same law and plant",
+            f"law: {law}",
+            f"plant: {plant}",
+        )
+        write_motion(folder / LEARNT, self.motion, notes)
+        (folder / LEARNT_SPEC).write_text(_yaml(self.spec()), encoding="utf-8")
+        history = {
+            "repeats": [asdict(each) for each in self.repeats],
+            "best": self.best,
+            "stopped": self.stopped,
+            "cutoff": self.convergence.cutoff,
+            "worst_factor": self.convergence.worst[0],
+            "worst_frequency": self.convergence.worst[1],
+            "noise_factor": self.convergence.noise_factor,
+            "notes": list(self.notes),
+        }
+        (folder / HISTORY).write_text(
+            json.dumps(history, indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
+        )
+        write_table(self.table(), folder, "learning")
+        result_pages().write_learning(self, text, folder)
+
+
+def learn(
+    source: str | Path | dict[str, Any],
+    repeats: int | None = None,
+    *,
+    real_time: bool = False,
+    progress: LearnProgress | None = None,
+    **block: Any,
+) -> Learning:
+    """LearningRun a motion, and shift its reference from repeat to repeat until the hand goes where it should.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the same as a dictionary, with one law, robot and plant, and perhaps the block
+        ``learn``; see `LearnBlock`.
+    repeats
+        Most repeats after the first run; default: that of the block, 5.
+    real_time
+        True: each run on the clock.
+    progress
+        Called with runs done, and at most.
+    **block
+        Keys of ``learn`` that differ.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed or does not fit; if the motion ends elsewhere than it starts, begins with a
+        jump or meets limits of speed; or if learning would not converge, as the model says: before anything moves.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> found = dqc.learn({
+    ...     "name": "again", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
+    ...     "reference": {"kind": "circle", "radius": 0.05, "duration": 2, "ramp": 0.5},
+    ...     "law": {"kind": "proportional", "gain": 5}, "plant": {"kind": "servo", "delay": 0.02},
+    ... }, repeats=2)
+    >>> found.gain > 20
+    True
+    """
+    problem = read_learn(source, repeats=repeats, **block)
+    return _Session(problem, real_time=real_time).run(progress or (lambda done, total: None))
+
+
+def learn_to(
+    source: str | Path | dict[str, Any],
+    folder: str | Path,
+    repeats: int | None = None,
+    *,
+    force: bool = False,
+    real_time: bool = False,
+    progress: LearnProgress | None = None,
+) -> Learning:
+    """Do the same, and write a folder of results; see `Learning.save`."""
+    check_new(folder, force=force)
+    found = learn(source, repeats, real_time=real_time, progress=progress)
+    found.save(folder, force=force)
+    return found
+
+
+class _Session:
+    """A motion that is repeated: made ready and checked before anything moves."""
+
+    def __init__(self, problem: LearnProblem, *, real_time: bool) -> None:
+        self.problem, self.real_time = problem, real_time
+        self.setting: PreparedExperiment = prepare_spec(problem.spec, problem.folder, {})
+        (self.case,) = self.setting.cases
+        self.samples = self.case.scene.samples
+        self.time = self.samples[:, TIME]
+        self.notes: list[str] = []
+        self.weights = start_weights(self.time, problem.block.skip)
+        self._check_motion()
+        self.convergence = self._convergence()
+        self._delay = problem.block.sensor_delay / problem.spec.period
+        self._law = self.case.prepare_law(problem.spec)
+
+    def _check_motion(self) -> None:
+        """Raise if the motion cannot be repeated, or what it asks cannot be learnt."""
+        block, samples, where = self.problem.block, self.samples, self.problem.where
+        if len(samples) < 20:
+            raise ValueRangeError(f"{where}: duration: takes {len(samples)} samples; learning needs 20")
+        ((*turn, x, y, z),) = hand_error(samples[:1, POSE], samples[-1:, POSE])
+        way, angle = math.hypot(x, y, z), math.hypot(*turn)
+        if (way > _CLOSED[0] or angle > _CLOSED[1]) and block.return_time is None:
+            raise ValueRangeError(
+                f"{where}: reference: ends {1e3 * way:.3g} mm and {math.degrees(angle):.2f}° from where it starts, so "
+                "it cannot be repeated; give learn.return_time, in which the hand goes back"
+            )
+        twist = samples[0, TWIST]
+        px = algebra.translation(samples[0, POSE])
+        speed = float(np.linalg.norm(twist[3:] + np.cross(twist[:3], px)))
+        turning = float(np.linalg.norm(twist[:3]))
+        if max(speed, turning) > _JUMP and not block.skip:
+            raise ValueRangeError(
+                f"{where}: reference: begins at {1e3 * speed:.3g} mm/s and {math.degrees(turning):.2f} °/s, and the "
+                "jump would be learnt; let it begin at rest (reference.ramp), or give learn.skip"
+            )
+        demand = path_demand(self.case.scene)
+        if demand is not None and demand.peak_share > 1:
+            raise ReachError(
+                f"{where}: reference: asks {demand.joint} for {demand.peak_share:.3g} × its largest speed at "
+                f"{demand.time:.3g} s, and saturation cannot be learnt; slow it down"
+            )
+
+    def _convergence(self) -> Convergence:
+        """Return the learning operator, or raise if it does not converge."""
+        problem, block, spec, case = self.problem, self.problem.block, self.problem.spec, self.case
+        model: Plant = case.plant if block.model is None else block.model
+        family = plant_family(
+            model, block.uncertainty, 0.0, spec.period, problem.identified, "learn.uncertainty"
+        )
+        models = [_linear(problem, case, each) for each in family.plants]
+        shape: LoopShape = loop_shape(case.scene.robot, case.prepare_law(spec), case.gains, case.scene.start)
+        if block.cutoff is not None:
+            found = Convergence(shape, tuple(models), block.caution, block.cutoff)
+            if (frequency := found.breaks_at) is not None:
+                factor, at = found.worst
+                raise ValueRangeError(
+                    f"{problem.where}: learn.cutoff: with {block.cutoff:g} Hz errors grow from {frequency:.2g} Hz on, "
+                    f"by {factor:.3g} a repeat at {at:.2g} Hz{_with(family.lag, family.delay)}; choose a lower one"
+                )
+            return found
+        found = widest(shape, models, block.caution, highest=HIGHEST)
+        if found is None:
+            raise ValueRangeError(
+                f"{problem.where}: learn: does not converge at any cut-off from 0.1 Hz on"
+                f"{_with(family.lag, family.delay)}: the model is not sure enough"
+            )
+        return found
+
+    def run(self, progress: LearnProgress) -> Learning:
+        """LearningRun until the error is noise, does not shrink, or the repeats are over."""
+        block = self.problem.block
+        count = len(self.time)
+        shift, best_shift = np.zeros((count, 6)), np.zeros((count, 6))
+        best_error, best_size, best = np.zeros((count, 6)), math.inf, 0
+        convergence, accepted, flat, stopped = self.convergence, 0, 0, "all repeats are done"
+        repeats: list[LearningRun] = []
+        first = last = None
+        motion = motion_of(self.samples, shift)
+        progress(0, block.repeats + 1)
+        for number in range(block.repeats + 1):
+            samples = self.samples if number == 0 else self._sampled(motion_of(self.samples, shift))
+            record = self._execute(samples, number)
+            progress(number + 1, block.repeats + 1)
+            if has_failed(record.stopped) or len(record) < count:
+                if number == 0:
+                    raise ShapeError(f"{self.problem.where}: the first run ended early: {record.stopped}")
+                stopped = f"repeat {number} {record.stopped}; what was best before is kept"
+                break
+            error = self._seen(record, number)
+            size, noise = self._sizes(error, convergence.cutoff)
+            outcome = "first"
+            if number:
+                grown, gained = size > _GROWN * best_size, size < _GAIN * best_size
+                outcome = "grown" if grown else "accepted" if size < best_size else "flat"
+                flat = 0 if gained else flat + 1
+            if outcome in ("first", "accepted"):
+                accepted += outcome == "accepted"
+                best, best_size, best_error, best_shift = number, size, error, shift
+                motion, last = motion_of(self.samples, shift), record
+            elif outcome == "grown":
+                convergence = replace(convergence, cutoff=_NARROWER * convergence.cutoff)
+            repeats.append(self._repeat(record, number, error, size, noise, convergence.cutoff, outcome))
+            first = first or record
+            if best_size < _AT_NOISE * noise:
+                stopped = "what is left is the sensors' noise"
+                break
+            if flat >= _MOST_FLAT:
+                stopped = "two repeats brought less than 10 %"
+                break
+            step = 1.0 if accepted < _TRUSTED else 1.0 / (accepted - 1)
+            shift = best_shift + step * increment(convergence, self.time, self.weights * best_error)
+        assert first is not None
+        assert last is not None
+        self._say_what_is_hidden(repeats[best])
+        return Learning(
+            self.problem,
+            self.convergence,
+            tuple(repeats),
+            best,
+            motion,
+            stopped,
+            first,
+            last,
+            tuple(self.notes),
+        )
+
+    def _sampled(self, motion: Points) -> Array:
+        samples = motion.samples(np.minimum(self.time - self.time[0], motion.duration))
+        samples[:, TIME] = self.time
+        return samples
+
+    def _execute(self, samples: Array, number: int) -> Record:
+        spec, case = self.problem.spec, self.case
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NoteWarning)
+            return simulate_prepared(
+                self._law,
+                case.plant,
+                case.scene.start,
+                samples,
+                disturbance=spec.disturbance,
+                supervisor=spec.supervisor_of(case.plant),
+                seed=spec.seed + number,
+                clock=Clock() if self.real_time else None,
+            )
+
+    def _seen(self, record: Record, number: int) -> Array:
+        """Return the error of the hand as the sensors see it, shape (N, 6), against the motion that was asked for."""
+        block, count = self.problem.block, len(self.time)
+        if block.measured_by == "tracker":
+            poses = record.pose[:count]
+            draw = np.random.default_rng([self.problem.spec.seed, 77, number])
+            noise = draw.standard_normal((count, 6))
+            noise[:, :3] *= block.tracker.orientation_noise
+            noise[:, 3:] *= block.tracker.position_noise
+        else:
+            poses, noise = self.case.scene.robot.fkm(record.measured[:count]), np.zeros((count, 6))
+        desired = self.samples[:, POSE]
+        if self._delay:
+            late = np.maximum(self.time - block.sensor_delay, self.time[0])
+            desired = self.case.scene.reference.samples(late)[:, POSE]
+        return hand_error(desired, poses) - noise
+
+    def _sizes(self, error: Array, cutoff: float) -> tuple[float, float]:
+        """Return the error below the cut-off and what of it is noise, m."""
+        smooth = filtered(self.time, error, cutoff)
+        nyquist = 0.5 / self.problem.spec.period
+        share = math.sqrt(cutoff / (nyquist - cutoff)) if cutoff < nyquist else 1.0
+        return weighted_norm(self.weights * smooth), share * weighted_norm(self.weights * (error - smooth))
+
+    def _repeat(
+        self,
+        record: Record,
+        number: int,
+        error: Array,
+        size: float,
+        noise: float,
+        cutoff: float,
+        outcome: str,
+    ) -> LearningRun:
+        count = len(self.time)
+        judged = self.time >= self.time[0] + 2 * self.problem.block.skip
+        true = hand_error(self.samples[:, POSE], record.pose[:count])[judged]
+        way, turn = np.linalg.norm(true[:, 3:], axis=1), np.linalg.norm(true[:, :3], axis=1)
+        seen = np.linalg.norm(error[judged, 3:], axis=1)
+        return LearningRun(
+            number=number,
+            position=1e3 * _rms(way),
+            orientation=math.degrees(_rms(turn)),
+            peak=1e3 * float(way.max()),
+            seen=1e3 * _rms(seen),
+            learnable=1e3 * size,
+            noise=1e3 * noise,
+            cutoff=cutoff,
+            peak_command=float(np.abs(record.command).max()),
+            outcome=outcome,
+        )
+
+    def _say_what_is_hidden(self, best: LearningRun) -> None:
+        if self.problem.block.measured_by == "encoders" and best.position > _HIDDEN * best.seen:
+            self.notes.append(
+                f"encoders: they see {best.seen:.2g} of {best.position:.2g} mm; what sag, springs and filters behind "
+                "them hide is not learnt (learn.measured_by: tracker)"
+            )
+
+
+def _linear(problem: LearnProblem, case: Combination, plant: Plant) -> LinearModel:
+    model, _ = driven_model(problem.spec, plant, case.scene.robot, case.scene.start)
+    if model is None:
+        raise ShapeError(
+            f"{problem.where}: learn.model: {type(plant).__name__} has no linear model; give one, as a servo that "
+            "dqcontrol identify found"
+        )
+    return model
+
+
+def _with(lag: float, delay: float) -> str:
+    if not lag and not delay:
+        return ""
+    return f" if lags differ by {100 * lag:.3g} % and delays by {1e3 * delay:.3g} ms"
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _yaml(data: dict[str, Any]) -> str:
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)

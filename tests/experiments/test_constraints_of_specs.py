@@ -1,0 +1,80 @@
+"""Constraints in specs: kept by all laws, checked before, recorded, judged and drawn."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.figures.distances_plot import distances
+from dqcontrol.measures.deadlock import deadlocks
+from dqcontrol.reports.run_verdicts import run_verdicts
+
+SPEC = {
+    "name": "walled",
+    "robot": "panda",
+    "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7],
+    "period": 0.01,
+    "duration": 3.0,
+    "reference": {"kind": "set-point", "position": [0.475, 0.3, 0.594]},
+    "law": {"kind": "proportional", "gain": 2},
+    "plant": {"kind": "integrator"},
+}
+WALL = {"kind": "plane", "normal": [0, -1, 0], "offset": -0.2, "links": ["hand"]}
+
+
+@pytest.fixture(scope="module")
+def run():
+    spec = SPEC | {"constraints": {"margin": "20 mm", "obstacles": {"wall": WALL}}}
+    return dqc.run(spec)
+
+
+def rows(run):
+    return {row[0]: [str(cell) for cell in row[1:]] for row in run_verdicts(run, None).rows}
+
+
+def test_a_hand_before_a_wall_stands_there_and_the_report_says_so(run):
+    found = rows(run)
+    assert "no constraint crossed" in found["Constraints"][0]
+    assert "wall: least distance 20" in found["Constraints"][1]
+    assert "asked 20" in found["Constraints"][1]
+    assert "by wall" in found["Deadlock"][1]
+    assert deadlocks(run.record)[0].names == ("wall",)
+
+
+def test_distances_are_drawn(run):
+    figure = distances(run.record)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["wall [mm]", "self-collision [mm]"]
+
+
+def test_a_start_that_violates_is_refused_with_all_that_it_violates():
+    constraints = {"obstacles": {"wall": WALL | {"offset": 0.05}, "ball": WALL | {"offset": 0.01}}}
+    with pytest.raises(
+        dqc.Error, match=r"wall: hand: 50 mm deep, 10 mm of distance are asked; ball: hand: 10 mm deep"
+    ):
+        prepare(SPEC | {"constraints": constraints})
+
+
+@pytest.mark.parametrize(
+    ("constraints", "words"),
+    [
+        ({"obstacles": {"a": {"kind": "shpere", "center": [0, 0, 0], "radius": 1}}}, "sphere"),
+        ({"obstacles": {"a": {"kind": "sphere", "center": [0, 0, 0], "radius": 0}}}, "radius"),
+        ({"angles": {"a": {"direction": [0, 0, 1], "at_most": "0.5 deg"}}}, "at_most: must be ≥ 0.0349 rad"),
+        ({"zones": {"a": {"kind": "box", "position": [0, 0, 0], "size": [1, 1, 1]}}, "angels": {}}, "angles"),
+    ],
+)
+def test_slips_are_named(constraints, words):
+    with pytest.raises(dqc.Error, match=words):
+        prepare(SPEC | {"constraints": constraints})
+
+
+def test_a_law_keeps_its_own_constraints():
+    spec = SPEC | {
+        "law": SPEC["law"] | {"constraints": {"self_collision": False}},
+        "constraints": {"obstacles": {"wall": WALL}},
+    }
+    case = prepare(spec).cases[0]
+    kept = case.prepared and case.prepared.constraints
+    assert kept
+    assert kept.names == ()
+    assert np.isfinite(kept.rate)

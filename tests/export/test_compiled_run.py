@@ -1,0 +1,86 @@
+"""Runs in real time whose law and supervisor step in C: recorded, watched and stopped as those in Python."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+from exported import SPEC, needs_c
+
+import dqcontrol as dqc
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.experiments import load_run
+from dqcontrol.export import compiled_run, run_compiled_in_real_time
+from dqcontrol.export.controller_parts import controller_parts
+
+SHORT = SPEC | {
+    "duration": 0.4,
+    "plant": {"kind": "servo", "time_constant": 0.05},
+    "supervisor": {"stale_after": 1000.0, "ramp": 0.1},  # machines that run tests are busy
+}
+
+
+class Sink:
+    """Takes samples as a recording does."""
+
+    failure = ""
+
+    def __init__(self):
+        self.rows = []
+
+    def take(self, sample, q, measured, command, interventions=0.0):
+        self.rows.append([sample[-1], *command, interventions])
+
+
+@needs_c
+def test_the_thread_does_what_a_simulation_does(tmp_path):
+    parts, seen, sink = controller_parts(SHORT), [], Sink()
+    host = compiled_run._built_host(parts, tmp_path)
+    plant = compiled_run._startable_plant(parts)
+    rows = compiled_run._watched(host, parts, plant, sink, lambda *what: seen.append(what))
+    assert len(sink.rows) == len(rows.time)
+    assert not rows.command[-1].any(), "it comes to rest"
+    assert "soft stop" in seen[-1][1]
+    if rows.time[40] == pytest.approx(0.4):  # no period was missed
+        simulated = dqc.run(SHORT)
+        np.testing.assert_array_equal(rows.command[:40], simulated.command[:40])
+        np.testing.assert_array_equal(rows.q[:40], simulated.q[:40])
+
+
+@needs_c
+@pytest.mark.slow
+def test_it_is_recorded_as_any_run(tmp_path):
+    seen = []
+    run = run_compiled_in_real_time(SHORT, tmp_path / "out", watch=lambda *what: seen.append(what))
+    assert run.record.stopped == "duration"
+    assert not run.command[-1].any(), "it comes to rest"
+    assert "soft stop" in seen[-1][1]
+    loaded = load_run(tmp_path / "out")
+    np.testing.assert_array_equal(loaded.q, run.q)
+    assert {"timing.png", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
+@needs_c
+@pytest.mark.slow
+def test_an_interrupt_stops_softly(tmp_path):
+    sent = []
+
+    def send(*_):
+        if not sent:
+            sent.append(threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)))
+            sent[0].start()
+
+    slow = SHORT["supervisor"] | {"velocity": 0.005}
+    long = SHORT | {"duration": 12, "supervisor": slow}
+    run = run_compiled_in_real_time(long, tmp_path / "out", watch=send)
+    assert run.record.duration < 6
+    assert not run.command[-1].any()
+
+
+def test_plants_that_do_not_step_in_c_are_refused(tmp_path):
+    with pytest.raises(
+        ValueRangeError, match=r"^plant: 'mujoco' does not step in C; with --compiled use servo"
+    ):
+        run_compiled_in_real_time(SHORT | {"plant": {"kind": "mujoco"}}, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

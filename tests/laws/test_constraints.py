@@ -1,0 +1,133 @@
+"""Laws that keep constraints: against brute force between samples, in every state, and equal to the law elsewhere."""
+
+import numpy as np
+import pytest
+from constraint_scenes import HOME, least_room, random_constraints, random_goal
+
+import dqcontrol as dqc
+
+ARM = dqc.load_robot("panda")
+PLANT = dqc.plants.Integrator()
+
+
+def run(rng, period, duration=1.5, **options):
+    """Return the least room beyond what was asked, and the record, of a random scene."""
+    given = random_constraints(rng, ARM, HOME, **options)
+    law = dqc.laws.Proportional(gain=3.0, constraints=given)
+    goal = random_goal(rng, ARM)
+    record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=period, duration=duration)
+    prepared = law.prepare(ARM, goal, period)
+    return least_room(prepared, record, period), record, prepared
+
+
+def test_without_a_row_that_presses_the_law_is_left_bit_for_bit():
+    ball = dqc.laws.SphereObstacle(center=(3.0, 0.0, 0.0), radius=0.1)
+    given = dqc.laws.Constraints(obstacles={"ball": ball})
+    goal = dqc.references.SetPoint(ARM.fkm(HOME + 0.05))
+    laws = [dqc.laws.Proportional(gain=1.0, constraints=keep) for keep in (None, given)]
+    commands = [dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0).command for law in laws]
+    assert np.array_equal(*commands)
+
+
+@pytest.mark.parametrize("acceleration", [None, 10.0])
+def test_nothing_is_crossed_between_samples(acceleration):
+    rng = np.random.default_rng(1)
+    for period in (0.001, 0.005, 0.01, 0.01):
+        room, record, _ = run(rng, period, 0.5, acceleration=acceleration)
+        assert np.isfinite(record.command).all()
+        assert room > -1e-9
+
+
+@pytest.mark.slow
+def test_nothing_is_crossed_in_a_thousand_random_runs():
+    rng = np.random.default_rng(2)
+    shortfalls = []
+    for _ in range(1000):
+        acceleration = float(rng.uniform(5, 20)) if rng.random() < 0.5 else None
+        room, record, _ = run(rng, float(rng.uniform(0.001, 0.01)), acceleration=acceleration)
+        shortfalls.append(-room)
+        assert np.isfinite(record.command).all()
+    assert max(shortfalls) < 1e-9
+
+
+def test_limits_of_joints_are_kept_with_acceleration():
+    rng = np.random.default_rng(3)
+    room, record, _ = run(rng, 0.01, 1.0, acceleration=8.0)
+    limits = ARM.limits
+    assert (record.q >= limits.lower - 1e-12).all()
+    assert (record.q <= limits.upper + 1e-12).all()
+    assert (np.abs(record.command) <= limits.velocity + 1e-12).all()
+    before = np.vstack([np.zeros(7), record.command[:-1]])
+    assert np.abs(record.command - before).max() <= 8.0 * 0.01 * (1 + 1e-6)
+    assert room > -1e-9
+    assert record.readings["kept_effect"].values[:, 3].max() < 1e-6
+
+
+def random_states(count, seed):
+    """Return the worst excess of the box of speeds in random states, inside obstacles and outside limits among them."""
+    rng = np.random.default_rng(seed)
+    obstacles = {
+        "ball": dqc.laws.SphereObstacle(center=(0.4, 0.0, 0.4), radius=0.2),
+        "other": dqc.laws.SphereObstacle(center=(0.45, 0.0, 0.45), radius=0.2, level=1),
+        "low": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=0.3, links=["hand"]),
+        "high": dqc.laws.PlaneObstacle(normal=(0, 0, -1), offset=-0.2, links=["hand"]),
+    }
+    angles = {"upright": dqc.laws.Angle(direction=(0, 0, -1), at_most=0.5)}
+    given = dqc.laws.Constraints(obstacles=obstacles, angles=angles, acceleration=10.0, recovery=0.1)
+    law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(ARM, None, 0.01)
+    gave = set()
+    for _ in range(count):
+        q = rng.uniform(ARM.limits.lower - 0.1, ARM.limits.upper + 0.1)
+        state = law.initial_state(q)
+        law.sent(state, rng.uniform(-1, 1, 7) * ARM.limits.velocity)
+        u = law.command(q, dqc.Sample(ARM.fkm(rng.uniform(-1, 1, 7))), state)
+        assert np.isfinite(u).all()
+        assert (np.abs(u) <= ARM.limits.velocity * (1 + 1e-9)).all()
+        names = law.constraints.names  # pyright: ignore[reportOptionalMemberAccess]
+        slack = law.report[-len(names) :]
+        gave |= {name for name, value in zip(names, slack, strict=True) if value > 0}
+    return gave
+
+
+def test_every_state_has_a_command():
+    assert random_states(300, 4) >= {"ball", "other", "low", "high", "upright"}
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_states_have_a_command():
+    random_states(100_000, 5)
+
+
+def test_a_start_inside_is_refused_and_recovers_if_asked():
+    hand = dqc.DualQuaternion(ARM.fkm(HOME)).translation
+    ball = dqc.laws.SphereObstacle(
+        center=tuple(hand + np.array([0.0, 0.03, 0.0])), radius=0.05, links=["hand"]
+    )
+    goal = dqc.references.SetPoint(ARM.fkm(HOME))
+    law = dqc.laws.Proportional(gain=2.0, constraints=dqc.laws.Constraints(obstacles={"ball": ball}))
+    with pytest.raises(dqc.Error, match="ball: hand: 20 mm deep, 10 mm of distance are asked"):
+        dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0)
+    given = dqc.laws.Constraints(obstacles={"ball": ball}, recovery=0.1)
+    law = dqc.laws.Proportional(gain=2.0, constraints=given)
+    record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.5)
+    distance = record.readings["kept_distance"].values[:, 0]
+    assert distance[-1] > 0.0099
+    assert np.diff(distance).max() < 0.0011  # m a period: 0.1 m/s
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"obstacles": {"x": dqc.laws.SphereObstacle(center=(1, 0, 0), radius=0.1, links=["hnad"])}}, "hand"),
+        ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.0)}}, "at_most: must be ≥"),
+        ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 0), at_most=1.0)}}, "must not be zero"),
+        ({"rate": 200.0}, "rate: must be ≤ 100"),
+        ({"acceleration": [1.0]}, "expected 7 numbers"),
+        ({"sights": {"x": dqc.laws.LineOfSight(target="nothing", at_most=0.5)}}, "target: unknown"),
+        ({"obstacles": {"x": dqc.laws.BoxObstacle(position=(1, 0, 0), size=(0, 1, 1))}}, "size: must be > 0"),
+    ],
+)
+def test_bad_input_is_named(given, words):
+    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(**given))
+    with pytest.raises(dqc.Error, match=words):
+        law.prepare(ARM, None, 0.01)

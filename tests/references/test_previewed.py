@@ -1,0 +1,64 @@
+"""Twists that come early: what they are, and that lagging joints follow them."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.errors import Error
+from dqcontrol.references import Circle, Previewed, Square
+
+START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
+
+
+def test_poses_stay_and_twists_lead():
+    circle = Circle([1, 0, 0, 0, 0, 0.1, 0.2, 0.3], radius=0.1, duration=4.0)
+    times = np.linspace(0.1, 3.5, 200)
+    plain, ahead = circle.samples(times), Previewed(circle, delay=0.02, lag=0.05, step=1e-3).samples(times)
+    assert np.array_equal(plain[:, :8], ahead[:, :8])
+    later = circle.samples(times + 0.02)
+    assert np.abs(ahead[:, 11:14] - later[:, 11:14] - 0.05 * later[:, 17:20]).max() < 2e-3
+
+
+def test_a_turning_hand_keeps_its_own_velocity():
+    """The twist is that of the pose now: its velocity of the hand is the one that comes later."""
+    poses = dqc.load_robot("iiwa7").fkm(np.array(START) + np.linspace(0, 0.3, 5)[:, None])
+    path = dqc.references.ViaPoints([0.0, 1.0, 2.0, 3.0, 4.0], poses)
+    ahead, now, later = Previewed(path, delay=0.3).at(1.2), path.at(1.2), path.at(1.5)
+
+    def velocity(twist, pose):
+        return twist[3:] - np.cross(dqc.algebra.translation(pose), twist[:3])
+
+    assert np.allclose(ahead.twist[:3], later.twist[:3])
+    assert np.allclose(velocity(ahead.twist, now.pose), velocity(later.twist, later.pose))
+
+
+@pytest.mark.parametrize(("kind", "factor"), [("circle", 7), ("square", 2)])
+def test_feedforward_with_the_joints_numbers_halves_the_error_and_more(kind, factor):
+    shapes = {
+        "circle": {"kind": "circle", "radius": 0.06, "duration": 4, "ramp": 0.5},
+        "square": {"kind": "square", "side": 0.08, "duration": 6},
+    }
+    spec = {
+        "name": "ahead",
+        "robot": "iiwa7",
+        "start": START,
+        "period": 0.01,
+        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02},
+    }
+    plain, ahead = (
+        dqc.run(spec | {"reference": shapes[kind] | more}).metrics.position.rms
+        for more in ({}, {"preview": {"delay": 0.025, "lag": 0.05}})
+    )
+    assert ahead < plain / factor
+
+
+def test_corners_come_early_and_the_end_is_one():
+    square = Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0)
+    assert np.allclose(Previewed(square, delay=0.5).corners, [1.5, 3.5, 5.5, 7.5])
+    assert np.abs(Previewed(square, delay=0.5).at(7.8).twist).max() == 0
+
+
+def test_a_time_below_zero_is_refused():
+    with pytest.raises(Error, match="delay: must be ≥ 0"):
+        Previewed(Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0), delay=-1)

@@ -1,0 +1,118 @@
+"""Shapes of links: from robot files and back, from URDF files, on bases, and the pairs that are kept apart."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.geometry import Box, Capsule, Sphere, distance
+from dqcontrol.robots.collision_shapes import collision_shapes, kept, sampled_pairs
+from dqcontrol.robots.robot_file import arm_from, plain_arm
+
+CHASSIS = dqc.robots.Chassis(
+    mass=3.0, radius=0.2, height=0.1, wheel_mass=0.1, wheel_torque=1.0, caster_distance=0.1
+)
+URDF = """<robot name="crane">
+<link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+<link name="boom"><collision><origin xyz="0 0 0.5" rpy="0 0 0"/>
+<geometry><cylinder radius="0.05" length="1.0"/></geometry></collision>
+<collision><origin xyz="0 0 1.0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+<link name="jib"/><link name="hook"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="luff" type="revolute"><parent link="base"/><child link="boom"/><origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>
+<limit lower="-1.5" upper="1.5" velocity="1"/></joint>
+<joint name="fold" type="revolute"><parent link="boom"/><child link="jib"/><origin xyz="0 0 1.1"/><axis xyz="0 1 0"/>
+<limit lower="-3.1" upper="3.1" velocity="1"/></joint>
+<joint name="end" type="fixed"><parent link="jib"/><child link="hook"/><origin xyz="0 0 1.1"/></joint></robot>"""
+
+
+def shapes_of(robot):
+    """Return the shapes that a robot must have."""
+    assert robot.shapes is not None
+    return robot.shapes
+
+
+@pytest.fixture(scope="module")
+def crane(tmp_path_factory):
+    path = tmp_path_factory.mktemp("crane") / "crane.urdf"
+    path.write_text(URDF)
+    return dqc.load_robot(path)
+
+
+def test_primitives_of_a_urdf_file_stay_where_they_are(crane):
+    fitted = collision_shapes(crane)
+    assert [(each.shape.name, each.shape.frame, each.made_of) for each in fitted] == [
+        ("base", 0, "box"),
+        ("boom.1", 1, "cylinder"),  # the ball at its end lies inside of its capsule
+        ("hook", 2, "sphere"),
+    ]
+    crane.shapes = dqc.robots.LinkShapes(tuple(each.shape for each in fitted))
+    q = np.array([np.pi / 2, 0.0])
+    base, boom, hook = crane.shapes.moved(crane, q)
+    assert isinstance(base, Box)
+    assert isinstance(boom, Capsule)
+    assert isinstance(hook, Sphere)
+    assert sorted([boom.start[0], boom.end[0]]) == pytest.approx([0.0, 1.0])
+    assert hook.center == pytest.approx([2.2, 0, 0.1])
+
+
+def test_pairs_are_left_out_for_a_reason(crane):
+    shapes = tuple(each.shape for each in collision_shapes(crane))
+    pairs = sampled_pairs(crane, shapes, samples=2000)
+    reasons = {(shapes[each.a].name, shapes[each.b].name): each.reason for each in pairs}
+    assert reasons == {
+        ("base", "boom.1"): "neighbours",
+        ("base", "hook"): "",
+        ("boom.1", "hook"): "neighbours",
+    }
+    assert list(kept(pairs)) == [(0, 2)]
+
+
+def test_shapes_come_back_from_a_robot_file(crane):
+    shapes = tuple(each.shape for each in collision_shapes(crane))
+    crane.shapes = dqc.robots.LinkShapes(shapes, ((0, 2),))
+    again = arm_from("crane.yaml", plain_arm(crane))
+    q = np.array([0.3, -0.4])
+    for a, b in zip(shapes_of(crane).moved(crane, q), shapes_of(again).moved(again, q), strict=True):
+        assert a.row == pytest.approx(b.row, abs=1e-12)
+    assert shapes_of(again).pairs == ((0, 2),)
+
+
+def test_wrong_shapes_are_named(crane):
+    crane.shapes = None
+    plain = plain_arm(crane)
+    ball = {"center": [0, 0, 0], "radius": 0.1}
+    for shapes, words in (
+        ([{"name": "a"}], "give one of sphere, capsule, box"),
+        ([{"name": "a", "joint": "luf", "sphere": ball}], "did you mean 'luff'"),
+        ([{"name": "a", "sphere": ball}, {"name": "a", "sphere": ball}], "have the name 'a'"),
+        ([{"name": "a", "sphere": {"center": [0, 0, 0], "radius": 0}}], "radius"),
+    ):
+        with pytest.raises(FileFormatError, match=words):
+            arm_from("crane.yaml", plain | {"shapes": shapes})
+    with pytest.raises(FileFormatError, match="no shapes to keep apart"):
+        arm_from("crane.yaml", plain | {"kept_apart": [["a", "b"]]})
+    with pytest.raises(ShapeError, match="was not read from a URDF file"):
+        collision_shapes(dqc.load_robot("iiwa7"))
+
+
+def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
+    base = dqc.DifferentialDrive(0.04, 0.13, chassis=CHASSIS)
+    mount = dqc.DualQuaternion.from_translation([0.1, 0, 0.3])
+    robot = dqc.WholeBody([base, mount, dqc.load_robot("panda")])
+    q = np.array([1.0, 2.0, np.pi / 2, 0, -0.3, 0, -2.0, 0, 1.8, 0.7])
+    shapes = dict(zip(shapes_of(robot).names, shapes_of(robot).moved(robot, q), strict=True))
+    assert shapes["chassis"].start[:2] == pytest.approx([1, 2])
+    foot = shapes_of(dqc.load_robot("panda")).shapes[0].shape
+    assert shapes["panda_link0"].radius == foot.radius
+    assert shapes["panda_link0"].start == pytest.approx(
+        [1 - foot.start[1], 2.1 + foot.start[0], 0.3 + foot.start[2]]
+    )
+    pairs = {(shapes_of(robot).names[a], shapes_of(robot).names[b]) for a, b in shapes_of(robot).pairs}
+    assert ("chassis", "panda_link5") in pairs
+    assert ("chassis", "panda_link0") not in pairs
+
+
+def test_no_pair_of_the_panda_touches_at_home():
+    arm = dqc.load_robot("panda")
+    places = shapes_of(arm).moved(arm, np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7]))
+    assert min(distance(places[a], places[b]).distance for a, b in shapes_of(arm).pairs) > 0.02
