@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,7 +40,8 @@ class Kinematics:
         self.twist_jacobian: Array = np.empty((6, input_size))
 
 
-class RobotKernels(NamedTuple):
+@dataclass(frozen=True)
+class RobotKernels:
     """What compiled code computes from a robot's table: see the functions of these names in `kinematics_kernels`."""
 
     forward: Kernel
@@ -115,20 +117,16 @@ class ChainRobot:
         >>> arm.kinematics(np.zeros(7)).twist_jacobian.shape
         (6, 7)
         """
-        return self._kinematics(self._table, q, out)
-
-    def _kinematics(self, table: Array, q: Array, out: Kinematics | None) -> Kinematics:
-        """Compute what a table says in one pass."""
         if out is None:
             out, m = _new(Kinematics), self.input_size
             out.pose, out.pose_jacobian, out.twist_jacobian = _empty(8), _empty((8, m)), _empty((6, m))
         compute = self.kernels.kinematics_apart.compiled
         try:
-            status = compute(table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
+            status = compute(self._table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
         except TypeError:  # a list, integers, several configurations
             values, status = as_array("q", q), WRONG_SIZE
             if values.ndim == 1:
-                status = compute(table, values, out.pose, out.pose_jacobian, out.twist_jacobian)
+                status = compute(self._table, values, out.pose, out.pose_jacobian, out.twist_jacobian)
         if status:
             size = out.pose_jacobian.shape[1]
             if size != self.input_size:

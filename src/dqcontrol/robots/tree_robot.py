@@ -342,7 +342,17 @@ class TreeRobot(Robot):
         self, task: PoseTask | str | Array, q: Array, out: Kinematics | None = None
     ) -> Kinematics:
         """Compute pose and both Jacobians of any task in one pass; fastest with what `table_of` gives."""
-        return self._kinematics(task if isinstance(task, np.ndarray) else self.table_of(task), q, out)
+        table = task if isinstance(task, np.ndarray) else self.table_of(task)
+        found = Kinematics(self.input_size) if out is None else out
+        arrays = found.pose, found.pose_jacobian, found.twist_jacobian
+        compute = self.kernels.kinematics_apart.compiled
+        try:
+            status = compute(table, q, *arrays)
+        except TypeError:  # a list, integers
+            status = compute(table, self._rows("q", q), *arrays)
+        if status:
+            self._raise(status, q)
+        return found
 
     @property
     def reach(self) -> float:

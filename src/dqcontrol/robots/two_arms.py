@@ -245,7 +245,8 @@ def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]
             start, mount = parent, end
         coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
     names = tuple(_distinct({label: part.joint_names for label, part in parts.items()}))
-    return TreeJoints(*(np.array(values) for values in zip(*rows, strict=True)), names=names), frames
+    poses, kinds, parents, moved, driven, multipliers, offsets = map(np.array, zip(*rows, strict=True))
+    return TreeJoints(poses, kinds, parents, moved, driven, multipliers, offsets, names), frames
 
 
 def _distinct(names: dict[str, Sequence[str]]) -> list[str]:
