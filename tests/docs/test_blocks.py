@@ -34,7 +34,16 @@ NOT_RUN = {  # patterns of whole commands
     "dqcontrol reproduce pereira2016(/spiral)?": "thousands of runs; two repeats of each are slow enough",
 }
 SLOW = {  # parts of commands and of Python
-    "README.md": ("run examples/", "tune", "learn", "export examples/", "reproduce", "paint", "clip", "report results"),
+    "README.md": (
+        "run examples/",
+        "tune",
+        "learn",
+        "export examples/",
+        "reproduce",
+        "paint",
+        "clip",
+        "report results",
+    ),
     "export.md": ("dqcontrol run", "bench", "aarch64"),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "mobile-bases.md": ("run examples/",),

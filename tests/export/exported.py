@@ -1,6 +1,7 @@
 """Specs that are exported in tests, the tools that build what comes of them, and controllers called from Python."""
 
 import ctypes
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -34,7 +35,12 @@ needs_c = pytest.mark.skipif(
 
 def shell(*words):
     """Run a command, and return what it printed."""
-    done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=300, check=False)
+    own = {
+        name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    }
+    done = subprocess.run(
+        [*map(str, words)], capture_output=True, text=True, timeout=300, check=False, env=own
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "warning" not in done.stderr
     return done.stdout

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,11 @@ def parts(name, springs="default", **how):
 
 def undamped(actuation):
     return Actuation(
-        actuation.rotor_inertia, 0 * actuation.friction, actuation.stiffness, 0 * actuation.damping
+        actuation.rotor_inertia,
+        0 * actuation.friction,
+        actuation.stiffness,
+        0 * actuation.damping,
+        0 * actuation.dry_friction,
     )
 
 
@@ -183,22 +188,20 @@ def test_stiff_springs_get_shorter_steps_and_too_stiff_ones_are_refused():
     mujoco.mj_forward(model, data)
     inertia = joint_inertia(model, data)
     fast = steps_per_tick(inertia, robot, actuation, False)
-    stiff = Actuation(
-        actuation.rotor_inertia, actuation.friction, 16 * actuation.stiffness, actuation.damping
-    )
+    stiff = replace(actuation, stiffness=16 * actuation.stiffness)
     assert steps_per_tick(inertia, robot, stiff, False) >= 3 * fast
     stiff.stiffness[6] = 1e6
     with pytest.raises(ValueRangeError, match=r"joint 7 'right_arm_j6' has 1e\+06 N·m/rad.*at most about"):
         steps_per_tick(inertia, robot, stiff, False)
-    rigid = Actuation(actuation.rotor_inertia, actuation.friction, np.full(7, np.inf), actuation.damping)
+    rigid = replace(actuation, stiffness=np.full(7, np.inf))
     assert steps_per_tick(inertia[:7, :7], robot, rigid, True) == 1
 
 
 def test_sliding_joints_and_missing_inertias_are_named():
-    four = [np.ones(1)] * 4
+    five = [np.ones(1)] * 5
     inertia = Inertia(np.ones(1), np.zeros((1, 3)), np.eye(3)[None])
     fixed = [[1, 0, 0, 0, 0, 0, 0]] * 2
     with pytest.raises(ShapeError, match=r"crane has sliding ones; use mujoco"):
-        elastic_model(SerialArm(fixed, ["prismatic"], inertia=inertia, name="crane"), Actuation(*four))
+        elastic_model(SerialArm(fixed, ["prismatic"], inertia=inertia, name="crane"), Actuation(*five))
     with pytest.raises(ValueRangeError, match="odd has none"):
-        elastic_model(SerialArm(fixed, ["revolute"], name="odd"), Actuation(*four))
+        elastic_model(SerialArm(fixed, ["revolute"], name="odd"), Actuation(*five))

@@ -123,7 +123,7 @@ def load_tree(
     >>> fork = dqc.load_tree(path)
     >>> fork.joint_names, fork.frame_names
     (('a', 'b'), ('base', 'left', 'right'))
-    >>> dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation.tolist()
+    >>> abs(dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation).round(9).tolist()
     [0.0, 1.0, 0.0]
     """
     robot = _links(source).tree(tips, base, floating=floating)

@@ -261,7 +261,7 @@ class SerialArm(Robot):
         >>> import dqcontrol as dqc
         >>> arm, q = dqc.load_robot("panda"), [0.3, -0.6, 0.1, -2.2, 0, 1.6, 0.8]
         >>> right, left = (dqc.DualQuaternion(each.fkm(q)).translation for each in (arm, arm.mirrored()))
-        >>> (left - right * [1, -1, 1]).round(12).tolist()
+        >>> abs(left - right * [1, -1, 1]).round(12).tolist()
         [0.0, 0.0, 0.0]
         """
         return chains.mirror(SerialArm, self)

@@ -8,6 +8,7 @@ from typing import Any
 
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.measures.repeat_tables import confidence_table
+from dqcontrol.measures.statistics import mean_of
 from dqcontrol.measures.table_cells import Cell, Column
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.catalogue import Conditions
@@ -37,7 +38,6 @@ _REPEATS = {SERVO: 20}
 _FEW = 3
 _SHOWN = ("error.integral", "position.rms", "orientation.rms", "joint_step.integral", "hand_speed.peak")
 _PRINTED = 10.0  # mm, the error of the spiral that P16 speaks of in its conclusion
-_STUDENT = 2.1  # of 20 repeats, 95 %
 _COMPARISONS = (
     "lqr-worst-error-on-circle",
     "h-infinity-lowest-error-on-circle",
@@ -149,8 +149,8 @@ def _difference(results: Results, law: str, other: str, metric: str = "error") -
     count = min(len(first), len(second))
     if count < 2:
         return math.nan, math.nan
-    differences = first[:count] - second[:count]
-    return float(differences.mean()), _STUDENT * float(differences.std(ddof=1)) / math.sqrt(count)
+    difference = mean_of(first[:count] - second[:count])
+    return difference.mean, difference.half_width()
 
 
 def _judged(results: Results) -> dict[str, Judgement]:

@@ -26,7 +26,7 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
     --------
     >>> from dqcontrol.reproductions import reproduce
     >>> [row[2] for row in reproduce("silva2017/gains", jobs=1).tables[-1].rows][0]
-    'not supported'
+    'supported'
     """
     module = import_module(f"{__name__}.{name.replace('-', '_')}_experiment")
     return module.reproduce(conditions)
