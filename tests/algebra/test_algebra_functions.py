@@ -175,6 +175,7 @@ def _long_product(step, count, each):
     return x
 
 
+@pytest.mark.slow
 def test_a_million_products_stay_unit_when_renormalised():
     step = random_poses(np.random.default_rng(5))
     x = _long_product(step, 1_000_000, 100)

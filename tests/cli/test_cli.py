@@ -150,6 +150,7 @@ def test_trials_that_diverge_are_said_at_the_end(here, capsys):
     assert "bad · servo: 3 of 3 repeats diverged at 0 s: the command is not finite (seed 0)\n" in out
 
 
+@pytest.mark.slow
 def test_shapes_of_robots(here, capsys):
     code, out, _ = call("robots", "shapes", "panda", "--pairs", "--write", "mine.yaml", capsys=capsys)
     assert code == 0

@@ -36,6 +36,7 @@ NOT_RUN = {  # patterns of whole commands
 SLOW = {  # parts of commands and of Python
     "README.md": (
         "run examples/",
+        "excite",
         "tune",
         "learn",
         "export examples/",
@@ -45,7 +46,9 @@ SLOW = {  # parts of commands and of Python
         "report results",
     ),
     "export.md": ("dqcontrol run", "bench", "aarch64"),
+    "constraints.md": ("run examples/", "report results", "robots shapes"),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
+    "identify.md": ("excite", "results/excited"),
     "mobile-bases.md": ("run examples/",),
     "mobile-physics.md": ("run examples/",),
     "own-data.md": ("results/mine", "results/from-python"),

@@ -210,6 +210,7 @@ def test_commanded_velocities_count_from_the_target_or_the_measured_position(tmp
     assert found.plant().command_mode == "measured"
 
 
+@pytest.mark.slow
 def test_sag_is_found_beside_lag_and_delay(tmp_path):
     """Two links of 1 m and 1 kg in a vertical plane: their torques are written out here."""
     rng = np.random.default_rng(SEED)
@@ -323,6 +324,7 @@ def test_two_hundred_logs():
     assert found["bad fitted"] == 0
 
 
+@pytest.mark.slow
 def test_a_slow_circle_tells_only_the_sum_of_lag_and_delay(tmp_path):
     """Targets that follow the measurement explain it almost as well, with lags of zero: they are not believed."""
     spec = {

@@ -108,6 +108,7 @@ def test_k_given_as_an_own_law_is_judged_as_k_is(arm, plant):
         assert own.is_stable == (gain < limit)
 
 
+@pytest.mark.slow
 def test_a_cascade_turns_unstable_where_it_is_said_to():
     body, start = dqc.load_robot("little-john"), np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
     law = Cascade(stiffness=16.0, damping=4.0)
