@@ -47,6 +47,7 @@ def by_c(flags: list[str], arm: dqc.Robot, samples: np.ndarray, folder: Path) ->
             ctypes.c_double(PERIOD),
             ctypes.c_double(GAIN),
             ctypes.c_double(DAMPING),
+            ctypes.c_double(dqc.laws.DampedInverse(damping=DAMPING).characteristic_length),
             pointer(record),
             pointer(command),
         )

@@ -1,12 +1,12 @@
-/* Law K with the damped inverse on ideal joints, as one writes it by hand: pose, pose Jacobian J, N = H-(xd) C8 J,
-   u = (N'N + l^2 I)^-1 N' K vec8(1 - x* xd) by Cholesky, q += T u. Chains as in robots/kernels.py, revolute joints. */
+/* Law K with the damped inverse on ideal joints, as one writes it by hand: pose and Jacobian J of the hand's [w ; dp/dt],
+   the twist t that is nearest to K vec8(1 - x* xd), u = J' (J J' + diag(l^2 / c^2, l^2))^-1 t by Cholesky, q += T u.
+   Chains as in robots/kinematics_kernels.py, revolute joints. */
 #include <math.h>
 #include <string.h>
 
 #define MOST 60
 
-static void pose_and_jacobians(const double *chain, const double *q, int n, double *x, double J[8][MOST],
-                               double W[6][MOST])
+static void pose_and_jacobian(const double *chain, const double *q, int n, double *x, double *p, double J[6][MOST])
 {
     double w = 1, i = 0, j = 0, k = 0, px = 0, py = 0, pz = 0;
     for (int c = 0; c <= n; c++) {
@@ -21,30 +21,22 @@ static void pose_and_jacobians(const double *chain, const double *q, int n, doub
         if (c == n)
             break;
         double zx = 2 * (i * k + w * j), zy = 2 * (j * k - w * i), zz = 1 - 2 * (i * i + j * j);
-        W[0][c] = zx, W[1][c] = zy, W[2][c] = zz;
-        W[3][c] = py * zz - pz * zy, W[4][c] = pz * zx - px * zz, W[5][c] = px * zy - py * zx;
+        J[0][c] = zx, J[1][c] = zy, J[2][c] = zz;
+        J[3][c] = py * zz - pz * zy, J[4][c] = pz * zx - px * zz, J[5][c] = px * zy - py * zx;
         double co = cos(0.5 * q[c]), si = sin(0.5 * q[c]);
         a = w * co - k * si, b = i * co + j * si, d = j * co - i * si, e = k * co + w * si;
         w = a, i = b, j = d, k = e;
+    }
+    p[0] = px, p[1] = py, p[2] = pz;
+    for (int c = 0; c < n; c++) {
+        J[3][c] += J[1][c] * pz - J[2][c] * py;
+        J[4][c] += J[2][c] * px - J[0][c] * pz;
+        J[5][c] += J[0][c] * py - J[1][c] * px;
     }
     px *= 0.5, py *= 0.5, pz *= 0.5;
     x[0] = w, x[1] = i, x[2] = j, x[3] = k;
     x[4] = -px * i - py * j - pz * k, x[5] = px * w + py * k - pz * j;
     x[6] = py * w + pz * i - px * k, x[7] = pz * w + px * j - py * i;
-    double h[8];
-    for (int c = 0; c < 8; c++)
-        h[c] = 0.5 * x[c];
-    for (int c = 0; c < n; c++) {
-        double a = W[0][c], b = W[1][c], d = W[2][c], e = W[3][c], f = W[4][c], g = W[5][c];
-        J[0][c] = -a * h[1] - b * h[2] - d * h[3];
-        J[1][c] = a * h[0] + b * h[3] - d * h[2];
-        J[2][c] = b * h[0] + d * h[1] - a * h[3];
-        J[3][c] = d * h[0] + a * h[2] - b * h[1];
-        J[4][c] = -a * h[5] - b * h[6] - d * h[7] - e * h[1] - f * h[2] - g * h[3];
-        J[5][c] = a * h[4] + b * h[7] - d * h[6] + e * h[0] + f * h[3] - g * h[2];
-        J[6][c] = b * h[4] + d * h[5] - a * h[7] + f * h[0] + g * h[1] - e * h[3];
-        J[7][c] = d * h[4] + a * h[6] - b * h[5] + g * h[0] + e * h[2] - f * h[1];
-    }
 }
 
 static void product(const double *a, const double *b, double *out)
@@ -65,66 +57,84 @@ static void conjugate_product(const double *a, const double *b, double *out)
         out[4 + c] = one[c] + two[c];
 }
 
-void closed_loop(const double *chain, int n, double *q, const double *samples, int width, int steps, double period,
-                 double gain, double damping, double *q_record, double *command_record)
+/* The twist (w, v) that minimises |vec8(xi x / 2 - rate)|. */
+static void nearest_twist(const double *rate, const double *x, double *w, double *v)
 {
-    double x[8], J[8][MOST], W[6][MOST], N[8][MOST], e[8], A[MOST][MOST], u[MOST];
+    double back[4] = {2 * x[0], -2 * x[1], -2 * x[2], -2 * x[3]}, a[4], b[4], d[4];
+    product(rate, back, a);
+    product(rate + 4, back, b);
+    product(x + 4, back, d);
+    double dx = 0.5 * d[1], dy = 0.5 * d[2], dz = 0.5 * d[3];
+    double correction = (a[1] * dx + a[2] * dy + a[3] * dz + b[0]) / (1 + dx * dx + dy * dy + dz * dz);
+    w[0] = a[1] - correction * dx, w[1] = a[2] - correction * dy, w[2] = a[3] - correction * dz;
+    v[0] = b[1] - (w[1] * dz - w[2] * dy);
+    v[1] = b[2] - (w[2] * dx - w[0] * dz);
+    v[2] = b[3] - (w[0] * dy - w[1] * dx);
+}
+
+static void rotate(const double *r, const double *v, double *out)
+{
+    double cx = 2 * (r[2] * v[2] - r[3] * v[1]), cy = 2 * (r[3] * v[0] - r[1] * v[2]), cz = 2 * (r[1] * v[1] - r[2] * v[0]);
+    out[0] = v[0] + r[0] * cx + r[2] * cz - r[3] * cy;
+    out[1] = v[1] + r[0] * cy + r[3] * cx - r[1] * cz;
+    out[2] = v[2] + r[0] * cz + r[1] * cy - r[2] * cx;
+}
+
+void closed_loop(const double *chain, int n, double *q, const double *samples, int width, int steps, double period,
+                 double gain, double damping, double length, double *q_record, double *command_record)
+{
+    double x[8], p[3], J[6][MOST], e[8], rate[8], w[3], v[3], t[6], A[6][6];
+    double linear = damping * damping, angular = linear / (length * length);
     for (int s = 0; s < steps; s++) {
         const double *xd = samples + (long)s * width;
         memcpy(q_record + (long)s * n, q, n * sizeof *q);
-        pose_and_jacobians(chain, q, n, x, J, W);
+        pose_and_jacobian(chain, q, n, x, p, J);
         conjugate_product(x, xd, e);
         double sign = e[0] >= 0 ? 1 : -1;
         for (int c = 0; c < 8; c++)
-            e[c] = -sign * e[c];
-        e[0] += 1;
-        for (int c = 0; c < n; c++) {
-            double column[8], moved[8];
-            for (int r = 0; r < 8; r++)
-                column[r] = J[r][c];
-            conjugate_product(column, xd, moved);
-            for (int r = 0; r < 8; r++)
-                N[r][c] = sign * moved[r];
-        }
-        for (int r = 0; r < n; r++) {
+            e[c] = sign * e[c], rate[c] = gain * e[c];
+        rate[0] -= gain;
+        nearest_twist(rate, e, w, v);
+        rotate(x, w, t);
+        rotate(x, v, t + 3);
+        for (int r = 0; r < 6; r++) {
             for (int c = 0; c <= r; c++) {
                 double sum = 0;
-                for (int k = 0; k < 8; k++)
-                    sum += N[k][r] * N[k][c];
+                for (int k = 0; k < n; k++)
+                    sum += J[r][k] * J[c][k];
                 A[r][c] = sum;
             }
-            A[r][r] += damping * damping;
-            double sum = 0;
-            for (int k = 0; k < 8; k++)
-                sum += N[k][r] * gain * e[k];
-            u[r] = sum;
+            A[r][r] += r < 3 ? angular : linear;
         }
-        for (int c = 0; c < n; c++) {
+        for (int c = 0; c < 6; c++) {
             double pivot = A[c][c];
             for (int k = 0; k < c; k++)
                 pivot -= A[c][k] * A[c][k];
             pivot = 1 / sqrt(pivot);
             A[c][c] = pivot;
-            for (int r = c + 1; r < n; r++) {
+            for (int r = c + 1; r < 6; r++) {
                 double sum = A[r][c];
                 for (int k = 0; k < c; k++)
                     sum -= A[r][k] * A[c][k];
                 A[r][c] = sum * pivot;
             }
         }
-        for (int r = 0; r < n; r++) {
+        for (int r = 0; r < 6; r++) {
             for (int k = 0; k < r; k++)
-                u[r] -= A[r][k] * u[k];
-            u[r] *= A[r][r];
+                t[r] -= A[r][k] * t[k];
+            t[r] *= A[r][r];
         }
-        for (int r = n - 1; r >= 0; r--) {
-            for (int k = r + 1; k < n; k++)
-                u[r] -= A[k][r] * u[k];
-            u[r] *= A[r][r];
+        for (int r = 5; r >= 0; r--) {
+            for (int k = r + 1; k < 6; k++)
+                t[r] -= A[k][r] * t[k];
+            t[r] *= A[r][r];
         }
         for (int c = 0; c < n; c++) {
-            command_record[(long)s * n + c] = u[c];
-            q[c] += period * u[c];
+            double u = 0;
+            for (int k = 0; k < 6; k++)
+                u += J[k][c] * t[k];
+            command_record[(long)s * n + c] = u;
+            q[c] += period * u;
         }
     }
 }
