@@ -129,9 +129,8 @@ def convert(
     tips
         Links with commas between them, or "all": the tree of the joints above them in place of a chain.
     """
-    import yaml
-
     from dqcontrol.errors import ExistsError, ShapeError
+    from dqcontrol.files.plain_data import yaml_text
     from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot, load_tree
     from dqcontrol.robots.robot_file import plain_arm
     from dqcontrol.robots.tree_file import plain_tree
@@ -151,9 +150,7 @@ def convert(
     else:
         raise ShapeError(f"{source}: is made of several files; convert those")
     data["sources"] = [f"converted from {Path(source).name}"]
-    out.write_text(
-        yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
-    )
+    out.write_text(yaml_text(data), encoding="utf-8")
     print(f"{out}: {robot.name}, {robot.configuration_size} coordinates")
 
 

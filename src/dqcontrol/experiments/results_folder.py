@@ -21,6 +21,23 @@ _CONTENTS = ".dqcontrol-results"  # and the list of all that was written
 _SAVING = ".saving"  # in it, while something is added
 
 
+def made_folder(folder: str | Path, *, force: bool) -> Path:
+    """Make a new folder; with ``force`` it may exist, and what is in it stays.
+
+    Raises
+    ------
+    ExistsError
+        If it exists, without ``force``.
+    Error
+        If nothing can be written there.
+    """
+    made = Path(folder)
+    if not force:
+        check_new(made, force=False)
+    made.mkdir(parents=True, exist_ok=True)
+    return made
+
+
 def check_new(folder: str | Path, *, force: bool) -> None:
     """Raise if a folder must not be written.
 

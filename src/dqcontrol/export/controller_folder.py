@@ -21,7 +21,7 @@ from dqcontrol.compiled.object_code import (
 from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
 from dqcontrol.export.changeable import Changeable, changeable_parameters
-from dqcontrol.export.controller_parts import ControllerParts, controller_parts
+from dqcontrol.export.controller_parts import ControllerParts, controller_parts, stage_symbol
 from dqcontrol.export.expected_answers import c_number, vector_rows
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
@@ -267,9 +267,11 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_AT_REST {layout.AT_REST}",
         f"#define DQC_SOFT_STOP {SOFT_STOP}u",
     ]
-    for stage in ("preference", "position_limit", "limit", "tasks", "constraint"):
-        if f"dqc_kernel_{stage}" in parts.kernels:
-            lines.append(f"#define DQC_HAS_{stage.upper()}")
+    symbols = {i: stage_symbol(name) for i, name in enumerate(parts.law.stages)}
+    calls = (
+        f"(plan)[{i}] = (int64_t)(intptr_t)&{each};" for i, each in symbols.items() if each in parts.kernels
+    )
+    lines += ["", "/* What a step calls. */", " \\\n  ".join(["#define LINK_STAGES(plan)", *calls])]
     return "\n".join(lines) + "\n"
 
 

@@ -33,15 +33,10 @@ from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
 
-_STAGES = {  # of a prepared law, as `Plan` calls them: their names in C
-    "kinematics": "dqc_kernel_kinematics",
-    "preference": "dqc_kernel_preference",
-    "law": "dqc_kernel_law",
-    "position_limit": "dqc_kernel_position_limit",
-    "limit": "dqc_kernel_limit",
-    "tasks": "dqc_kernel_tasks",
-    "constraint": "dqc_kernel_constraint",
-}
+
+def stage_symbol(name: str) -> str:
+    """Return the name in C of what a prepared law calls by a name of its `Plan`."""
+    return f"dqc_kernel_{name}"
 
 
 @dataclass(frozen=True)
@@ -117,8 +112,7 @@ class ControllerParts:
     def kernels(self) -> dict[str, Kernel]:
         """Kernels of the controller by their names in C."""
         found: dict[str, Any] = {"dqc_kernel_step": step, "dqc_kernel_sent": sent}
-        stages = self.law.stages.items()
-        found |= {_STAGES[name]: stage for name, stage in stages if stage is not None}
+        found |= {stage_symbol(name): stage for name, stage in self.law.stages.items() if stage is not None}
         if isinstance(self.law_spec, OwnLaw):
             found["dqc_kernel_law"] = own_law_kernel(self.law_spec)
         if self.supervisor:
@@ -155,7 +149,7 @@ class ControllerParts:
     def plan(self) -> NDArray[np.intp]:
         """The law's plan without addresses."""
         plan = self.law.plan.copy()
-        plan[: len(_STAGES)] = 0
+        plan[: len(self.law.stages)] = 0
         return plan
 
     @cached_property

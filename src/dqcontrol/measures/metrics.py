@@ -17,6 +17,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
+from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS, TASK
@@ -213,7 +214,7 @@ class Metrics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
-        plain = _jsonable(asdict(self))
+        plain = finite_or_none(asdict(self))
         if not self.tasks:
             del plain["tasks"]
         return plain
@@ -405,12 +406,6 @@ def _overshoot(error: Array) -> float:
     if not size > _RESTING or size < _STEP_SHARE * float(row_norms(error).max()):
         return math.nan
     return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _jsonable(item) for key, item in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _flatten(nested: dict[str, Any], prefix: str = "") -> dict[str, Any]:

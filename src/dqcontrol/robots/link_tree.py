@@ -141,27 +141,14 @@ class LinkTree:
             above = f" above {', '.join(tips)}" if tips else ""
             raise FileFormatError(f"{self.where}: has no joint that turns or slides{above}")
         index = {joint.name: i for i, joint in enumerate(coordinates)}
+        stands, at, parts = self._placed(joints, free, _ground(joints, self.root))
         rows: list[tuple[object, ...]] = []
-        names: list[str] = []
-        at: dict[str, tuple[int, Array]] = {_ground(joints, self.root): (-1, shift())}
-        parts: dict[int, list[tuple[Array, LinkBody]]] = {}
-        for joint in joints:
-            row, pose = at[joint.parent]
-            pose = compose(pose, joint.fixed)
-            if joint in free:
-                mimic = joint.mimic or Mimic(joint.name)
-                multiplier, offset = mimic.multiplier, mimic.offset + joint.offset
-                kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
-                coordinate = index[mimic.joint]
-                rows.append((pose, kind, row, coordinate, coordinate, multiplier, offset))
-                names.append(joint.name)
-                row, pose = len(rows) - 1, shift()
-            else:
-                pose = compose(pose, _at_zero(joint))
-            pose = compose(pose, joint.link)
-            at[joint.child] = row, pose
-            if row >= 0 and joint.child in self.bodies:
-                parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
+        for joint, (row, pose) in zip(free, stands, strict=True):
+            mimic = joint.mimic or Mimic(joint.name)
+            kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
+            coordinate = index[mimic.joint]
+            offset = mimic.offset + joint.offset
+            rows.append((pose, kind, row, coordinate, coordinate, mimic.multiplier, offset))
         limits = [(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in coordinates]
         frames = {name: NamedFrame(*at[name]) for name in self.links}
         first = tips[0] if tips else _first_leaf(self.joints, self.root)
@@ -171,7 +158,10 @@ class LinkTree:
             else PoseTask("relative", (first, str(base)))
         )
         return TreeRobot(
-            TreeJoints(*(np.array(values) for values in zip(*rows, strict=True)), names=tuple(names)),
+            TreeJoints(
+                *(np.array(values) for values in zip(*rows, strict=True)),
+                names=tuple(joint.name for joint in free),
+            ),
             frames,
             task,
             joint_names=[joint.name for joint in coordinates],
@@ -307,21 +297,36 @@ class LinkTree:
             out.append(LinkJoint(name, kind, parent, child, turn, inverse7(turn)))  # type: ignore[arg-type]
         return out
 
-    def _chain_inertia(self, moving: Sequence[LinkJoint]) -> Inertia | None:
-        """Return the body of each joint of a chain: what it carries, with the joints of other branches at zero."""
+    def _placed(
+        self, joints: Sequence[LinkJoint], moving: Sequence[LinkJoint], root: str
+    ) -> tuple[
+        list[tuple[int, Array]], dict[str, tuple[int, Array]], dict[int, list[tuple[Array, LinkBody]]]
+    ]:
+        """Return where moving joints and links stand, and the bodies that each moving joint carries.
+
+        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero.
+        """
+        rows = {joint.name: i for i, joint in enumerate(moving)}
+        stands = [(-1, shift())] * len(moving)
+        at: dict[str, tuple[int, Array]] = {root: (-1, shift())}
         parts: dict[int, list[tuple[Array, LinkBody]]] = {}
-        at: dict[str, tuple[int, Array]] = {self.root: (-1, shift())}
-        for joint in self.joints:
+        for joint in joints:
             row, pose = at[joint.parent]
             pose = compose(pose, joint.fixed)
-            if joint in moving:
-                row, pose = moving.index(joint), shift()
+            if joint.name in rows:
+                stands[rows[joint.name]] = row, pose
+                row, pose = rows[joint.name], shift()
             else:
                 pose = compose(pose, _at_zero(joint))
             pose = compose(pose, joint.link)
             at[joint.child] = row, pose
             if row >= 0 and joint.child in self.bodies:
                 parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
+        return stands, at, parts
+
+    def _chain_inertia(self, moving: Sequence[LinkJoint]) -> Inertia | None:
+        """Return the body of each joint of a chain: what it carries, with the joints of other branches at zero."""
+        _, _, parts = self._placed(self.joints, moving, self.root)
         return _lumped(parts, len(moving))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
+from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.measures.run_numbers import NUMBERS
 from dqcontrol.tuning.front_search import nondominated, search_front
@@ -161,11 +162,10 @@ class LawSearch:
         return self._known[point]
 
     def _note(self, point: Point, found: Evaluated) -> None:
-        total = found.total if math.isfinite(found.total) else None
         self._rows.append(
             {f"share.{name}": share for name, share in zip(self.space.names, point, strict=True)}
-            | {"total": total, "violation": found.violation}
-            | dict(zip(NUMBERS, (_number(value) for value in found.numbers.tolist()), strict=True))
+            | {"total": finite_or_none(found.total), "violation": found.violation}
+            | dict(zip(NUMBERS, finite_or_none(found.numbers.tolist()), strict=True))
         )
         if time.monotonic() - self._written > _EVERY:
             self._write()
@@ -294,7 +294,3 @@ def _made_ready(problem: TuneProblem) -> ReadyProblem:
 
 def _law(problem: TuneProblem, label: str) -> Law:
     return next(variant.law for variant in problem.spec.variants if variant.label == label)
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

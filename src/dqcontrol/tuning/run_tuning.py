@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import yaml
 
 from dqcontrol.errors import Error, ShapeError
 from dqcontrol.experiments.check import loop_checks
@@ -27,6 +25,7 @@ from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import WORTH_PROCESSES
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
+from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
 from dqcontrol.measures.table_cells import Cell, Column
@@ -74,8 +73,8 @@ class TunedLaw:
         """Return an entry of ``winners.json``: numbers of the objectives in the units of tables."""
 
         def shown(values: Mapping[str, float]) -> dict[str, float | None]:
-            return {name: _jsonable(values[name]) for name in self.objectives} | {
-                "total": _jsonable(
+            return {name: finite_or_none(values[name]) for name in self.objectives} | {
+                "total": finite_or_none(
                     self.result.total if values is self.result.searched else self.result.held_out_total
                 )
             }
@@ -85,7 +84,7 @@ class TunedLaw:
             "parameters": self.result.parameters,
             "objectives": shown(self.result.searched),
             "held_out": shown(self.result.held_out),
-            "margin": None if self.margin is None else _jsonable(self.margin),
+            "margin": None if self.margin is None else finite_or_none(self.margin),
             "evaluations": self.result.evaluations,
         }
 
@@ -150,9 +149,9 @@ class Tuning:
                 [
                     each.label,
                     ", ".join(f"{key} {_in_short(value)}" for key, value in found.parameters.items()),
-                    *(_jsonable(found.searched[name]) for name in names),
-                    _jsonable(found.total),
-                    _jsonable(found.held_out_total),
+                    *(finite_or_none(found.searched[name]) for name in names),
+                    finite_or_none(found.total),
+                    finite_or_none(found.held_out_total),
                     None if each.margin is None or not math.isfinite(each.margin) else each.margin,
                     found.evaluations,
                 ]
@@ -205,12 +204,12 @@ class Tuning:
         text = tune_text(self.problem)
         (folder / SPEC_FILE).write_text(text, encoding="utf-8")
         copy_inputs(parse_yaml("spec", text), folder)
-        _write_json(folder / WINNERS, self.winners())
-        (folder / BEST).write_text(_yaml(self.best_spec), encoding="utf-8")
+        write_json(folder / WINNERS, self.winners())
+        (folder / BEST).write_text(yaml_text(self.best_spec), encoding="utf-8")
         rows = [{"law": each.label} | row for each in self.laws for row in each.result.rows]
         write_rows(folder / EVALUATIONS, rows, {"spec": text})
         if self.problem.block.front:
-            _write_json(folder / FRONTS, self.fronts())
+            write_json(folder / FRONTS, self.fronts())
         write_table(self.table(), folder, "winners")
         result_pages().write_tuning(self, text, folder)
 
@@ -398,7 +397,7 @@ def _workers(jobs: int | None, scheduler: str | None, seconds: float, count: int
 def tune_text(problem: TuneProblem) -> str:
     """Return spec and block as YAML with absolute file names, so that it runs anywhere."""
     block = msgspec.to_builtins(problem.block, enc_hook=str)
-    return _yaml(problem.data | {"tune": _without_empty(block)})
+    return yaml_text(problem.data | {"tune": _without_empty(block)})
 
 
 def _without_empty(block: Any) -> Any:
@@ -409,18 +408,6 @@ def _without_empty(block: Any) -> Any:
 
 def _fingerprint(problem: TuneProblem) -> str:
     return prepare_spec(problem.spec, problem.folder, {}).fingerprint()
-
-
-def _yaml(data: dict[str, Any]) -> str:
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
-
-
-def _write_json(path: Path, data: Any) -> None:
-    path.write_text(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _jsonable(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _in_short(value: Any) -> str:

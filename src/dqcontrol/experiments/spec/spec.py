@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
-import yaml
 from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol import algebra
@@ -23,6 +22,7 @@ from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, refere
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
+from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.laws import Constraints, Law
 from dqcontrol.laws.null_space import AnyNullSpace
@@ -538,4 +538,4 @@ def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
     data = _written(spec)
     locate_files(data, folder)
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+    return yaml_text(data)

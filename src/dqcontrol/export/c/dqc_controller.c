@@ -51,29 +51,7 @@ int dqc_init(dqc_controller *controller, const dqc_config *config) {
   memset(controller, 0, sizeof *controller);
   memcpy(controller->memory_, dqc_law_memory, DQC_MEMORY * sizeof(double));
   memcpy(controller->plan_, dqc_plan, sizeof controller->plan_);
-  controller->plan_[0] = (int64_t)(intptr_t)&dqc_kernel_kinematics;
-#ifdef DQC_HAS_PREFERENCE
-  controller->plan_[1] = (int64_t)(intptr_t)&dqc_kernel_preference;
-#endif
-  controller->plan_[2] = (int64_t)(intptr_t)&dqc_kernel_law;
-#ifdef DQC_HAS_POSITION_LIMIT
-  controller->plan_[3] = (int64_t)(intptr_t)&dqc_kernel_position_limit;
-#endif
-#ifdef DQC_HAS_LIMIT
-  controller->plan_[4] = (int64_t)(intptr_t)&dqc_kernel_limit;
-#endif
-#ifdef DQC_HAS_TASKS
-  controller->plan_[5] = (int64_t)(intptr_t)&dqc_kernel_tasks;
-#endif
-#ifdef DQC_HAS_CONSTRAINT
-  controller->plan_[6] = (int64_t)(intptr_t)&dqc_kernel_constraint;
-#endif
-#ifdef DQC_HAS_TASKS
-  controller->plan_[5] = (int64_t)(intptr_t)&dqc_kernel_tasks;
-#endif
-#ifdef DQC_HAS_CONSTRAINT
-  controller->plan_[6] = (int64_t)(intptr_t)&dqc_kernel_constraint;
-#endif
+  LINK_STAGES(controller->plan_)
 #if DQC_SUPERVISED
   memcpy(controller->supervisor_, dqc_supervisor_memory, DQC_SUPERVISOR * sizeof(double));
 #endif

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -20,7 +18,8 @@ import dqcontrol
 from dqcontrol.algebra import conjugate, multiply, pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.experiments.results_folder import made_folder
+from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, CorrectableChain
 from dqcontrol.logs.calibration.frame_search import searched_frames
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses
@@ -217,9 +216,9 @@ class Calibration:
             "robot": self.robot,
             "log": str(self.path.resolve()),
             "poses": self.poses,
-            "noise": {"position": self.noise[0], "rotation": _number(self.noise[1])},
-            "before": {key: _number(value) for key, value in asdict(self.before).items()},
-            "after": {key: _number(value) for key, value in asdict(self.after).items()},
+            "noise": {"position": self.noise[0], "rotation": finite_or_none(self.noise[1])},
+            "before": finite_or_none(asdict(self.before)),
+            "after": finite_or_none(asdict(self.after)),
             "improves": self.improves,
             "base": {"pose": self.base.tolist(), "in_robot_file": self.base_is_known},
             "tool": {"pose": self.tool.tolist(), "in_robot_file": self.tool_is_known},
@@ -230,7 +229,7 @@ class Calibration:
                     "name": each.name,
                     "status": each.status,
                     "value": each.value,
-                    "interval": [_number(end) for end in each.interval],
+                    "interval": finite_or_none(each.interval),
                     "tied_with": list(each.tied_with),
                 }
                 for each in self.corrections
@@ -252,22 +251,15 @@ class Calibration:
         ExistsError
             If the folder exists (without ``force``).
         """
-        folder = Path(folder)
-        if not force:
-            check_new(folder, force=False)
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        (folder / CALIBRATION).write_text(text, encoding="utf-8")
+        folder = made_folder(folder, force=force)
+        write_json(folder / CALIBRATION, self.to_dict())
         digest = hashlib.sha256(self.path.read_bytes()).hexdigest() if self.path.is_file() else ""
         plain = plain_arm(self.arm) | {
             "description": f"{self.robot}, geometry corrected by dqcontrol {dqcontrol.__version__}",
             "sources": [f"{self.path.resolve()} (SHA-256 {digest})", CALIBRATION],
         }
         head = "# An arm with geometry calibrated from measured poses; calibration.json says how. m, rad.\n"
-        written = yaml.safe_dump(
-            plain, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-        )
-        (folder / ROBOT).write_text(head + written, encoding="utf-8")
+        (folder / ROBOT).write_text(head + yaml_text(plain), encoding="utf-8")
         return folder
 
 
@@ -564,7 +556,3 @@ def _is_small(end: Array, *, turned: bool) -> bool:
 
 def _shown(correction: Correction) -> PlusMinus:
     return PlusMinus(correction.value / _MILLI, (correction.interval[1] - correction.value) / _MILLI)
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -14,7 +14,7 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
-from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.logs.servos.encoder_noise import QUANTUM
 from dqcontrol.logs.servos.joint_fit import NORMAL_95
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
@@ -153,10 +153,7 @@ class Excitation:
         ExistsError
             If the folder exists (without ``force``).
         """
-        folder = Path(folder)
-        if not force:
-            check_new(folder, force=False)
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = made_folder(folder, force=force)
         lag, delay, noise = self.assumed
         plant = {"kind": "servo", "time_constant": lag, "delay": delay, "encoder_noise": noise}
         note = "A motion for dqcontrol identify; the plant is assumed, put your own in its place."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
@@ -13,12 +12,12 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import yaml
 
 import dqcontrol
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
-from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.experiments.results_folder import made_folder
+from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_targets
 from dqcontrol.logs.joint_table import Angles, column_names
@@ -182,7 +181,7 @@ class Identification:
             "notes": list(self.notes),
             "joints": [
                 {
-                    each.name: _jsonable(getattr(joint, each.name))
+                    each.name: finite_or_none(getattr(joint, each.name))
                     for each in fields(joint)
                     if each.name != "trace"
                 }
@@ -205,12 +204,8 @@ class Identification:
         ExistsError
             If the folder exists (without ``force``).
         """
-        folder = Path(folder)
-        if not force:
-            check_new(folder, force=False)
-        folder.mkdir(parents=True, exist_ok=True)
-        text = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-        (folder / IDENTIFICATION).write_text(text, encoding="utf-8")
+        folder = made_folder(folder, force=force)
+        write_json(folder / IDENTIFICATION, self.to_dict())
         if self.fitted:
             (folder / PLANT).write_text(self.plant_text(), encoding="utf-8")
         else:
@@ -256,9 +251,7 @@ class Identification:
         if assumed:
             head += "# Joints under 'assumed' could not be identified and have the medians of the others.\n"
         data = {"plant": {"kind": "servo"} | changed, "identified": identified}
-        return head + yaml.safe_dump(
-            data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-        )
+        return head + yaml_text(data)
 
 
 _SHOWN: list[tuple[tuple[str, str, str], Callable[[JointIdentification], float]]] = [
@@ -458,11 +451,3 @@ def _best_mode(tried: dict[Mode, list[JointIdentification]]) -> Mode:
 
 def _known(value: float, otherwise: float) -> float:
     return round(value, 9) if math.isfinite(value) else otherwise
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _jsonable(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_jsonable(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
+from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.references.points_file import POSITION, QUATERNION
 from dqcontrol.robots import Robot
 
@@ -56,7 +56,7 @@ def write_joint_motion(
         "law": {"kind": "joint-motion", "file": MOTION},
         "plant": plant,
     }
-    text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+    text = yaml_text(data)
     spec.write_text(f"# {note}\n{text}", encoding="utf-8")
 
 

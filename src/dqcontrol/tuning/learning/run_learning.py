@@ -12,7 +12,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import yaml
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -24,6 +23,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.files.plain_data import write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
@@ -204,7 +204,9 @@ class Learning:
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         block = msgspec.to_builtins(self.problem.block, enc_hook=str)
-        text = _yaml(self.problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}})
+        text = yaml_text(
+            self.problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}}
+        )
         (folder / SPEC_FILE).write_text(text, encoding="utf-8")
         copy_inputs(parse_yaml("spec", text), folder)
         law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))
@@ -215,7 +217,7 @@ class Learning:
             f"plant: {plant}",
         )
         write_motion(folder / LEARNT, self.motion, notes)
-        (folder / LEARNT_SPEC).write_text(_yaml(self.spec()), encoding="utf-8")
+        (folder / LEARNT_SPEC).write_text(yaml_text(self.spec()), encoding="utf-8")
         history = {
             "repeats": [asdict(each) for each in self.repeats],
             "best": self.best,
@@ -226,9 +228,7 @@ class Learning:
             "noise_factor": self.convergence.noise_factor,
             "notes": list(self.notes),
         }
-        (folder / HISTORY).write_text(
-            json.dumps(history, indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
-        )
+        write_json(folder / HISTORY, history)
         write_table(self.table(), folder, "learning")
         result_pages().write_learning(self, text, folder)
 
@@ -241,7 +241,7 @@ def learn(
     progress: LearnProgress | None = None,
     **block: Any,
 ) -> Learning:
-    """LearningRun a motion, and shift its reference from repeat to repeat until the hand goes where it should.
+    """Run a motion, and shift its reference from repeat to repeat until the hand goes where it should.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ class _Session:
         return found
 
     def run(self, progress: LearnProgress) -> Learning:
-        """LearningRun until the error is noise, does not shrink, or the repeats are over."""
+        """Run until the error is noise, does not shrink, or the repeats are over."""
         block = self.problem.block
         count = len(self.time)
         shift, best_shift = np.zeros((count, 6)), np.zeros((count, 6))
@@ -520,7 +520,3 @@ def _with(lag: float, delay: float) -> str:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _yaml(data: dict[str, Any]) -> str:
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
