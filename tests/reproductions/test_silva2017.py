@@ -44,6 +44,8 @@ def test_gains_by_s17s_law_and_ours():
     assert [str(row[2]) for row in claims.rows] == ["supported"] * 5
     expected = ["not supported", "supported", "supported", "not supported", "supported"]
     assert [str(row[4]) for row in claims.rows] == expected
+    judged = [(str(row[at]), str(row[at + 1])) for row in claims.rows for at in (2, 4)]
+    assert {verdict for verdict, number in judged if "nothing to attenuate" in number} == {"not supported"}
 
 
 def test_the_comparison_has_s17s_law_and_stop_first():
