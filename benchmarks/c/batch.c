@@ -4,6 +4,24 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+static void pose_jacobian(const double *x, double W[6][MOST], int n, double J[8][MOST])
+{
+    double h[8];
+    for (int c = 0; c < 8; c++)
+        h[c] = 0.5 * x[c];
+    for (int c = 0; c < n; c++) {
+        double a = W[0][c], b = W[1][c], d = W[2][c], e = W[3][c], f = W[4][c], g = W[5][c];
+        J[0][c] = -a * h[1] - b * h[2] - d * h[3];
+        J[1][c] = a * h[0] + b * h[3] - d * h[2];
+        J[2][c] = b * h[0] + d * h[1] - a * h[3];
+        J[3][c] = d * h[0] + a * h[2] - b * h[1];
+        J[4][c] = -a * h[5] - b * h[6] - d * h[7] - e * h[1] - f * h[2] - g * h[3];
+        J[5][c] = a * h[4] + b * h[7] - d * h[6] + e * h[0] + f * h[3] - g * h[2];
+        J[6][c] = b * h[4] + d * h[5] - a * h[7] + f * h[0] + g * h[1] - e * h[3];
+        J[7][c] = d * h[4] + a * h[6] - b * h[5] + g * h[0] + e * h[2] - f * h[1];
+    }
+}
+
 int main(int argc, char **argv)
 {
     int n = argc > 2 ? atoi(argv[1]) : 0;
@@ -18,8 +36,9 @@ int main(int argc, char **argv)
     fflush(stdout);
     while (getchar() != EOF) {
         for (long i = 0; i < count; i++) {
-            double x[8], J[8][MOST], W[6][MOST], *to = out + i * size;
-            pose_and_jacobians(chain, q + i * n, n, x, J, W);
+            double x[8], p[3], J[8][MOST], W[6][MOST], *to = out + i * size;
+            twist_kinematics(chain, q + i * n, n, x, p, W);
+            pose_jacobian(x, W, n, J);
             memcpy(to, x, sizeof x);
             for (int r = 0; r < 8; r++)
                 memcpy(to + 8 + r * n, J[r], n * sizeof *to);

@@ -6,7 +6,8 @@
 
 #define MOST 60
 
-static void pose_and_jacobian(const double *chain, const double *q, int n, double *x, double *p, double J[6][MOST])
+/* Pose x, position p and Jacobian J of the inertial twist. */
+static void twist_kinematics(const double *chain, const double *q, int n, double *x, double *p, double J[6][MOST])
 {
     double w = 1, i = 0, j = 0, k = 0, px = 0, py = 0, pz = 0;
     for (int c = 0; c <= n; c++) {
@@ -28,11 +29,6 @@ static void pose_and_jacobian(const double *chain, const double *q, int n, doubl
         w = a, i = b, j = d, k = e;
     }
     p[0] = px, p[1] = py, p[2] = pz;
-    for (int c = 0; c < n; c++) {
-        J[3][c] += J[1][c] * pz - J[2][c] * py;
-        J[4][c] += J[2][c] * px - J[0][c] * pz;
-        J[5][c] += J[0][c] * py - J[1][c] * px;
-    }
     px *= 0.5, py *= 0.5, pz *= 0.5;
     x[0] = w, x[1] = i, x[2] = j, x[3] = k;
     x[4] = -px * i - py * j - pz * k, x[5] = px * w + py * k - pz * j;
@@ -88,7 +84,12 @@ void closed_loop(const double *chain, int n, double *q, const double *samples, i
     for (int s = 0; s < steps; s++) {
         const double *xd = samples + (long)s * width;
         memcpy(q_record + (long)s * n, q, n * sizeof *q);
-        pose_and_jacobian(chain, q, n, x, p, J);
+        twist_kinematics(chain, q, n, x, p, J);
+        for (int c = 0; c < n; c++) { /* of the hand */
+            J[3][c] += J[1][c] * p[2] - J[2][c] * p[1];
+            J[4][c] += J[2][c] * p[0] - J[0][c] * p[2];
+            J[5][c] += J[0][c] * p[1] - J[1][c] * p[0];
+        }
         conjugate_product(x, xd, e);
         double sign = e[0] >= 0 ? 1 : -1;
         for (int c = 0; c < 8; c++)
