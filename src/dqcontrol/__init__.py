@@ -42,15 +42,19 @@ if TYPE_CHECKING:
     from dqcontrol.loop.simulate import simulate
     from dqcontrol.references import Sample
     from dqcontrol.robots import (
+        CarLikeBase,
         Chassis,
         DifferentialDrive,
         HolonomicBase,
         Inertia,
         Kinematics,
         Limits,
+        MecanumBase,
+        OmniBase,
         Robot,
         SerialArm,
         Solution,
+        SteeredTricycle,
         TreeRobot,
         TwoArms,
         WholeBody,
@@ -63,6 +67,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "CarLikeBase",
     "Chassis",
     "DifferentialDrive",
     "DualQuaternion",
@@ -72,12 +77,15 @@ __all__ = [
     "Kinematics",
     "Learning",
     "Limits",
+    "MecanumBase",
+    "OmniBase",
     "Record",
     "Robot",
     "Run",
     "Sample",
     "SerialArm",
     "Solution",
+    "SteeredTricycle",
     "Study",
     "TreeRobot",
     "Tuning",

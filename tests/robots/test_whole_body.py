@@ -12,12 +12,26 @@ from pinocchio_oracle import model_of, pose_matrix, se3
 
 from dqcontrol import DualQuaternion, Kinematics, algebra
 from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.robots import DifferentialDrive, HolonomicBase, Limits, SerialArm, WholeBody, load_robot
+from dqcontrol.robots import (
+    CarLikeBase,
+    DifferentialDrive,
+    HolonomicBase,
+    Limits,
+    MecanumBase,
+    SerialArm,
+    SteeredTricycle,
+    WholeBody,
+    load_robot,
+)
 
 SEED = 31
 KINDS = ("pose", "twist", "translation", "rotation")
 DRIVE, OTHER = DifferentialDrive(0.065, 0.13), DifferentialDrive(0.1, 0.2, displacement=-0.3)
 FREE = HolonomicBase()
+CAR = CarLikeBase(0.1, 0.2, wheelbase=0.5, steering_limit=0.6)
+TRICYCLE = SteeredTricycle(0.1, 0.2, wheelbase=0.4, steering_limit=np.pi / 2)
+MECANUM = MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.25)
+BASES = (DRIVE, OTHER, FREE, CAR, TRICYCLE, MECANUM)
 MOUNT = DualQuaternion(algebra.exp_screw([0.1, 0.2, -0.3, 0.2, 0.1, 0.4]))
 TOOL = DualQuaternion(algebra.exp_screw([-0.2, 0.1, 0.3, 0.0, 0.1, 0.2]))
 IIWA, AX18, UR5 = load_robot("iiwa7"), load_robot("ax18"), load_robot("ur5")
@@ -33,6 +47,7 @@ BODIES = {
     "an arm that carries another": [FREE, IIWA, TOOL, UR5],
     "drives on drives": [MOUNT, DRIVE, OTHER, FREE, DRIVE],
     "a reversed arm and a slider": [DRIVE, UR5.reversed(), FREE, SLIDER],
+    "a car, a tricycle and mecanum wheels with arms": [CAR, MOUNT, AX18, TRICYCLE, MECANUM, TOOL],
     "arms only": [AX18, TOOL, SLIDER],
 }
 
@@ -43,7 +58,7 @@ def _parts(request):
 
 
 def size(part):
-    return 3 if part in (DRIVE, OTHER, FREE) else getattr(part, "configuration_size", 0)
+    return 3 if part in BASES else getattr(part, "configuration_size", 0)
 
 
 def product(parts, q):
@@ -66,7 +81,7 @@ def velocity_map(parts, q):
     blocks = []
     for part in parts:
         own, q = q[: size(part)], q[size(part) :]
-        if isinstance(part, DifferentialDrive):
+        if isinstance(part, DifferentialDrive | CarLikeBase | SteeredTricycle):
             blocks.append(np.array([[np.cos(own[2]), 0], [np.sin(own[2]), 0], [0, 1]]))
         else:
             blocks.append(np.eye(len(own)))
@@ -193,7 +208,7 @@ def in_pinocchio(parts, q, u):
     configuration, speeds, turns, j = [], [], [], 0
     for part in parts:
         own, q = q[: size(part)], q[size(part) :]
-        if isinstance(part, DifferentialDrive):
+        if isinstance(part, DifferentialDrive | CarLikeBase | SteeredTricycle):
             configuration += [own[0], own[1], np.cos(own[2]), np.sin(own[2])]
             speeds += [u[j], 0.0, u[j + 1]]
             turns.append(np.eye(3)[:, [0, 2]])
@@ -270,7 +285,7 @@ def test_names_limits_and_coordinates_of_inputs():
     assert body.input_names == (*AX18.joint_names, "2/v", "2/omega", "3/x", "3/y", "3/phi")
     assert body.input_types[5:] == ("prismatic", "revolute", "prismatic", "prismatic", "revolute")
     assert body.input_coordinates.tolist() == [0, 1, 2, 3, 4, 5, 7, 8, 9, 10]
-    assert body.drives.tolist() == [[5, 0.1, 0.05, 0.2]]
+    assert body.drives.tolist() == [[5, 0.1, 0.05, 0.2, 0.0, 0.2]]
     np.testing.assert_allclose(body.limits.velocity, [2, 2, 2, 2, 2, 0.6, 3.0, 0.4, 0.4, 2.0])
     np.testing.assert_array_equal(body.limits.upper, [*AX18.limits.upper, *np.full(6, np.inf)])
     np.testing.assert_array_equal(body.limits.lower, -body.limits.upper)
@@ -284,7 +299,7 @@ def test_names_limits_and_coordinates_of_inputs():
 def test_arms_are_their_own_inputs():
     assert IIWA.input_names == IIWA.joint_names
     assert IIWA.input_coordinates.tolist() == list(range(7))
-    assert IIWA.drives.shape == (0, 4)
+    assert IIWA.drives.shape == (0, 6)
     alone = WholeBody([IIWA])
     np.testing.assert_array_equal(alone.twist_jacobian(np.ones(7)), IIWA.twist_jacobian(np.ones(7)))
     np.testing.assert_array_equal(alone.gravity_torque(np.ones(7)), IIWA.gravity_torque(np.ones(7)))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
-from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
+from dqcontrol.robots import CarLikeBase, DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
 from dqcontrol.robots.description import rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
+from dqcontrol.robots.whole_body import Drive, base_coordinates, parts_with_offsets
 
 Colour = tuple[int, int, int]
 
@@ -144,7 +144,7 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
     for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else ()):
         carrier = first + 2
         mount = robot.chain[min(first + 3, robot.configuration_size), 4:7]
-        if isinstance(part, DifferentialDrive):
+        if isinstance(part, Drive):
             radius, track = part.wheel_radius, part.half_track
             body = _along_z(0.4 * radius, max(0.7 * mount[2], radius))
             yield carrier, rod(*body, max(track - 0.02, 0.5 * track)), DARK
@@ -153,6 +153,11 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
                 spoke = trimesh.creation.box([1.5 * radius, 0.028, _SPOKE * radius])
                 yield row, spoke, SHELL
                 row += 1
+            if not isinstance(part, DifferentialDrive):
+                yield carrier, _front(part.wheelbase, radius, 0.15 * track), DARK
+                for y in (-track, track) if isinstance(part, CarLikeBase) else (0.0,):
+                    ends = np.array([[part.wheelbase, y + w, radius] for w in (-0.012, 0.012)])
+                    yield carrier, rod(ends[0], ends[1], radius), TYRE
         elif isinstance(part, HolonomicBase):
             height = min(mount[2], _PLATFORM) if mount[2] > 0 else _PLATFORM
             half = max(1.25 * float(np.abs(mount[:2]).max()), 0.2)
@@ -163,6 +168,15 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
                 for y in (-0.68 * half, 0.68 * half):
                     ends = np.array([[x, y - 0.03, 0.05], [x, y + 0.03, 0.05]])
                     yield carrier, rod(ends[0], ends[1], 0.05), TYRE
+
+
+def _front(wheelbase: float, radius: float, half_width: float) -> Any:
+    """Return the beam from the rear axle to the front one."""
+    import trimesh
+
+    beam = trimesh.creation.box([wheelbase, 2 * half_width, 0.4 * radius])
+    beam.apply_translation([0.5 * wheelbase, 0, 1.2 * radius])
+    return beam
 
 
 def rod(start: Array, end: Array, radius: float, *, round_ends: bool = False) -> Any:

@@ -86,7 +86,7 @@ class Track:
         poses = [
             pose7("frame", frame) for frame in recorded_frames(self.robot, self.record, slice(k, k + 1))[0]
         ]
-        for j, (first, _, radius, half_track) in enumerate(self.robot.drives):
+        for j, (first, _, radius, half_track, *_) in enumerate(self.robot.drives):
             for side, y in enumerate((-half_track, half_track)):
                 half = self._wheels[k, 2 * j + side] / 2
                 axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
@@ -147,7 +147,7 @@ def wheel_angles(robot: Robot, q: Array) -> Array:
     Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
     """
     angles = np.zeros((len(q), 2 * len(robot.drives)))
-    for j, (first, _, radius, half_track) in enumerate(robot.drives):
+    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
         x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
         turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
         ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)

@@ -42,7 +42,8 @@ from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Reference
-from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
+from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots.whole_body import Base
 
 T = TypeVar("T")
 
@@ -180,7 +181,7 @@ class PreparedExperiment:
 def _bases(robot: Robot) -> list[object]:
     """Return the mobile bases of a robot, with wheels, limits and chassis; their ``repr`` says all of it."""
     parts = robot.parts if isinstance(robot, WholeBody) else ()
-    return [part for part in parts if isinstance(part, HolonomicBase | DifferentialDrive)]
+    return [part for part in parts if isinstance(part, Base)]
 
 
 def sources() -> str:

@@ -15,10 +15,9 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
-from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.whole_body import WholeBody, parts_with_offsets
+from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,7 +170,7 @@ def _bases(robot: Robot) -> list[tuple[int, float]]:
     """Return the index of each base's x and the radius that it is drawn with, m."""
     parts = robot.parts if isinstance(robot, WholeBody) else ()
     return [
-        (first, 1.15 * part.half_track if isinstance(part, DifferentialDrive) else _RADIUS)
+        (first, 1.15 * part.half_track if isinstance(part, Drive) else _RADIUS)
         for first, part in parts_with_offsets(parts)
         if not isinstance(part, SerialArm)
     ]

@@ -17,7 +17,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
-from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -44,7 +44,7 @@ class PostureParameters(NamedTuple):
 
     pull: Annotated[Array, "n"]
     rest: Annotated[Array, "n"]
-    drives: Annotated[Array, ..., 4]
+    drives: Annotated[Array, ..., DRIVE_COLUMNS]
 
 
 posture_parameters = MemoryLayout(PostureParameters, "n")
@@ -331,8 +331,7 @@ def _headings(robot: Robot) -> NDArray[np.intp]:
     """Return which inputs are forward speeds of drives."""
     if robot.input_size == robot.configuration_size:
         return np.zeros(0, dtype=np.intp)
-    coordinates = [first for first, kind in robot.bases if kind == DifferentialDrive.kind]
-    return np.flatnonzero(np.isin(robot.input_coordinates, coordinates))
+    return np.flatnonzero(np.isin(robot.input_coordinates, robot.drives[:, 0]))
 
 
 @kernel(PREFERENCE)

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.driving import drive_speeds
+from dqcontrol.robots.driving import DRIVE_COLUMNS, RIM_LEVER, drive_speeds, steer
 
 # q, parameters, command
 LIMIT = STATUS(INPUT, READ, WRITE)
@@ -17,7 +17,7 @@ class SpeedLimits(NamedTuple):
     """The velocity limit of each input, and the robot's drives, whose rims have limits too."""
 
     fastest: Annotated[Array, "m"]
-    drives: Annotated[Array, ..., 4]
+    drives: Annotated[Array, ..., DRIVE_COLUMNS]
 
 
 speed_limits = MemoryLayout(SpeedLimits, "m")
@@ -40,7 +40,7 @@ def velocity_scale(q, speed_limits, command):
             scale = limits[i] / abs(command[i])
     for k in range(drives.shape[0]):
         v, omega = drive_speeds(drives, k, command, q)
-        rim = abs(v) + drives[k, 3] * abs(omega)
+        rim = abs(v) + drives[k, RIM_LEVER] * abs(omega)
         fastest = limits[int(drives[k, 0]) - (k if m < q.shape[0] else 0)]
         if rim * scale > fastest:
             scale = fastest / rim
@@ -49,10 +49,12 @@ def velocity_scale(q, speed_limits, command):
 
 @inline
 def scale_down(q, speed_limits, command):
-    """Scale the whole command to its limits: it keeps its direction."""
+    """Scale the whole command to its limits: it keeps its direction, but for turns that no wheel can be steered to."""
     scale = velocity_scale(q, speed_limits, command)
     for i in range(command.shape[0]):
         command[i] *= scale
+    if command.shape[0] < q.shape[0]:
+        steer(speed_limits.drives, command)
 
 
 @kernel(LIMIT)

@@ -14,7 +14,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import DivergedError
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
-from dqcontrol.robots.driving import advance
+from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
 from dqcontrol.robots.kinematics_kernels import call_chain, split
 from dqcontrol.robots.robot import Robot
 
@@ -31,7 +31,7 @@ class DisturbanceParameters(NamedTuple):
 
     period: float
     inverse: Annotated[Array, inverse_parameters.size()]
-    drives: Annotated[Array, ..., 4]
+    drives: Annotated[Array, ..., DRIVE_COLUMNS]
 
 
 class DisturbanceWork(NamedTuple):

@@ -13,7 +13,7 @@ from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_each, as_positive
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
-from dqcontrol.robots.driving import advance
+from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
 from dqcontrol.robots.robot import Robot
 
 
@@ -36,7 +36,8 @@ def drive(command, parameters, noise, state, q, measured):
         return WRONG_SIZE
     for i in range(m):
         state[i] = command[i] + parameters[1 + i]
-    advance(as_matrix(parameters[1 + m :], (parameters.shape[0] - 1 - m) // 4, 4), state, parameters[0], q)
+    rows = (parameters.shape[0] - 1 - m) // DRIVE_COLUMNS
+    advance(as_matrix(parameters[1 + m :], rows, DRIVE_COLUMNS), state, parameters[0], q)
     for i in range(q.shape[0]):
         measured[i] = q[i]
     return OK

@@ -213,9 +213,10 @@ def plants_that_drive(robot: Robot) -> str:
     bases = int(base_coordinates(robot).sum()) // 3
     if not bases:
         return "arms run on kind 'mujoco'"
-    if len(robot.drives) == bases == 1 and robot.drives[0, 0] == 0:
+    kinds = {kind for first, kind in robot.bases if first == 0}
+    if bases == 1 and kinds & {"differential drive"}:
         return "use kind 'mobile', or without physics 'servo' or 'integrator'"
-    return "no physics has such a base (mecanum wheels are not modelled); use kind 'servo' or 'integrator'"
+    return "no physics has such a base; use kind 'servo' or 'integrator'"
 
 
 def as_command(command: ArrayLike, size: int) -> Array:

@@ -18,6 +18,7 @@ from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
+from dqcontrol.robots.driving import TURNING_RADIUS
 from dqcontrol.robots.whole_body import base_coordinates
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
@@ -166,6 +167,11 @@ def _moves(robot: Robot, start: Array, goal: Array) -> tuple[Array, Array]:
     moves = np.zeros((4, len(start)))
     moves[3] = goal - start
     firsts = robot.drives[:, 0].astype(int)
+    if (robot.drives[:, TURNING_RADIUS] > 0).any():
+        raise ValueRangeError(
+            f"robot: {robot.name} cannot turn on the spot as drive-to plans "
+            f"(least radius {robot.drives[:, TURNING_RADIUS].max():.3g} m); take a motion that its wheels can follow"
+        )
     lengths = []
     for first in firsts:
         turn, length, again = _turn_drive_turn(start[first : first + 3], goal[first : first + 3])

@@ -10,7 +10,9 @@ from dqcontrol.robots.load import load_robot, load_tree, robot_names
 from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
+from dqcontrol.robots.roller_bases import MecanumBase, OmniBase
 from dqcontrol.robots.serial_arm import Kinematics, SerialArm
+from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 from dqcontrol.robots.tree_file import TreeFile
 from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, TreeJoints, TreeRobot
 from dqcontrol.robots.two_arms import TwoArms
@@ -20,6 +22,7 @@ from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.robots.whole_body_file import WholeBodyFile
 
 __all__ = [
+    "CarLikeBase",
     "Chassis",
     "Description",
     "DifferentialDrive",
@@ -30,13 +33,16 @@ __all__ = [
     "Limits",
     "LinkShape",
     "LinkShapes",
+    "MecanumBase",
     "NamedFrame",
+    "OmniBase",
     "PoseTask",
     "ReachingPosture",
     "Robot",
     "RobotFile",
     "SerialArm",
     "Solution",
+    "SteeredTricycle",
     "TreeFile",
     "TreeJoints",
     "TreeRobot",

@@ -111,7 +111,7 @@ class HolonomicBase:
 
     def __post_init__(self) -> None:
         for field in ("speed", "turn_rate", "acceleration", "turn_acceleration"):
-            _check_limit(field, getattr(self, field))
+            check_limit(field, getattr(self, field))
 
     @property
     def configuration_size(self) -> int:
@@ -120,7 +120,7 @@ class HolonomicBase:
 
     def joints(self) -> SerialArm:
         """Return the base as an arm: two sliding joints, x and y, and a revolute one, φ."""
-        return _planar("holonomic-base", self.speed, self.turn_rate)
+        return planar_joints(self.kind.replace(" ", "-") + "-base", self.speed, self.turn_rate)
 
 
 @dataclass(frozen=True)
@@ -179,19 +179,30 @@ class DifferentialDrive:
                 "displacement: must not be 0, because the middle of the axle cannot move sideways"
             )
         for field in ("rim_speed", "acceleration", "turn_acceleration"):
-            _check_limit(field, getattr(self, field))
+            check_limit(field, getattr(self, field))
 
     @property
     def configuration_size(self) -> int:
         """Number of coordinates: x, y and φ."""
         return 3
 
+    @property
+    def rim_lever(self) -> float:
+        """b, by which turning adds to the speed of the fastest driven rim, |v| + b |ω|, m."""
+        return self.half_track
+
+    @property
+    def turning_radius(self) -> float:
+        """0: it turns on the spot."""
+        return 0.0
+
     def joints(self) -> SerialArm:
         """Return the base as an arm, as if it could move sideways: sliding joints x and y, and a revolute one, φ."""
-        return _planar("differential-drive", self.rim_speed, self.rim_speed / self.half_track)
+        return planar_joints("differential-drive", self.rim_speed, self.rim_speed / self.half_track)
 
 
-def _planar(name: str, speed: float, turn_rate: float) -> SerialArm:
+def planar_joints(name: str, speed: float, turn_rate: float) -> SerialArm:
+    """Return sliding joints x and y and a revolute one, φ, with these limits in m/s and rad/s."""
     unlimited = np.full(3, np.inf)
     return SerialArm(
         _FRAMES,
@@ -202,6 +213,7 @@ def _planar(name: str, speed: float, turn_rate: float) -> SerialArm:
     )
 
 
-def _check_limit(field: str, value: float) -> None:
+def check_limit(field: str, value: float) -> None:
+    """Raise unless a limit is positive; infinity is none."""
     if not (isinstance(value, float) and math.isinf(value) and value > 0):
         as_positive(field, value)

@@ -1,8 +1,12 @@
 """How a robot moves under its inputs, compiled: unicycles exactly, joints at constant speed.
 
-A table of drives has one row ``[i, d, r, b]`` for each differential drive of a robot: the index of its x in the
-configuration (y and φ follow), the distance d (m) of the displaced point ahead of the axle, the wheel radius r (m) and
-half the track b (m). Without drives it has no rows, and the inputs are the rates of the configuration.
+A table of drives has one row ``[i, d, r, b, ρ, l]`` for each base that cannot move sideways: the index of its x in the
+configuration (y and φ follow), the distance d (m) of the displaced point ahead of the axle, the wheel radius r (m),
+half the track b (m), the least turning radius ρ (m; 0 turns on the spot) and the lever l (m) by which turning adds to
+the speed of its fastest driven rim, |v| + l |ω|. Without drives it has no rows, and the inputs are the rates of the
+configuration.
+
+What is asked of ω beyond |v| / ρ the wheels cannot steer: the base turns as far as they do.
 
 A robot with drives has m inputs, of which each drive has two, v and ω; or n of them, of which each drive has three
 rates ẋ, ẏ, φ̇ that it cannot all follow: the displaced point takes their velocity, and the base turns as it must.
@@ -13,6 +17,9 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, inline, kernel, types
+
+DRIVE_COLUMNS = 6
+HALF_TRACK, TURNING_RADIUS, RIM_LEVER = 3, 4, 5  # columns of the table of drives
 
 # drives, configurations (N × n), inputs (N × m or N × n), period, out
 INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)
@@ -25,6 +32,22 @@ def feasible(xdot, ydot, phidot, phi, displacement):
     """Return v and ω with which the displaced point moves as the rates say: C⁻¹B of [S17 4.24], in closed form."""
     c, s = math.cos(phi), math.sin(phi)
     return xdot * c + ydot * s, phidot + (ydot * c - xdot * s) / displacement
+
+
+@inline
+def steered(v, omega, turning_radius):
+    """Return the ω that a base can have at v."""
+    if turning_radius * abs(omega) > abs(v):
+        return math.copysign(abs(v) / turning_radius, omega)
+    return omega
+
+
+@inline
+def steer(drives, u):
+    """Bring inputs v and ω of each drive within what its wheels can steer."""
+    for k in range(drives.shape[0]):
+        j = int(drives[k, 0]) - k
+        u[j + 1] = steered(u[j], u[j + 1], drives[k, TURNING_RADIUS])
 
 
 @inline
@@ -58,7 +81,7 @@ def advance(drives, u, dt, q):
         v, omega = u[j], u[j + 1]
         if projecting:
             v, omega = feasible(u[j], u[j + 1], u[j + 2], q[i + 2], drives[k, 1])
-        roll(v, omega, dt, q, i)
+        roll(v, steered(v, omega, drives[k, TURNING_RADIUS]), dt, q, i)
         i, j = i + 3, j + (3 if projecting else 2)
     while i < q.shape[0]:
         q[i] += dt * u[j]

@@ -25,7 +25,7 @@ class Robot(InverseKinematics):
     name
         Shown in tables.
     configuration_size, input_size
-        n and m: equal for arms, m < n with differential drives, which cannot move sideways.
+        n and m: equal for arms, m < n with drives, which cannot move sideways.
     joint_names, joint_types
         One name, and ``"revolute"`` (rad) or ``"prismatic"`` (m), a coordinate.
     input_names, input_types
@@ -43,7 +43,8 @@ class Robot(InverseKinematics):
     shapes
         Of its links, and which of them are kept apart; None if unknown.
     drives
-        One row [index of x, displacement, wheel radius, half track] a differential drive, m, shape (k, 4).
+        One row [index of x, displacement, wheel radius, half track, least turning radius, lever of the fastest rim] a
+        base that cannot move sideways, m, shape (k, 6).
     """
 
     input_names: tuple[str, ...]
@@ -92,7 +93,8 @@ class Robot(InverseKinematics):
         """Return where constant inputs move the robot in a time.
 
         Joints and holonomic bases move by u dt. A differential drive moves on its arc: with h = ω dt/2 and
-        c = v dt sin(h)/h, x by c cos(φ + h), y by c sin(φ + h) and φ by ω dt.
+        c = v dt sin(h)/h, x by c cos(φ + h), y by c sin(φ + h) and φ by ω dt. So do cars and tricycles; where their
+        steering limit does not let them turn that sharply, ω is the largest that it does.
 
         Parameters
         ----------

@@ -13,6 +13,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import chains
 from dqcontrol.robots.chain_robot import Kinematics
 from dqcontrol.robots.dh import JOINT_TYPES, chain_from_denso, chain_from_dh, compose
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import pose7
@@ -98,7 +99,7 @@ class SerialArm(Robot):
         self.input_size = n
         self.input_names, self.input_types = self.joint_names, self.joint_types
         self.input_coordinates: NDArray[np.intp] = np.arange(n)
-        self.drives: Array = np.zeros((0, 4))
+        self.drives: Array = np.zeros((0, DRIVE_COLUMNS))
         for field, size in (
             ("joint_names", len(self.joint_names)),
             ("limits", len(self.limits.lower)),

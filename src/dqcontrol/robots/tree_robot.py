@@ -16,6 +16,7 @@ from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import pose_task_kernels as task_kernels
 from dqcontrol.robots.chain_robot import Kinematics, RobotKernels
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.inverse_kinematics import (
     Problem,
     Solution,
@@ -203,7 +204,7 @@ class TreeRobot(Robot):
         self.input_size = len(self.input_coordinates)
         self.input_names = tuple(self.joint_names[i] for i in self.input_coordinates)
         self.input_types = tuple(self.joint_types[i] for i in self.input_coordinates)
-        self.drives = np.zeros((0, 4)) if drives is None else drives
+        self.drives = np.zeros((0, DRIVE_COLUMNS)) if drives is None else drives
         self._tree = self._tree_table()
         self.chain = self._tree[1:, :8]
         self.chain.flags.writeable = False

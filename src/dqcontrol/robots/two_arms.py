@@ -13,6 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.chains import joined_inertia, joined_limits
 from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, Root, TaskKind, TreeJoints, TreeRobot
 
@@ -86,7 +87,7 @@ class TwoArms(TreeRobot):
         robots = list(known.values())
         offsets = np.cumsum([0, *(robot.configuration_size for robot in robots)])
         drives = [
-            robot.drives + np.array([offset, 0, 0, 0])
+            robot.drives + np.array([offset, *[0] * (DRIVE_COLUMNS - 1)])
             for robot, offset in zip(robots, offsets[:-1], strict=True)
         ]
         super().__init__(

@@ -21,9 +21,12 @@ from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 
 Form: TypeAlias = Literal["constrained", "unconstrained"]
-Mover: TypeAlias = DifferentialDrive | HolonomicBase | SerialArm
+Drive: TypeAlias = DifferentialDrive | CarLikeBase | SteeredTricycle
+Base: TypeAlias = Drive | HolonomicBase
+Mover: TypeAlias = Base | SerialArm
 Part: TypeAlias = "Mover | WholeBody | ArrayLike"
 
 _V, _OMEGA = "v", "omega"  # in place of x and phi
@@ -33,14 +36,16 @@ class WholeBody(Robot):
     """Mobile bases, arms and fixed poses in a row, each at the end of the one before. [S17 4.6, 4.7, generalised]
 
     x = x₁ x₂ … x_k. The configuration holds (x, y, φ) of each base and the joints of each arm, in the order of the
-    parts. The inputs are their rates, but for differential drives, whose inputs are (v, ω): with one, m = n − 1.
+    parts. The inputs are their rates, but for bases that cannot move sideways (differential, car-like, tricycle), whose
+    inputs are (v, ω): with one, m = n − 1.
     Jacobians have one column an input.
 
     Parameters
     ----------
     parts
-        `DifferentialDrive`, `HolonomicBase`, `SerialArm` (also reversed ones), other whole bodies, and unit dual
-        quaternions (8,) that stand for fixed poses, in any order and number.
+        `DifferentialDrive`, `CarLikeBase`, `SteeredTricycle`, `HolonomicBase`, `MecanumBase`, `OmniBase`, `SerialArm`
+        (also reversed ones), other whole bodies, and unit dual quaternions (8,) that stand for fixed poses, in any
+        order and number.
     name
         The names of the parts joined by ``+`` if omitted.
     form
@@ -234,7 +239,7 @@ class WholeBody(Robot):
 
     def _pairs(self) -> Iterator[tuple[int, float, float]]:
         """Yield the index of each drive's v in the constrained form, its wheel radius and half its track."""
-        for k, (first, _, radius, half_track) in enumerate(self.drives):
+        for k, (first, _, radius, half_track, *_) in enumerate(self.drives):
             yield int(first) - k, radius, half_track
 
 
@@ -330,14 +335,21 @@ def _shape(part: ArrayLike) -> tuple[int, ...] | None:
 
 
 def _as_joints(part: Mover | ArrayLike) -> SerialArm | ArrayLike:
-    return part.joints() if isinstance(part, DifferentialDrive | HolonomicBase) else part
+    return part.joints() if isinstance(part, Base) else part
 
 
 def _drives(parts: Sequence[object]) -> Array:
     """Return the table of drives."""
     rows = [
-        [first, part.displacement, part.wheel_radius, part.half_track]
+        [
+            first,
+            part.displacement,
+            part.wheel_radius,
+            part.half_track,
+            part.turning_radius,
+            part.rim_lever,
+        ]
         for first, part in parts_with_offsets(parts)
-        if isinstance(part, DifferentialDrive)
+        if isinstance(part, Drive)
     ]
-    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+    return np.array(rows, dtype=np.float64).reshape(-1, driving.DRIVE_COLUMNS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from msgspec import Meta
 from msgspec.structs import asdict
@@ -15,7 +15,9 @@ from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
+from dqcontrol.robots.roller_bases import MecanumBase, OmniBase
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 from dqcontrol.robots.whole_body import Form, WholeBody
 
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
@@ -63,6 +65,60 @@ class HolonomicPart(_WholeBodyPart, tag="holonomic-base"):
     ) = None
 
 
+class _SteeredPart(_WholeBodyPart):
+    """What cars and tricycles share."""
+
+    wheel_radius: Annotated[Positive, Meta(description="m")]
+    half_track: Annotated[Positive, Meta(description="m")]
+    wheelbase: Annotated[Positive, Meta(description="m")]
+    steering_limit: Annotated[Positive, Meta(description="in the file's unit of angles")]
+    displacement: Length = 0.1
+    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
+    steering_rate: (
+        Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None
+    ) = None
+    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
+    turn_acceleration: (
+        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
+    ) = None
+
+
+class CarPart(_SteeredPart, tag="car-like"):
+    """As `CarLikeBase`."""
+
+
+class TricyclePart(_SteeredPart, tag="steered-tricycle"):
+    """As `SteeredTricycle`."""
+
+
+class _RollerPart(_WholeBodyPart):
+    """What mecanum and omni bases share."""
+
+    wheel_radius: Annotated[Positive, Meta(description="m")]
+    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
+    speed: Annotated[Positive, Meta(description="m/s")] | None = None
+    turn_rate: Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None = None
+    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
+    turn_acceleration: (
+        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
+    ) = None
+
+
+class MecanumPart(_RollerPart, tag="mecanum-base", kw_only=True):
+    """As `MecanumBase`."""
+
+    half_track: Annotated[Positive, Meta(description="m")]
+    half_wheelbase: Annotated[Positive, Meta(description="m")]
+
+
+class OmniPart(_RollerPart, tag="omni-base", kw_only=True):
+    """As `OmniBase`."""
+
+    wheel_distance: Annotated[Positive, Meta(description="m")]
+    wheel_count: Annotated[int, Meta(ge=3, le=12)] = 3
+    first_angle: Annotated[float, Meta(description="in the file's unit of angles")] | None = None
+
+
 class ArmPart(_WholeBodyPart, tag="arm"):
     """An arm, as `load_robot` takes it; files relative to this one. With ``reversed`` it is held by its tool."""
 
@@ -76,12 +132,17 @@ class PosePart(FixedPose, tag_field="kind", tag="pose"):
     """A fixed pose between parts."""
 
 
+AnyPart: TypeAlias = (
+    DrivePart | CarPart | TricyclePart | HolonomicPart | MecanumPart | OmniPart | ArmPart | PosePart
+)
+
+
 class WholeBodyFile(FilePart):
     """A file of a whole body. ``angles`` is the unit of every angle in it; ``parts`` are in order from the ground."""
 
     name: Annotated[str, Meta(min_length=1)]
     angles: Literal["degrees", "radians"]
-    parts: Annotated[list[DrivePart | HolonomicPart | ArmPart | PosePart], Meta(min_length=1, max_length=100)]
+    parts: Annotated[list[AnyPart], Meta(min_length=1, max_length=100)]
     form: Form = "constrained"
     description: str = ""
     sources: list[str] = []
@@ -127,19 +188,46 @@ def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -
             (part.turn_acceleration or math.inf) * unit,
             _chassis(part.chassis),
         )
-    if isinstance(part, HolonomicPart):
-        return HolonomicBase(
-            part.speed or math.inf,
-            (part.turn_rate or math.inf) * unit,
+    if isinstance(part, _SteeredPart):
+        made = CarLikeBase if isinstance(part, CarPart) else SteeredTricycle
+        return made(
+            part.wheel_radius,
+            part.half_track,
+            part.wheelbase,
+            part.steering_limit * unit,
+            part.displacement,
+            part.rim_speed or math.inf,
+            (part.steering_rate or math.inf) * unit,
             part.acceleration or math.inf,
             (part.turn_acceleration or math.inf) * unit,
         )
+    if isinstance(part, HolonomicPart | _RollerPart):
+        return _holonomic(part, unit)
     if isinstance(part, PosePart):
         at = fixed_pose(field, part, unit)
         return pose(at[:4], at[4:])
     near = folder / part.robot
     arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     return arm.reversed() if part.reversed else arm
+
+
+def _holonomic(part: HolonomicPart | _RollerPart, unit: float) -> HolonomicBase:
+    limits: dict[str, float] = {
+        "speed": part.speed or math.inf,
+        "turn_rate": (part.turn_rate or math.inf) * unit,
+        "acceleration": part.acceleration or math.inf,
+        "turn_acceleration": (part.turn_acceleration or math.inf) * unit,
+    }
+    if isinstance(part, HolonomicPart):
+        return HolonomicBase(**limits)
+    wheels = limits | {"wheel_radius": part.wheel_radius, "rim_speed": part.rim_speed or math.inf}
+    if isinstance(part, MecanumPart):
+        return MecanumBase(half_track=part.half_track, half_wheelbase=part.half_wheelbase, **wheels)
+    assert isinstance(part, OmniPart)
+    first = None if part.first_angle is None else part.first_angle * unit
+    return OmniBase(
+        wheel_distance=part.wheel_distance, wheel_count=part.wheel_count, first_angle=first, **wheels
+    )
 
 
 def _chassis(part: ChassisPart | None) -> Chassis | None:

@@ -68,7 +68,7 @@ from dqcontrol.laws.constrained.constraint_rows import (
 from dqcontrol.laws.constrained.levels import solve_by_levels
 from dqcontrol.limits.supervisor.braking import fastest_stoppable
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.driving import advance
+from dqcontrol.robots.driving import RIM_LEVER, advance
 from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 
 _SMALL = 1e-11  # of a row, m/s: less is rounding
@@ -184,7 +184,7 @@ def _keeps(given, work, count, u):
             return False
     for k in range(given.drives.shape[0]):
         j = int(given.drives[k, 0]) - k
-        if abs(u[j]) + given.drives[k, 3] * abs(u[j + 1]) > given.rims[k]:
+        if abs(u[j]) + given.drives[k, RIM_LEVER] * abs(u[j + 1]) > given.rims[k]:
             return False
     return True
 
@@ -248,7 +248,7 @@ def _fill_program(given, work, count, soft, m, drives):
             for j in range(m):
                 program.columns[j, place] = 0.0
             program.columns[at, place] = 1.0 if side < 2 else -1.0
-            program.columns[at + 1, place] = given.drives[k, 3] * (1.0 if side % 2 == 0 else -1.0)
+            program.columns[at + 1, place] = given.drives[k, RIM_LEVER] * (1.0 if side % 2 == 0 else -1.0)
             program.bounds[place], program.softness[place], program.equal[place] = given.rims[k], 0.0, 0.0
             place += 1
     if soft:

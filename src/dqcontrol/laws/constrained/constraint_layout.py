@@ -10,6 +10,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.geometry.distance_kernels import FOUND, SHAPE
 from dqcontrol.laws.constrained.active_set import program_size, scratch_size
 from dqcontrol.laws.constrained.levels import levels_size, room_for_levels
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 
 # kinds of rows
 APART, INSIDE, AT_MOST, AT_LEAST, SIGHT = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -145,7 +146,7 @@ class ConstraintParameters(NamedTuple):
     obstacles: Annotated[Array, "obstacles", OBSTACLE]
     rows: Annotated[Array, "rows", ROW]
     levers: Annotated[Array, "rows", "m"]
-    drives: Annotated[Array, "drives", 4]
+    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
     rims: Annotated[Array, "drives"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.robots.driving import DRIVE_COLUMNS
 
 AT_REST = 50  # status: stopped, and no longer moving
 GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests
@@ -83,7 +84,7 @@ class Bounds(NamedTuple):
     coordinate: Annotated[Array, "inputs"]
     is_joint: Annotated[Array, "inputs"]
     velocity: Annotated[Array, "inputs"]
-    drives: Annotated[Array, "drives", 4]
+    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
     points: Annotated[Array, "points", 4]
 
 

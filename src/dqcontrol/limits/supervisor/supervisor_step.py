@@ -57,7 +57,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.limits.supervisor.supervisor_watch import judge
 from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down
-from dqcontrol.robots.driving import drive_speeds
+from dqcontrol.robots.driving import RIM_LEVER, drive_speeds, steer
 
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
 _ROUNDING = 1e-9  # relative
@@ -149,7 +149,7 @@ def _breaks_bounds(bounds, memory):
     for k in range(bounds.drives.shape[0]):
         v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
         fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
-        found = found or abs(v) + bounds.drives[k, 3] * abs(omega) > fastest * (1.0 + _ROUNDING)
+        found = found or abs(v) + bounds.drives[k, RIM_LEVER] * abs(omega) > fastest * (1.0 + _ROUNDING)
     return found
 
 
@@ -271,6 +271,8 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         now |= limit_hand_acceleration(chain, bounds, kept, scratch)
     inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, kept, rates, inwards)
+    if m < n:
+        steer(bounds.drives, rates)
     if following:
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:

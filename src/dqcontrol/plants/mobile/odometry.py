@@ -11,6 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.whole_body import WholeBody
 
 
 class Odometry:
@@ -46,7 +47,7 @@ class Odometry:
         self.pose: Array = as_array("start", start, (3,)).copy()
         self._tick = 2 * math.pi / as_positive("ticks", ticks)
         self._radius, self._half_track = drive.wheel_radius, drive.half_track
-        self._table = np.array([[0.0, drive.displacement, drive.wheel_radius, drive.half_track]])
+        self._table = WholeBody([drive]).drives
         self._counts = np.zeros(2)
         _ = driving.integrate.compiled  # now, not while the robot moves
 

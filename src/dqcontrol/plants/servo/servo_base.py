@@ -17,17 +17,20 @@ from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
-from dqcontrol.robots.driving import advance, to_inputs
+from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.driving import DRIVE_COLUMNS, advance, to_inputs
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.whole_body import WholeBody, base_coordinates
+from dqcontrol.robots.steered_bases import SteeredTricycle
+from dqcontrol.robots.whole_body import Drive, WholeBody, base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
 
 # parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `speed_limits` has them; by how much each may change in a period; then those of the joints' servos
+# `speed_limits` has them; by how much each may change in a period; how each drive steers; then those of the joints'
+# servos
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
 _HEAD = 12
@@ -41,6 +44,30 @@ def push(queue, latest):
         queue[i] = queue[i - size]
     for i in range(size):
         queue[i] = latest[i]
+
+
+@inline
+def turn_front_wheels(drives, steering, angles, inputs):
+    """Turn the front wheel of each drive by no more than its motor can, and let it turn the base as it stands.
+
+    Rows of steering: wheelbase (0: nothing is steered, or at once), largest change of the angle in a period, largest
+    angle, whether the front wheel is driven.
+    """
+    for k in range(drives.shape[0]):
+        wheelbase, change, most = steering[4 * k], steering[4 * k + 1], steering[4 * k + 2]
+        if wheelbase == 0.0:
+            continue
+        j = int(drives[k, 0]) - k
+        v, across = inputs[j], wheelbase * inputs[j + 1]
+        sign = -1.0 if v < 0.0 else 1.0
+        if v != 0.0 or across != 0.0:
+            wanted = min(max(math.atan2(sign * across, abs(v)), -most), most)
+            angles[k] = min(max(wanted, angles[k] - change), angles[k] + change)
+        if steering[4 * k + 3] != 0.0:
+            rim = sign * math.hypot(v, across)
+            inputs[j], inputs[j + 1] = rim * math.cos(angles[k]), rim * math.sin(angles[k]) / wheelbase
+        else:
+            inputs[j + 1] = v * math.tan(angles[k]) / wheelbase
 
 
 @kernel(PLANT)
@@ -58,10 +85,12 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     at = _HEAD + 2 * joints
     place = parameters[at : at + places]
     at += places
-    limits = speed_limits(parameters[at : at + p + 4 * drive_count], p)
-    at += p + 4 * drive_count
+    limits = speed_limits(parameters[at : at + p + DRIVE_COLUMNS * drive_count], p)
+    at += p + DRIVE_COLUMNS * drive_count
     change = parameters[at : at + p]
-    servos = parameters[at + p :]
+    at += p
+    steering = parameters[at : at + 4 * drive_count]
+    servos = parameters[at + 4 * drive_count :]
     drives = limits.drives
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
@@ -73,7 +102,8 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     commands = state[at : at + p * (int(parameters[_DELAY]) + 1)]
     at += commands.shape[0]
     frames = state[at : at + places * (int(parameters[_CAMERA_DELAY]) + 1)]
-    servo_state = state[at + frames.shape[0] :]
+    at += frames.shape[0]
+    angles, servo_state = state[at : at + drive_count], state[at + drive_count :]
 
     if command.shape[0] == p:
         for i in range(p):
@@ -101,6 +131,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
         behind = speed[i] - inputs[i]
         speed[i] = inputs[i] + behind * parameters[_DECAY]
         inputs[i] += behind * parameters[_MEAN]
+    turn_front_wheels(drives, steering, angles, inputs)
     advance(drives, inputs, parameters[_DT], q)
     for i in range(joints):
         q[int(coordinate[i])], measured[int(coordinate[i])] = joint_q[i], joint_measured[i]
@@ -145,10 +176,25 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
     change = dt * (driven.largest_acceleration if isinstance(driven, WholeBody) else np.full(p, np.inf))
-    parameters = np.concatenate([head, indices, velocity, body.drives.ravel(), change, servos.parameters])
+    steering = _steering(body, dt)
+    parameters = np.concatenate(
+        [head, indices, velocity, body.drives.ravel(), change, steering, servos.parameters]
+    )
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
-    state = np.concatenate([scratch, q0[place], queue, np.tile(q0[place], late + 1), servos.state])
+    frames = np.tile(q0[place], late + 1)
+    state = np.concatenate([scratch, q0[place], queue, frames, np.zeros(len(body.drives)), servos.state])
     return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)
+
+
+def _steering(body: Robot, dt: float) -> Array:
+    """Return how each drive steers, 4 numbers a drive: see `turn_front_wheels`."""
+    drives = (part for part in body.parts if isinstance(part, Drive)) if isinstance(body, WholeBody) else ()
+    rows = np.zeros((len(body.drives), 4))
+    for row, part in zip(rows, drives, strict=False):
+        if not isinstance(part, DifferentialDrive) and part.steering_rate < math.inf:
+            driven = isinstance(part, SteeredTricycle)
+            row[:] = part.wheelbase, part.steering_rate * dt, part.steering_limit, driven
+    return rows.ravel()
 
 
 def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp]) -> SerialArm:
