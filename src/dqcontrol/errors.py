@@ -37,6 +37,20 @@ class ReachError(Error, ValueError):
     """A desired pose lies outside what the robot can reach."""
 
 
+class UnreachableGoalError(ReachError, ValueRangeError):
+    """A goal lies where no configuration within the limits has the hand.
+
+    Attributes
+    ----------
+    nearest
+        How near the hand comes, and which limits hold it back; see `dqcontrol.robots.nearest_pose`.
+    """
+
+    def __init__(self, message: str, nearest: object = None) -> None:
+        super().__init__(message)
+        self.nearest = nearest
+
+
 class ExistsError(Error, FileExistsError):
     """An output would overwrite something."""
 

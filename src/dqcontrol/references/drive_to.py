@@ -1,8 +1,9 @@
-"""The way of a mobile manipulator to a goal metres away: turn, drive, turn, while the arm unfolds."""
+"""The way of a mobile manipulator to a goal metres away: its base turns, drives or steers there, its arm unfolds."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -11,18 +12,33 @@ from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.errors import (
+    ShapeError,
+    UnreachableGoalError,
+    ValueRangeError,
+    as_array,
+    as_positive,
+)
 from dqcontrol.moved import renamed_parameters
+from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.yaml_form import SpecStart
-from dqcontrol.robots import Robot
-from dqcontrol.robots.driving import TURNING_RADIUS
+from dqcontrol.robots import Robot, WholeBody, nearest_pose
+from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.whole_body import base_coordinates
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
-_SpeedFraction = Annotated[float, Meta(gt=0, le=1, description="of the velocity limits")]
+_WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
+_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10 / math.sqrt(3)  # of minimum jerk, over a unit way in a unit time
+_SpeedFraction = Annotated[float, Meta(gt=0, le=1, description="of the limits")]
+_Acceleration = (
+    Annotated[float, Meta(gt=0, description="m/s² or rad/s²")]
+    | list[Annotated[float, Meta(gt=0, description="m/s² or rad/s²")]]
+    | None
+)
+_TURN_DRIVE_TURN = 3  # motions
 _TRIES = 64  # starts of the search for a goal configuration
 
 
@@ -32,9 +48,11 @@ class DriveTo(Reference):
     """The hand's motion while its robot goes from one configuration to another, as it can.
 
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,
-    and turns to its heading there. Meanwhile all other joints go straight to theirs. Each motion is of minimum jerk,
-    from rest to rest. So the twist is J u with the robot's own inputs u: it lies in the range of J everywhere, also in
-    singularities; and joints that start and end within their limits stay within them.
+    and turns to its heading there; a base that steers takes the shortest way of three arcs and lines, forwards and
+    backwards [Reeds and Shepp 1990]; one that moves sideways goes straight. Meanwhile all other joints go straight to
+    theirs. Each motion is of minimum jerk, from rest to rest. So the twist is J u with the robot's own inputs u: it lies
+    in the range of J everywhere, also in singularities; and joints that start and end within their limits stay within
+    them.
 
     Parameters
     ----------
@@ -43,7 +61,14 @@ class DriveTo(Reference):
     start, goal
         Configurations, shape (n,), rad or m. Headings of drives count modulo a turn.
     speed_fraction
-        The most of the robot's velocity limits that is used, 0 … 1.
+        The most that is used of the limits of velocities, rims and accelerations, 0 … 1.
+    acceleration
+        Limit of each joint's acceleration, or of each input's, shape (m,), rad/s² or m/s²; none if omitted. Those that
+        the robot's file gives its bases are kept too.
+    via
+        Points of the floor, (x, y), m, that the robot's only base passes on its way, from one straight to the next.
+    folded
+        A configuration, shape (n,), whose joints the robot takes before it drives and keeps until its base has arrived.
 
     Attributes
     ----------
@@ -53,7 +78,7 @@ class DriveTo(Reference):
     Raises
     ------
     ShapeError, ValueRangeError
-        If a size or number is wrong, or an input has no velocity limit.
+        If a size or number is wrong, an input has no velocity limit, or the base cannot pass points.
 
     Examples
     --------
@@ -70,33 +95,58 @@ class DriveTo(Reference):
     start: ArrayLike
     goal: ArrayLike
     speed_fraction: float = 0.5
+    acceleration: ArrayLike | None = None
+    via: Sequence[ArrayLike] = ()
+    folded: ArrayLike | None = None
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
-    _moves: Array = field(
-        init=False, repr=False
-    )  # (4, n), change of the configuration: turn, drive, turn, others
-    _inputs: Array = field(init=False, repr=False)  # (4, m), the integrals of the inputs that make it
-    _begins: Array = field(init=False, repr=False)  # (4,), s
-    _lasts: Array = field(init=False, repr=False)  # (4,), s
+    _moves: Array = field(init=False, repr=False)  # (K, n), what each motion changes of the configuration
+    _inputs: Array = field(init=False, repr=False)  # (K, m), the integrals of the inputs that make it
+    _begins: Array = field(init=False, repr=False)  # (K,), s
+    _lasts: Array = field(init=False, repr=False)  # (K,), s
 
     def __post_init__(self) -> None:
         n = self.robot.configuration_size
         start, goal = as_array("start", self.start, (n,)), as_array("goal", self.goal, (n,))
         fraction = as_positive("speed_fraction", self.speed_fraction)
-        moves, inputs = _moves(self.robot, start, goal)
-        lasts = _least_durations(self.robot, inputs, fraction)
-        driving = lasts[:3].sum()
-        if 0 < driving < lasts[3]:
-            lasts[:3] *= lasts[3] / driving
-        lasts[3] = max(driving, lasts[3])
-        begins = np.array([0, lasts[0], lasts[:2].sum(), 0])
-        values = {"start": start, "goal": goal, "duration": float(lasts[3]), "corners": NO_CORNERS}
-        plan = {"_moves": moves, "_inputs": inputs, "_begins": begins, "_lasts": lasts}
+        via = [as_array(f"via[{i}]", point, (2,)) for i, point in enumerate(self.via)]
+        moves, inputs = _base_motions(self.robot, start, goal, via)
+        fastest = self.robot.acceleration_limits("acceleration", self.acceleration)
+        others = goal - start
+        for first in self.robot.bases[0][:1] if via else self.robot.drives[:, 0].astype(int):
+            others[first : first + 3] = 0.0
+        if self.folded is None:
+            joints = others[None]
+        else:
+            fold = as_array("folded", self.folded, (n,)) - start
+            fold[base_coordinates(self.robot)] = 0.0
+            joints = np.array([fold, others - fold])
+        joint_inputs = joints[:, self.robot.input_coordinates]
+        lasts = _least_durations(self.robot, inputs, fraction, fastest)
+        joint_lasts = _least_durations(self.robot, joint_inputs, fraction, fastest)
+        driving = lasts.sum()
+        if self.folded is None:
+            if 0 < driving < joint_lasts[0]:
+                lasts *= joint_lasts[0] / driving
+            joint_lasts[0] = max(driving, joint_lasts[0])
+            first, joint_begins, duration = 0.0, [0.0], float(joint_lasts[0])
+        else:
+            first = joint_lasts[0]
+            joint_begins, duration = [0.0, first + driving], float(first + driving + joint_lasts[1])
+        plan = {
+            "_moves": np.vstack([moves, joints]),
+            "_inputs": np.vstack([inputs, joint_inputs]),
+            "_begins": np.r_[first + np.r_[0.0, np.cumsum(lasts[:-1])], joint_begins],
+            "_lasts": np.r_[lasts, joint_lasts],
+        }
+        values = {"start": start, "goal": goal, "duration": duration, "corners": NO_CORNERS, "via": via}
         for name, value in {**values, **plan}.items():
             object.__setattr__(self, name, value)
 
     @classmethod
-    def from_spec(cls, start: SpecStart, *, speed_fraction: _SpeedFraction = 0.5) -> Reference:
+    def from_spec(
+        cls, start: SpecStart, *, speed_fraction: _SpeedFraction = 0.5, acceleration: _Acceleration = None
+    ) -> Reference:
         """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
         if start.place != "reference":
             raise ValueRangeError(
@@ -106,14 +156,27 @@ class DriveTo(Reference):
 
     @classmethod
     def of_robot(
-        cls, reference: Reference, robot: Robot, start: Array, *, speed_fraction: float = 0.5
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        *,
+        speed_fraction: float = 0.5,
+        acceleration: ArrayLike | None = None,
     ) -> DriveTo:
         """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
-        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction)
+        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction, acceleration)
 
     @classmethod
     @renamed_parameters(share="speed_fraction")
-    def pose(cls, robot: Robot, start: ArrayLike, pose: ArrayLike, speed_fraction: float = 0.5) -> DriveTo:
+    def pose(
+        cls,
+        robot: Robot,
+        start: ArrayLike,
+        pose: ArrayLike,
+        speed_fraction: float = 0.5,
+        acceleration: ArrayLike | None = None,
+    ) -> DriveTo:
         """Return the way to a pose of the hand.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
@@ -121,19 +184,29 @@ class DriveTo(Reference):
 
         Raises
         ------
+        UnreachableGoalError
+            If no configuration within the limits has the hand there: which limits hold it back, and how near it comes.
         ShapeError, ValueRangeError
-            As above, or if the pose is none, or out of reach.
+            As above, or if the pose is none.
         """
         target = as_pose("pose", pose)
         q = as_array("start", start, (robot.configuration_size,))
-        found = _solutions(robot, q, target)
-        smallest = np.linalg.svd(robot.hand_jacobian(found), compute_uv=False)[:, -1]
-        ways = [cls(robot, q, each, speed_fraction) for each in found[smallest >= 0.5 * smallest.max()]]
+        ways = [
+            cls(robot, q, each, speed_fraction, acceleration) for each in goal_configurations(robot, q, target)
+        ]
         return min(ways, key=lambda way: way.duration)
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
-        return np.asarray(self.start) + self._progress(as_array("times", times))[0] @ self._moves
+        progress = self._progress(as_array("times", times))[0]
+        q = np.asarray(self.start) + progress @ self._moves
+        if _steers(self.robot):
+            for k, first in enumerate(self.robot.drives[:, 0].astype(int)):
+                q[:, first : first + 3] = np.asarray(self.start)[first : first + 3]
+                for gained, inputs in zip(progress.T, self._inputs, strict=True):
+                    length, angle = inputs[first - k : first - k + 2]
+                    q[:, first : first + 3] = rolled(q[:, first : first + 3], gained * length, gained * angle)
+        return q
 
     def mean_inputs(self, times: ArrayLike, period: float) -> Array:
         """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
@@ -154,7 +227,7 @@ class DriveTo(Reference):
         return out
 
     def _progress(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return progress 0 … 1 of the four motions, its rate and acceleration, each (N, 4)."""
+        """Return progress 0 … 1 of the K motions, its rate and acceleration, each (N, K)."""
         lasts = np.maximum(self._lasts, 1e-9)
         t = np.clip((times[:, None] - self._begins) / lasts, 0.0, 1.0)
         rest = 1.0 - t
@@ -162,64 +235,95 @@ class DriveTo(Reference):
         return progress, 30 * (t * rest) ** 2 / lasts, 60 * t * rest * (1 - 2 * t) / lasts**2
 
 
-def _moves(robot: Robot, start: Array, goal: Array) -> tuple[Array, Array]:
-    """Return what turn, drive, turn and the rest change of the configuration (4, n), and their inputs (4, m)."""
-    moves = np.zeros((4, len(start)))
-    moves[3] = goal - start
-    firsts = robot.drives[:, 0].astype(int)
-    if (robot.drives[:, TURNING_RADIUS] > 0).any():
-        raise ValueRangeError(
-            f"robot: {robot.name} cannot turn on the spot as drive-to plans "
-            f"(least radius {robot.drives[:, TURNING_RADIUS].max():.3g} m); take a motion that its wheels can follow"
-        )
-    lengths = []
-    for first in firsts:
-        turn, length, again = _turn_drive_turn(start[first : first + 3], goal[first : first + 3])
-        moves[0, first + 2], moves[2, first + 2] = turn, again
-        moves[1, first : first + 2] = moves[3, first : first + 2]
-        moves[3, first : first + 3] = 0.0
-        lengths.append(length)
-    inputs = moves[:, robot.input_coordinates]
-    if robot.input_size < robot.configuration_size:
-        inputs[1, np.isin(robot.input_coordinates, firsts)] = lengths
-    return moves, inputs
+def goal_configurations(robot: Robot, start: Array, pose: Array) -> Array:
+    """Return configurations within the limits that have the hand at a pose (8,), not near singularities, shape (N, n).
 
+    They are found from the start and from random configurations near it.
 
-def _turn_drive_turn(start: Array, goal: Array) -> tuple[float, float, float]:
-    """Return the angles and the signed length between two (x, y, φ)."""
-    away = goal[:2] - start[:2]
-    length = math.hypot(*away)
-    bearing = math.atan2(away[1], away[0]) if length > 0 else start[2]
-    ways = []
-    for direction, sign in ((bearing, 1.0), (bearing + math.pi, -1.0)):
-        turns = (math.remainder(angle, math.tau) for angle in (direction - start[2], goal[2] - direction))
-        turn, again = turns
-        ways.append((turn, sign * length, again))
-    return min(ways, key=lambda way: abs(way[0]) + abs(way[2]))
-
-
-def _least_durations(robot: Robot, inputs: Array, speed_fraction: float) -> Array:
-    """Return how long motions of minimum jerk take: 15/8 of the mean speed at their peak, 10/√3 of the acceleration."""
-    ways, limits = np.abs(inputs), speed_fraction * robot.limits.velocity
-    unlimited = (ways.max(axis=0) > 0) & np.isinf(limits)
-    if unlimited.any():
-        name = robot.input_names[int(unlimited.argmax())]
-        raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
-    fraction = ways / limits
-    return np.maximum(1.875 * fraction, np.sqrt(10 / math.sqrt(3) * _RAMP * fraction)).max(axis=1)
-
-
-def _solutions(robot: Robot, start: Array, pose: Array) -> Array:
-    """Return configurations that reach a pose, found from the start and from random ones near the goal."""
-    bases = np.flatnonzero(base_coordinates(robot))
+    Raises
+    ------
+    UnreachableGoalError
+        If there are none.
+    """
     lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -math.pi)
     upper = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, math.pi)
     starts = np.random.default_rng(0).uniform(lower, upper, (_TRIES, len(start)))
     starts[0] = start
-    for first in bases[::3]:
+    for first in np.flatnonzero(base_coordinates(robot))[::3]:
         starts[1:, first : first + 2] = start[first : first + 2]
-    found = robot.solve(np.tile(pose, (_TRIES, 1)), starts, restarts=0)
-    if not found.success.any():
-        reason = robot.solve(pose, start).reason
-        raise ValueRangeError(f"pose: {robot.name} does not get there: {reason}")
-    return found.q[found.success.astype(bool)]
+    solved = robot.solve(np.tile(pose, (_TRIES, 1)), starts, restarts=0)
+    found = solved.q[solved.success.astype(bool)]
+    if not len(found):
+        reason, nearest = robot.solve(pose, start).reason, nearest_pose(robot, pose, start)
+        raise UnreachableGoalError(f"pose: {robot.name} does not get there: {reason}; {nearest}", nearest)
+    smallest = np.linalg.svd(robot.hand_jacobian(found), compute_uv=False)[:, -1]
+    return found[smallest >= 0.5 * smallest.max()]
+
+
+def _steers(robot: Robot) -> bool:
+    """Return whether a base of a robot cannot turn on the spot."""
+    return bool((robot.drives[:, TURNING_RADIUS] > 0).any())
+
+
+def _base_motions(robot: Robot, start: Array, goal: Array, via: Sequence[Array]) -> tuple[Array, Array]:
+    """Return what the motions of the bases change of the configuration, (K, n), and the inputs of these, (K, m).
+
+    Arcs change x, y and φ together, which only the inputs say.
+    """
+    firsts, steers = robot.drives[:, 0].astype(int), _steers(robot)
+    if via and (len(robot.bases) != 1 or steers):
+        raise ShapeError(
+            f"via: expected a robot with one base, which turns on the spot or moves sideways, got {robot.name}"
+        )
+    if steers and robot.input_size == robot.configuration_size:
+        raise ValueRangeError(f"robot: {robot.name} steers; plan with its form 'constrained'")
+    if via and not len(firsts):
+        return _sideways(robot, start, goal, via)
+    ways = [_pieces(robot.drives[k], start[at : at + 3], goal[at : at + 3], via) for k, at in enumerate(firsts)]
+    moves = np.zeros((max(map(len, ways), default=_TURN_DRIVE_TURN), len(start)))
+    for first, pieces in zip(firsts, ways, strict=True):
+        for row, piece in enumerate(pieces):
+            moves[row, first : first + 3] = *piece.shift, 0.0 if steers else piece.angle
+    inputs = moves[:, robot.input_coordinates]
+    if robot.input_size < robot.configuration_size:
+        for k, (first, pieces) in enumerate(zip(firsts, ways, strict=True)):
+            for row, piece in enumerate(pieces):
+                inputs[row, first - k : first - k + 2] = piece.length, piece.angle
+    return moves, inputs
+
+
+def _sideways(robot: Robot, start: Array, goal: Array, via: Sequence[Array]) -> tuple[Array, Array]:
+    """Return the motions of a base that moves sideways, straight from point to point, turning as it goes."""
+    first = robot.bases[0][0]
+    points = np.array([start[first : first + 2], *via, goal[first : first + 2]])
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    moves = np.zeros((len(lengths), len(start)))
+    moves[:, first : first + 2] = np.diff(points, axis=0)
+    moves[:, first + 2] = (goal - start)[first + 2] * lengths / max(lengths.sum(), 1e-9)
+    return moves, moves[:, robot.input_coordinates]
+
+
+def _pieces(drive: Array, start: Array, goal: Array, via: Sequence[Array]) -> list[Piece]:
+    """Return the pieces of the way of one drive."""
+    if drive[TURNING_RADIUS] > 0:
+        return arcs_and_lines(start, goal, _WIDER * drive[TURNING_RADIUS])
+    return turns_and_lines(start, goal, via)
+
+
+def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration: Array) -> Array:
+    """Return how long motions of minimum jerk take at least, so that inputs, rims and accelerations keep their share."""
+    ways, limits = np.abs(inputs), fraction * robot.limits.velocity
+    unlimited = (ways.max(axis=0, initial=0.0) > 0) & np.isinf(limits)
+    if unlimited.any():
+        name = robot.input_names[int(unlimited.argmax())]
+        raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
+    share = ways / limits
+    if robot.input_size < robot.configuration_size:
+        for k, drive in enumerate(robot.drives):
+            v = int(drive[0]) - k
+            both = (ways[:, v] > 0) & (ways[:, v + 1] > 0)
+            rim = ways[:, v] + drive[RIM_LEVER] * ways[:, v + 1]
+            share[both, v] = rim[both] / limits[v]
+    lasts = np.maximum(_PEAK_SPEED * share, np.sqrt(_PEAK_ACCELERATION * _RAMP * share))
+    lasts = np.maximum(lasts, np.sqrt(_PEAK_ACCELERATION * ways / (fraction * acceleration)))
+    return lasts.max(axis=1, initial=0.0)

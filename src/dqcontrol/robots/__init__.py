@@ -7,6 +7,7 @@ from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.load import load_robot, load_tree, robot_names
+from dqcontrol.robots.nearest_pose import NearestPose, nearest_pose
 from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
@@ -35,6 +36,7 @@ __all__ = [
     "LinkShapes",
     "MecanumBase",
     "NamedFrame",
+    "NearestPose",
     "OmniBase",
     "PoseTask",
     "ReachingPosture",
@@ -55,6 +57,7 @@ __all__ = [
     "load_robot_file",
     "load_tree",
     "load_urdf",
+    "nearest_pose",
     "postures",
     "robot_names",
     "symmetric_limits",

@@ -60,6 +60,37 @@ class Robot(InverseKinematics):
         """Index of the first coordinate of each mobile base, and its kind."""
         return ()
 
+    def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
+
+        Parameters
+        ----------
+        field
+            Name of what is given, for messages.
+        joints
+            Limit of each joint, or of each input, shape (m,). Limits of bases in the robot's file hold too.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If the size is wrong, or a limit not positive.
+        """
+        m, known = self.input_size, self._base_accelerations()
+        if joints is None:
+            return known
+        given = as_array(field, joints)
+        if given.shape not in ((), (m,)):
+            raise ShapeError(f"{field}: expected {m} numbers, one an input, got {given.size}")
+        if (given <= 0).any():
+            raise ValueRangeError(f"{field}: must be > 0, got {given.min():g}")
+        carried = np.isin(self.input_coordinates, [first + i for first, _ in self.bases for i in range(3)])
+        if given.shape == ():
+            return np.where(carried, known, given)
+        return np.minimum(known, given)
+
+    def _base_accelerations(self) -> NDArray[np.float64]:
+        return np.full(self.input_size, np.inf)
+
     @property
     def parents(self) -> NDArray[np.intp]:
         """For each row of `chain` and `frames` the row that carries it, −1 for the base."""

@@ -175,6 +175,11 @@ class WholeBody(Robot):
                 rates[first : first + 3] = part.acceleration, part.acceleration, part.turn_acceleration
         return rates[body.input_coordinates]
 
+    def _base_accelerations(self) -> Array:
+        if self.input_size == self.configuration_size and len(self.drives):
+            return np.full(self.input_size, np.inf)  # rates of drives that they cannot all follow
+        return self.largest_acceleration
+
     def input_map(self, q: ArrayLike) -> Array:
         """Return F, shape (…, n − k, n), from rates of the configuration to wheel and joint speeds. [S17 4.27]
 

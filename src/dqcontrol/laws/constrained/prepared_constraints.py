@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
 from dqcontrol.geometry.distance_kernels import PLANE
 from dqcontrol.laws.constrained.constrained_step import constraint_values
@@ -45,7 +45,6 @@ from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, s
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import WholeBody, base_coordinates
 
 _FASTEST_RATE = 10.0  # 1/s
 _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
@@ -202,23 +201,8 @@ class PreparedConstraints:
 
     def _speeds(self) -> tuple[Array, Array]:
         """Return limits of speed and acceleration of each input."""
-        robot, m = self.robot, self.robot.input_size
-        velocity, given = robot.limits.velocity.copy(), self.given.acceleration
-        acceleration = np.full(m, np.inf)
-        if isinstance(robot, WholeBody):
-            acceleration = robot.largest_acceleration.copy()
-        if isinstance(given, list):
-            if len(given) != m:
-                raise ShapeError(
-                    f"constraints.acceleration: expected {m} numbers, one an input, got {len(given)}"
-                )
-            acceleration = np.minimum(acceleration, given)
-        elif given is not None:
-            joints = ~base_coordinates(robot)[robot.input_coordinates]
-            acceleration[joints] = np.minimum(
-                acceleration[joints], as_positive("constraints.acceleration", given)
-            )
-        return velocity, acceleration
+        acceleration = self.robot.acceleration_limits("constraints.acceleration", self.given.acceleration)
+        return self.robot.limits.velocity.copy(), acceleration
 
     def _rate(self) -> float:
         if self.given.rate is not None:
