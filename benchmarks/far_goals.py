@@ -36,15 +36,15 @@ def bodies() -> dict[str, dqc.WholeBody]:
     little_john = dqc.load_robot("little-john")
     assert isinstance(little_john, dqc.WholeBody)
     chassis = little_john.parts[0].chassis
+    arm = dqc.load_robot("ax18")
+    assert isinstance(arm, dqc.SerialArm)
     stand = dqc.DualQuaternion.from_translation([0, 0, 0.17])
     bases = {
         "differential": dqc.DifferentialDrive(0.065, 0.13, rim_speed=0.5, chassis=chassis, **BASE),
         "holonomic": dqc.HolonomicBase(speed=0.5, turn_rate=2.0, **BASE),
-        "car-like": dqc.CarLikeBase(
-            0.065, 0.13, wheelbase=0.25, steering_limit=0.6, rim_speed=0.5, **BASE
-        ),
+        "car-like": dqc.CarLikeBase(0.065, 0.13, wheelbase=0.25, steering_limit=0.6, rim_speed=0.5, **BASE),
     }
-    return {name: dqc.WholeBody([base, stand, dqc.load_robot("ax18")], name=name) for name, base in bases.items()}
+    return {name: dqc.WholeBody([base, stand, arm], name=name) for name, base in bases.items()}
 
 
 def follow(robot: dqc.WholeBody, goal: np.ndarray, plant: Plant, rest: float = 3.0) -> Record:
@@ -92,7 +92,11 @@ def main() -> None:
         if name == "differential":
             plant = MobilePlant(location="odometry")
             missed = [float(follow(robot, goal, plant, 8.0).position_error[-1]) for goal in goals]
-            cells += [float((np.array(missed) < NEAR).sum()), 1e3 * float(np.median(missed)), 1e3 * max(missed)]
+            cells += [
+                float((np.array(missed) < NEAR).sum()),
+                1e3 * float(np.median(missed)),
+                1e3 * max(missed),
+            ]
         else:
             cells += [None, None, None]
         rows.append(cells)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.errors import Error, FileFormatError, ValueRangeError
+from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.plants import Servo
 from dqcontrol.robots import (
@@ -212,10 +212,3 @@ def test_bad_files(tmp_path, old, new, message):
 def test_bad_numbers(make, message):
     with pytest.raises(Error, match=message):
         make()
-
-
-def test_a_car_has_no_way_that_turns_on_the_spot():
-    from dqcontrol.references import DriveTo
-
-    with pytest.raises(ValueRangeError, match="cannot turn on the spot"):
-        DriveTo(WholeBody([CAR]), [0, 0, 0], [1, 1, 1])

@@ -1,4 +1,4 @@
-"""The ways of mobile bases from one place and heading to another: turns and straight lines, arcs for those that steer."""
+"""The ways of mobile bases from one place and heading to another: turns and lines, arcs for those that steer."""
 
 from __future__ import annotations
 
@@ -103,17 +103,16 @@ def _from_the_left(x: float, y: float, angle: float) -> list[_Word]:
     found = [[(_LEFT, first), (_STRAIGHT, far), (_LEFT, math.remainder(angle - first, math.tau))]]
     if far <= 4.0:
         half = math.asin(0.25 * far)
-        for side, back in product((half, -half), (2.0 * half, -2.0 * half, 2.0 * half - math.tau, math.tau - 2.0 * half)):
-            turn = math.remainder(first + 0.5 * math.pi + side, math.tau)
-            found.append([(_LEFT, turn), (_RIGHT, back), (_LEFT, math.remainder(angle - turn + back, math.tau))])
+        for turn, back in product((first + math.pi - half, first + half), (2.0 * half, -2.0 * half)):
+            for middle in (back, back - math.copysign(math.tau, back)):
+                last = math.remainder(angle - turn + middle, math.tau)
+                found.append([(_LEFT, math.remainder(turn, math.tau)), (_RIGHT, middle), (_LEFT, last)])
     a, b = x + math.sin(angle), y - 1.0 - math.cos(angle)
     far, first = math.hypot(a, b), math.atan2(b, a)
     if far >= 2.0:
         line = math.sqrt(far * far - 4.0)
         turn = math.remainder(first + math.atan2(2.0, line), math.tau)
-        found.append(
-            [(_LEFT, turn), (_STRAIGHT, line), (_RIGHT, math.remainder(turn - angle, math.tau))]
-        )
+        found.append([(_LEFT, turn), (_STRAIGHT, line), (_RIGHT, math.remainder(turn - angle, math.tau))])
     return found
 
 
@@ -128,7 +127,7 @@ def _arrives(word: _Word, place: Array) -> bool:
 
 
 def rolled(poses: Array, lengths: Array, angles: Array) -> Array:
-    """Return where bases at (x, y, φ), shape (N, 3), are after arcs of these lengths and angles, shape (N,), m and rad."""
+    """Return where bases at (x, y, φ), shape (N, 3), are after arcs of lengths (N,), m, and angles (N,), rad."""
     unicycle = np.zeros((1, driving.DRIVE_COLUMNS))
     out = np.empty_like(poses)
     driving.integrate(unicycle, np.ascontiguousarray(poses), np.column_stack([lengths, angles]), 1.0, out)

@@ -25,7 +25,7 @@ from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.yaml_form import SpecStart
-from dqcontrol.robots import Robot, WholeBody, nearest_pose
+from dqcontrol.robots import Robot, nearest_pose
 from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -50,9 +50,9 @@ class DriveTo(Reference):
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,
     and turns to its heading there; a base that steers takes the shortest way of three arcs and lines, forwards and
     backwards [Reeds and Shepp 1990]; one that moves sideways goes straight. Meanwhile all other joints go straight to
-    theirs. Each motion is of minimum jerk, from rest to rest. So the twist is J u with the robot's own inputs u: it lies
-    in the range of J everywhere, also in singularities; and joints that start and end within their limits stay within
-    them.
+    theirs. Each motion is of minimum jerk, from rest to rest. So the twist is J u with the robot's own inputs u: it
+    lies in the range of J everywhere, also in singularities; and joints that start and end within their limits stay
+    within them.
 
     Parameters
     ----------
@@ -192,7 +192,8 @@ class DriveTo(Reference):
         target = as_pose("pose", pose)
         q = as_array("start", start, (robot.configuration_size,))
         ways = [
-            cls(robot, q, each, speed_fraction, acceleration) for each in goal_configurations(robot, q, target)
+            cls(robot, q, each, speed_fraction, acceleration)
+            for each in goal_configurations(robot, q, target)
         ]
         return min(ways, key=lambda way: way.duration)
 
@@ -279,7 +280,9 @@ def _base_motions(robot: Robot, start: Array, goal: Array, via: Sequence[Array])
         raise ValueRangeError(f"robot: {robot.name} steers; plan with its form 'constrained'")
     if via and not len(firsts):
         return _sideways(robot, start, goal, via)
-    ways = [_pieces(robot.drives[k], start[at : at + 3], goal[at : at + 3], via) for k, at in enumerate(firsts)]
+    ways = [
+        _pieces(robot.drives[k], start[at : at + 3], goal[at : at + 3], via) for k, at in enumerate(firsts)
+    ]
     moves = np.zeros((max(map(len, ways), default=_TURN_DRIVE_TURN), len(start)))
     for first, pieces in zip(firsts, ways, strict=True):
         for row, piece in enumerate(pieces):
@@ -311,7 +314,7 @@ def _pieces(drive: Array, start: Array, goal: Array, via: Sequence[Array]) -> li
 
 
 def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration: Array) -> Array:
-    """Return how long motions of minimum jerk take at least, so that inputs, rims and accelerations keep their share."""
+    """Return how long motions of minimum jerk take at least, with their share of speeds, rims and accelerations."""
     ways, limits = np.abs(inputs), fraction * robot.limits.velocity
     unlimited = (ways.max(axis=0, initial=0.0) > 0) & np.isinf(limits)
     if unlimited.any():

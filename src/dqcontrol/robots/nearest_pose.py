@@ -53,8 +53,8 @@ def nearest_pose(robot: Robot, pose: ArrayLike, start: ArrayLike, seed: int = 0)
     """Return how near the hand comes to a pose, within limits of joints and with bases anywhere.
 
     Minimises |Δp|² + (0.3 m)² θ² by projected Levenberg–Marquardt steps, from the best of 64 configurations. At a
-    minimum the bounds that its gradient presses against are those that hold the hand back. So it is a local certificate:
-    of all starts none came nearer, and from there no small motion within the limits does.
+    minimum the bounds that its gradient presses against are those that hold the hand back. So it is a local
+    certificate: of all starts none came nearer, and from there no small motion within the limits does.
 
     Parameters
     ----------
