@@ -47,11 +47,13 @@ def bodies() -> dict[str, dqc.WholeBody]:
     return {name: dqc.WholeBody([base, stand, arm], name=name) for name, base in bases.items()}
 
 
-def follow(robot: dqc.WholeBody, goal: np.ndarray, plant: Plant, rest: float = 3.0) -> Record:
+def follow(
+    robot: dqc.WholeBody, goal: np.ndarray, plant: Plant, rest: float = 3.0, period: float = PERIOD
+) -> Record:
     """Return a run to a goal, and some seconds there."""
     home = np.array([0, 0, 0, *ARM])
     way = DriveTo.pose(robot, home, goal, acceleration=ACCELERATION)
-    return dqc.simulate(robot, way, LAW, plant, home, PERIOD, way.duration + rest)
+    return dqc.simulate(robot, way, LAW, plant, home, period, way.duration + rest)
 
 
 def excess(robot: dqc.WholeBody, record: Record) -> float:

@@ -1,6 +1,7 @@
 """Shapes in space: their signed distances, with points, normals and Jacobians; and capsules around points."""
 
 from dqcontrol.geometry.bounding_capsule import bounding_capsule
+from dqcontrol.geometry.floor_map import FloorMap, load_map
 from dqcontrol.geometry.shapes import (
     Box,
     Capsule,
@@ -19,6 +20,7 @@ __all__ = [
     "Capsule",
     "Cylinder",
     "Distance",
+    "FloorMap",
     "HalfSpace",
     "Line",
     "Plane",
@@ -29,4 +31,5 @@ __all__ = [
     "distance",
     "distance_jacobian",
     "distance_rate",
+    "load_map",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import (
     ShapeError,
@@ -19,13 +20,15 @@ from dqcontrol.errors import (
     as_array,
     as_positive,
 )
+from dqcontrol.geometry import FloorMap, load_map
 from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
-from dqcontrol.references.yaml_form import SpecStart
-from dqcontrol.robots import Robot, nearest_pose
+from dqcontrol.references.ways_around import WaysAround, across, folded_posture, room_of
+from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
+from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -39,7 +42,14 @@ _Acceleration = (
     | None
 )
 _TURN_DRIVE_TURN = 3  # motions
-_TRIES = 64  # starts of the search for a goal configuration
+_TRIES, _AROUND_TRIES = (
+    64,
+    256,
+)  # starts of the search for a goal configuration, and where there are obstacles
+_ABOUT = 0.8  # m; how far from the goal those of the base are then
+CLEARANCE = 0.05  # m
+_LOOK = 0.1  # s; between the instants of a way that are looked at
+_LEAST_SHARE = 0.5  # of the clearance: grids and straight links are coarse
 
 
 @renamed_parameters(share="speed_fraction")
@@ -145,7 +155,13 @@ class DriveTo(Reference):
 
     @classmethod
     def from_spec(
-        cls, start: SpecStart, *, speed_fraction: _SpeedFraction = 0.5, acceleration: _Acceleration = None
+        cls,
+        start: SpecStart,
+        *,
+        speed_fraction: _SpeedFraction = 0.5,
+        acceleration: _Acceleration = None,
+        map: FileName | None = None,
+        clearance: Metres = CLEARANCE,
     ) -> Reference:
         """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
         if start.place != "reference":
@@ -163,9 +179,13 @@ class DriveTo(Reference):
         *,
         speed_fraction: float = 0.5,
         acceleration: ArrayLike | None = None,
+        map: str | None = None,
+        clearance: float = CLEARANCE,
     ) -> DriveTo:
         """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
-        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction, acceleration)
+        floor = None if map is None else load_map(map)
+        target = reference.at(0.0).pose
+        return cls.pose(robot, start, target, speed_fraction, acceleration, floor, clearance)
 
     @classmethod
     @renamed_parameters(share="speed_fraction")
@@ -176,21 +196,43 @@ class DriveTo(Reference):
         pose: ArrayLike,
         speed_fraction: float = 0.5,
         acceleration: ArrayLike | None = None,
+        floor: FloorMap | None = None,
+        clearance: float = CLEARANCE,
     ) -> DriveTo:
         """Return the way to a pose of the hand.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
         is at least half of the largest found; the one that is reached soonest is taken.
 
+        On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
+        arm folds itself before and unfolds at the goal. The whole way is looked at before it is given. Links of a robot
+        without shapes count as straight, 8 cm thick. A base that steers finds a way only where nothing is in that of
+        its arcs.
+
+        Parameters
+        ----------
+        robot, start, speed_fraction, acceleration
+            As above.
+        pose
+            Unit dual quaternion, shape (8,), inertial frame.
+        floor
+            What to keep out of.
+        clearance
+            By that distance, m.
+
         Raises
         ------
         UnreachableGoalError
-            If no configuration within the limits has the hand there: which limits hold it back, and how near it comes.
+            If no configuration within the limits has the hand there: which limits hold it back, and how near it comes;
+            or if something stands in its place, or in the way.
         ShapeError, ValueRangeError
             As above, or if the pose is none.
         """
         target = as_pose("pose", pose)
         q = as_array("start", start, (robot.configuration_size,))
+        if floor is not None:
+            kept = as_positive("clearance", clearance)
+            return _way_around(cls, robot, q, target, (speed_fraction, acceleration), floor, kept)
         ways = [
             cls(robot, q, each, speed_fraction, acceleration)
             for each in goal_configurations(robot, q, target)
@@ -236,10 +278,65 @@ class DriveTo(Reference):
         return progress, 30 * (t * rest) ** 2 / lasts, 60 * t * rest * (1 - 2 * t) / lasts**2
 
 
-def goal_configurations(robot: Robot, start: Array, pose: Array) -> Array:
+def _way_around(
+    kind: type[DriveTo],
+    robot: Robot,
+    start: Array,
+    pose: Array,
+    limits: tuple[float, ArrayLike | None],
+    floor: FloorMap,
+    clearance: float,
+) -> DriveTo:
+    """Return the first way to a pose that keeps out of everything, nearest places of the base first."""
+    if not isinstance(robot, WholeBody) or len(robot.bases) != 1:
+        raise ShapeError(f"floor: expected a robot with one base, got {robot.name}")
+    x, y, z = algebra.translation(pose)
+    if z < floor.height and floor.holds([[x, y]])[0]:
+        raise UnreachableGoalError(
+            f"pose: the goal ({x:.3g}, {y:.3g}, {z:.3g}) m is inside an obstacle of the map"
+        )
+    if (room := room_of(floor, robot, start[None])) < 0:
+        raise ValueRangeError(f"start: {robot.name} is {-1e3 * room:.3g} mm inside an obstacle of the map")
+    first = robot.bases[0][0]
+    found = goal_configurations(robot, start, pose, _AROUND_TRIES)
+    nearest = np.argsort(np.linalg.norm(found[:, first : first + 2] - start[first : first + 2], axis=1))
+    free = [q for q in found[nearest] if room_of(floor, robot, q[None]) >= clearance]
+    if not free:
+        raise UnreachableGoalError(
+            f"pose: of {len(found)} configurations that {robot.name} reaches it with, none is {1e3 * clearance:g} mm "
+            "clear of the map's obstacles"
+        )
+    here, places = start[first : first + 2], np.array(free)[:, first : first + 2]
+
+    def keeps_out(way: DriveTo) -> bool:
+        instants = way.configurations(np.linspace(0, way.duration, max(2, math.ceil(way.duration / _LOOK))))
+        return room_of(floor, robot, instants) >= _LEAST_SHARE * clearance
+
+    seen = floor.line_clearance(here, places) >= clearance + across(robot, start)
+    for goal in (q for q, straight in zip(free, seen, strict=True) if straight):
+        if keeps_out(way := kind(robot, start, goal, *limits)):
+            return way
+    folded = folded_posture(robot, start)
+    width = across(robot, folded)
+    corners = np.vstack([here, places, *floor.polygons])
+    within = np.array([corners.min(axis=0) - 4 * width, corners.max(axis=0) + 4 * width])
+    ways = WaysAround(floor, here, width + clearance, within)
+    for goal, place in zip(free, places, strict=True):
+        via = ways.to(place)
+        if via is None or (via and _steers(robot)):
+            continue
+        if keeps_out(way := kind(robot, start, goal, *limits, via=via, folded=folded)):
+            return way
+    raise UnreachableGoalError(
+        f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
+        f"map's obstacles by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
+    )
+
+
+def goal_configurations(robot: Robot, start: Array, pose: Array, tries: int = _TRIES) -> Array:
     """Return configurations within the limits that have the hand at a pose (8,), not near singularities, shape (N, n).
 
-    They are found from the start and from random configurations near it.
+    They are found from the start and from random configurations near it; with more than 64 tries near the goal.
 
     Raises
     ------
@@ -248,11 +345,15 @@ def goal_configurations(robot: Robot, start: Array, pose: Array) -> Array:
     """
     lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -math.pi)
     upper = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, math.pi)
-    starts = np.random.default_rng(0).uniform(lower, upper, (_TRIES, len(start)))
+    starts = np.random.default_rng(0).uniform(lower, upper, (tries, len(start)))
     starts[0] = start
     for first in np.flatnonzero(base_coordinates(robot))[::3]:
-        starts[1:, first : first + 2] = start[first : first + 2]
-    solved = robot.solve(np.tile(pose, (_TRIES, 1)), starts, restarts=0)
+        if tries > _TRIES:
+            starts[1:, first : first + 2] *= _ABOUT / math.pi
+            starts[1:, first : first + 2] += algebra.translation(pose)[:2]
+        else:
+            starts[1:, first : first + 2] = start[first : first + 2]
+    solved = robot.solve(np.tile(pose, (tries, 1)), starts, restarts=0)
     found = solved.q[solved.success.astype(bool)]
     if not len(found):
         reason, nearest = robot.solve(pose, start).reason, nearest_pose(robot, pose, start)

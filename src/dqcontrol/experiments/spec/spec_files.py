@@ -30,6 +30,8 @@ def complete_plants(data: dict[str, Any], folder: Path) -> None:
         else:
             for key in _file_keys(part, kind):
                 part[key] = str((folder / part[key]).resolve())
+    for part, key in _maps(data):
+        part[key] = str((folder / part[key]).resolve())
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -84,6 +86,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
     yield from ((part, "file") for part in _references(data.get("reference")))
+    yield from _maps(data)
     yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
@@ -99,6 +102,19 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     for robot in inner:
         if isinstance(robot, dict) and isinstance(robot.get("source"), str):
             yield robot, "source"
+
+
+def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield what names maps of floors: references that keep out of them, and constraints."""
+    reference = data.get("reference")
+    if isinstance(reference, dict) and isinstance(reference.get("map"), str):
+        yield reference, "map"
+    for part in (data, *_tables(data, "law")):
+        constraints = part.get("constraints")
+        obstacles = constraints.get("obstacles") if isinstance(constraints, dict) else None
+        for each in obstacles.values() if isinstance(obstacles, dict) else ():
+            if isinstance(each, dict) and each.get("kind") == "map" and isinstance(each.get("file"), str):
+                yield each, "file"
 
 
 def _references(reference: Any) -> Iterator[dict[str, Any]]:

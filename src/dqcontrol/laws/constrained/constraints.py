@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
 
 HAND = "hand"  # the name of the hand's point among shapes
 
@@ -64,6 +64,11 @@ class KeepOut(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_
     def shape(self) -> Shape:
         """Where it is at the start."""
         raise NotImplementedError
+
+    @property
+    def shapes(self) -> list[Shape]:
+        """All that it consists of."""
+        return [self.shape]
 
 
 class SphereObstacle(KeepOut, frozen=True, kw_only=True, tag="sphere"):
@@ -129,7 +134,18 @@ class BoxObstacle(KeepOut, frozen=True, kw_only=True, tag="box"):
         return Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
 
 
-AnyObstacle = SphereObstacle | CapsuleObstacle | CylinderObstacle | PlaneObstacle | BoxObstacle
+class MapObstacle(KeepOut, frozen=True, kw_only=True, tag="map"):
+    """What stands on a floor, from a file of polygons or a grid; see `dqcontrol.geometry.load_map`."""
+
+    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
+
+    @property
+    def shapes(self) -> list[Shape]:
+        """Boxes that stand for it."""
+        return [*load_map(self.file).boxes()]
+
+
+AnyObstacle = SphereObstacle | CapsuleObstacle | CylinderObstacle | PlaneObstacle | BoxObstacle | MapObstacle
 
 
 class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
@@ -359,10 +375,10 @@ def unit(field: str, vector: Sequence[float]) -> Array:
     return np.asarray(vector, np.float64) / size
 
 
-def shape_of(field: str, obstacle: KeepOut) -> Shape:
-    """Return an obstacle's shape, with its name in messages."""
+def shapes_of(field: str, obstacle: KeepOut) -> list[Shape]:
+    """Return an obstacle's shapes, with its name in messages."""
     with error_prefix(field):
-        shape = obstacle.shape
+        shapes = obstacle.shapes
         if obstacle.velocity is not None and obstacle.path is not None:
             raise ShapeError("path: it has a velocity already; give one of them")
-        return shape
+        return shapes

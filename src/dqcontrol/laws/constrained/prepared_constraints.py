@@ -41,7 +41,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
     solver_sizes,
     work_of,
 )
-from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shape_of, unit
+from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shapes_of, unit
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
@@ -104,6 +104,7 @@ class PreparedConstraints:
             )
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
+        self._first_obstacle: dict[str, int] = {}  # by name
         self._obstacles: list[tuple[Array, KeepOut | None]] = []
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
@@ -312,16 +313,21 @@ class PreparedConstraints:
     def _add_obstacles(self) -> None:
         for name, each in self.given.obstacles.items():
             field = f"constraints.obstacles.{name}"
-            shape = shape_of(field, each)
-            obstacle = self._add_obstacle(shape, each)
             margin = self.given.margin if each.margin is None else each.margin
-            for chosen in self._chosen(field, each.links):
-                if each.links is None and self._stands_on(shape, self._bodies[chosen]):
-                    continue
-                for body in self._end_balls(chosen) if isinstance(shape, Plane) else [chosen]:
-                    label = f"{name}: {self._bodies[body].name}"
-                    number = self.names.index(name)
-                    self._add_distance(APART, body, obstacle, label, number, each.level, margin, each.speed)
+            shapes = shapes_of(field, each)
+            self._first_obstacle[name] = len(self._obstacles)
+            for k, shape in enumerate(shapes):
+                obstacle = self._add_obstacle(shape, each)
+                part = f" {k + 1}" if len(shapes) > 1 else ""
+                for chosen in self._chosen(field, each.links):
+                    if each.links is None and self._stands_on(shape, self._bodies[chosen]):
+                        continue
+                    for body in self._end_balls(chosen) if isinstance(shape, Plane) else [chosen]:
+                        label = f"{name}{part}: {self._bodies[body].name}"
+                        number = self.names.index(name)
+                        self._add_distance(
+                            APART, body, obstacle, label, number, each.level, margin, each.speed
+                        )
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
         """Return whether a shape turns with the first joint of an arm, about the normal of a plane: it stands there."""
@@ -381,7 +387,7 @@ class PreparedConstraints:
             if each.target is not None:
                 if each.target not in self.given.obstacles:
                     raise unknown_name(f"{field}.target", each.target, tuple(self.given.obstacles))
-                target = list(self.given.obstacles).index(each.target)
+                target = self._first_obstacle[each.target]
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:

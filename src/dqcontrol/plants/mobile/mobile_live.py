@@ -15,7 +15,7 @@ from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mobile.gripper import FINGERS
-from dqcontrol.plants.mobile.live_camera import Sight
+from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.odometry import Odometry
 from dqcontrol.plants.mobile.wheeled_base import WHEELS, yaw_of
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
@@ -113,9 +113,13 @@ class LiveMobile(LivePlant):
         data.time = 0.0
         import_mujoco().mj_forward(self.model, data)
         self.q[:] = start
-        self._odometry = Odometry(self._drive, start[:3], self._plant.base.ticks)
-        camera = self._plant.camera if self._plant.location == "camera" else None
-        self._sight = Sight(camera, start[:3], dt, count, seed) if camera else None
+        wheels, camera = self._plant.base, self._plant.camera
+        self._odometry = Odometry(self._drive, start[:3], wheels.ticks, wheels.wheel_errors)
+        self._sight: Sight | None = None
+        if self._plant.location == "camera":
+            self._sight = Sight(camera, start[:3], dt, count, seed)
+        elif self._plant.location == "fused":
+            self._sight = FusedSight(camera, start[:3], dt, count, seed, self._odometry)
         self._measure()
 
     def step(self, command: ArrayLike) -> None:
@@ -282,5 +286,5 @@ def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
                 Channel(f"cube_{i + 1}_quaternion", ("w", "x", "y", "z"), ""),
             )
         ),
-        *(CAMERA_CHANNELS if plant.location == "camera" else ()),
+        *(CAMERA_CHANNELS if plant.location in SEEN else ()),
     )

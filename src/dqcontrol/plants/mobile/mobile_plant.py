@@ -11,6 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
+from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
 from dqcontrol.plants.mobile.scene import Scene, add_scene
@@ -26,7 +27,7 @@ from dqcontrol.robots.whole_body import WholeBody
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
-LOCATIONS = ("true", "odometry", "camera")
+LOCATIONS = ("true", "odometry", "camera", "fused")
 _STIFF_FRICTION = 100.0  # stiffness of friction below its limit, against that of contacts
 _CONTACT_STEPS = 5  # time constant of contacts, in time steps
 _SETTLING = 0.5  # s; until the robot stands still on its contacts
@@ -48,8 +49,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     Parameters
     ----------
     location
-        What measures x, y and φ: ``"true"``, ``"odometry"`` (the encoders of the wheels, which do not see slip), or the
-        ``"camera"``.
+        What measures x, y and φ: ``"true"``, ``"odometry"`` (the encoders of the wheels, which do not see slip), the
+        ``"camera"``, or both, ``"fused"``: odometry from frame to frame, corrected at the time that a frame shows.
     camera
         That camera.
     base
@@ -79,7 +80,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     True
     """
 
-    location: Literal["true", "odometry", "camera"] = "true"
+    location: Literal["true", "odometry", "camera", "fused"] = "true"
     camera: Camera = Camera()
     base: WheeledBase = WheeledBase()
     link_mass: Annotated[float | list[float], Meta(description="kg")] = 0.15
@@ -99,7 +100,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def base_errors(self) -> tuple[float, float]:
         """Return the camera's standard deviations, m and rad."""
-        camera = self.camera if self.location == "camera" else None
+        camera = self.camera if self.location in SEEN else None
         return (camera.position_noise, camera.angle_noise) if camera else (0.0, 0.0)
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMobile:

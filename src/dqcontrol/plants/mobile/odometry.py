@@ -28,6 +28,8 @@ class Odometry:
         x, y and φ at the start, shape (3,), m and rad.
     ticks
         Counts in a turn of a wheel.
+    wheel_errors
+        By which share it takes the right and the left wheel for larger than they are.
 
     Attributes
     ----------
@@ -43,10 +45,13 @@ class Odometry:
     [0.1, 0.0, 0.0]
     """
 
-    def __init__(self, drive: DifferentialDrive, start: ArrayLike, ticks: float) -> None:
+    def __init__(
+        self, drive: DifferentialDrive, start: ArrayLike, ticks: float, wheel_errors: ArrayLike = (0.0, 0.0)
+    ) -> None:
         self.pose: Array = as_array("start", start, (3,)).copy()
         self._tick = 2 * math.pi / as_positive("ticks", ticks)
-        self._radius, self._half_track = drive.wheel_radius, drive.half_track
+        self._radii = drive.wheel_radius * (1.0 + as_array("wheel_errors", wheel_errors, (2,)))
+        self._half_track = drive.half_track
         self._table = WholeBody([drive]).drives
         self._counts = np.zeros(2)
         _ = driving.integrate.compiled  # now, not while the robot moves
@@ -54,7 +59,7 @@ class Odometry:
     def read(self, angles: ArrayLike) -> None:
         """Take the angles of the right and the left wheel since the start, shape (2,), rad."""
         counts = np.round(np.asarray(angles, dtype=np.float64) / self._tick)
-        right, left = self._radius * self._tick * (counts - self._counts)
+        right, left = self._radii * self._tick * (counts - self._counts)
         self._counts = counts
         moves = np.array([[0.5 * (right + left), 0.5 * (right - left) / self._half_track]])
         driving.integrate(self._table, self.pose[None].copy(), moves, 1.0, self.pose[None])

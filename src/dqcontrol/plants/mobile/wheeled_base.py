@@ -42,6 +42,9 @@ _NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "caster_ga
 _POSITIVE = (*_OF_THE_ROBOT[:-1], "wheel_time_constant", "ticks")
 
 
+_WheelError = Annotated[float, Meta(ge=-0.5, le=0.5)]
+
+
 class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a differential drive moves in physics: its body, if the robot has another or none, and what it rolls on.
 
@@ -62,6 +65,8 @@ class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         With which the speed controllers of the wheels let the unloaded robot follow, s.
     ticks
         Counts of a wheel's encoder in a turn; the speed controllers do not feel them, the odometry does.
+    wheel_errors
+        By which share the odometry takes the right and the left wheel for larger than they are: it drifts.
 
     Raises
     ------
@@ -83,6 +88,7 @@ class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] | None = None
     wheel_time_constant: Annotated[float, Meta(gt=0, le=10, description="s")] = 0.02
     ticks: Annotated[float, Meta(gt=0, le=1e7, description="counts a turn")] = 508.8
+    wheel_errors: tuple[_WheelError, _WheelError] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         for field in _POSITIVE:
@@ -138,6 +144,7 @@ class SolidBase:
     wheel_torque: float
     wheel_time_constant: float
     ticks: float
+    wheel_errors: tuple[float, float] = (0.0, 0.0)
 
 
 def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float) -> Any:

@@ -1,0 +1,109 @@
+"""A robot that drives among columns: how many of 100 random rooms it crosses to its goal, and that it touches nothing.
+
+Each room has three square columns (0.3 … 0.5 m, turned at random) within 2 m of the start and 0.55 m from it. The goal
+is the hand's pose at a random configuration (bases within ± 1.5 m, any heading, any arm) that is 10 cm clear of them.
+`GuidedProportional` follows `DriveTo.pose(…, floor=…)`, and keeps the columns out, and limits of joints, wheels and
+accelerations, as hard constraints. Distances are those of `geometry.distance` between chassis, links (capsules of
+25 mm) and columns, at every fifth sample. Seed 2017.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+import time
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import dqcontrol as dqc
+from dqcontrol import algebra, laws
+from dqcontrol.errors import UnreachableGoalError
+from dqcontrol.geometry import Capsule, FloorMap, distance
+from dqcontrol.loop import Record
+from dqcontrol.plants import Integrator
+from dqcontrol.references import DriveTo, random_goals
+from dqcontrol.references.ways_around import room_of
+
+HOME = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+PERIOD, SEED, COUNT = 0.05, 2017, 100
+COLUMNS, FREE, CLEAR, REACHED = 3, 0.55, 0.1, 1e-3
+ACCELERATION, LINK = 2.0, 0.025
+
+
+def random_room(robot: dqc.WholeBody, seed: int) -> tuple[FloorMap, np.ndarray]:
+    """Return columns and the hand's pose at a configuration that is clear of them."""
+    rng = np.random.default_rng([SEED, seed])
+    polygons: list[np.ndarray] = []
+    while len(polygons) < COLUMNS:
+        middle, side, turn = rng.uniform(-2, 2, 2), rng.uniform(0.3, 0.5), rng.uniform(0, math.pi)
+        spin = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+        corners = middle + 0.5 * side * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ spin.T
+        if FloorMap((corners,)).clearance([[0.0, 0.0]])[0] > FREE:
+            polygons.append(corners)
+    floor = FloorMap(tuple(polygons))
+    drawn = random_goals(robot, HOME, 200, reach=1.5, seed=seed)
+    goal = next(q for q in drawn if room_of(floor, robot, q[None]) >= CLEAR)
+    return floor, robot.fkm(goal)
+
+
+def law_among(floor: FloorMap, folder: Path) -> laws.GuidedProportional:
+    """Return the law that keeps out of what stands on a floor, from its file."""
+    file = folder / "room.yaml"
+    file.write_text(yaml.safe_dump({"polygons": [each.tolist() for each in floor.polygons]}))
+    columns = laws.MapObstacle(file=str(file), links=["chassis", "hand"], margin=0.005)
+    kept = laws.Constraints(
+        acceleration=ACCELERATION, self_collision=False, obstacles={"columns": columns}, recovery=0.1
+    )
+    return laws.GuidedProportional(gain=1.0, constraints=kept)
+
+
+def cross(robot: dqc.WholeBody, floor: FloorMap, goal: np.ndarray, folder: Path) -> Record:
+    """Return a run to a goal."""
+    way = DriveTo.pose(robot, HOME, goal, acceleration=ACCELERATION, floor=floor)
+    law = law_among(floor, folder)
+    return dqc.simulate(robot, way, law, Integrator(), HOME, PERIOD, way.duration + 3.0)
+
+
+def least_distance(robot: dqc.WholeBody, floor: FloorMap, configurations: np.ndarray) -> float:
+    """Return how near chassis and links come to the columns, m."""
+    least, boxes = math.inf, floor.boxes()
+    assert robot.shapes is not None
+    chassis = robot.shapes.shapes[0].shape
+    for q in configurations:
+        frames = robot.frames(q)
+        places = algebra.translation(frames[3:])
+        links = [Capsule(a, b, LINK) for a, b in pairwise(places)]
+        for shape in (chassis.moved(frames[2]), *links):
+            least = min(least, *(distance(shape, box).distance for box in boxes))
+    return least
+
+
+def main() -> None:
+    """Print what became of the rooms."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else COUNT
+    robot, begin, ends, least, worst = dqc.load_robot("little-john"), time.perf_counter(), Counter(), [], 0.0
+    assert isinstance(robot, dqc.WholeBody)
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(count):
+            floor, goal = random_room(robot, seed)
+            try:
+                record = cross(robot, floor, goal, Path(folder))
+            except UnreachableGoalError as error:
+                ends[str(error).partition("; ")[0].partition(" to any of")[0]] += 1
+                continue
+            least.append(least_distance(robot, floor, record.q[::5]))
+            final = float(record.error[-20:].max())
+            worst = max(worst, final)
+            ends["reached" if final < REACHED else "not reached"] += 1
+    print(f"{count} rooms: " + ", ".join(f"{n} {what}" for what, n in ends.most_common()))
+    print(f"contacts: {sum(each <= 0 for each in least)}, least distance {1e3 * min(least):.0f} mm")
+    print(f"worst final error {worst:.1e}; seed {SEED}, {time.perf_counter() - begin:.0f} s in all")
+
+
+if __name__ == "__main__":
+    main()

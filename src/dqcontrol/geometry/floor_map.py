@@ -1,0 +1,249 @@
+"""Maps of floors: polygons, or a grid as ROS's map server writes it, which bases and arms keep out of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
+from dqcontrol.geometry.shapes import Box
+
+_HEIGHT = 2.0  # m
+_EDGE = 0.01  # m; thickness of the walls that stand for a polygon that is no rectangle
+_SQUARE = 1e-6  # of a rectangle's sides
+_MOST_POLYGONS = 2000
+_MOST_CELLS = 16_000_000
+_NEITHER = "expected 'polygons', a list of lists of points [x, y] in m, or 'image' and 'resolution'"
+
+
+class _PolygonFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A map of polygons."""
+
+    polygons: Annotated[list[Annotated[list[tuple[float, float]], Meta(min_length=3)]], Meta(min_length=1)]
+    height: Annotated[float, Meta(gt=0, description="m")] = _HEIGHT
+
+
+class _GridFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A map of cells, as nav2's map server reads it."""
+
+    image: Annotated[str, Meta(min_length=1)]
+    resolution: Annotated[float, Meta(gt=0, description="m a cell")]
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    negate: int | bool = 0
+    occupied_thresh: Annotated[float, Meta(ge=0, le=1)] = 0.65
+    free_thresh: Annotated[float, Meta(ge=0, le=1)] = 0.25
+    mode: str = "trinary"
+    height: Annotated[float, Meta(gt=0, description="m")] = _HEIGHT
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMap:
+    """What stands on a floor: solid polygons, as high as each other.
+
+    Parameters
+    ----------
+    polygons
+        Corners in order, each of shape (k, 2), m, inertial frame.
+    height
+        m, from the floor.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a polygon has fewer than three corners, no area, or the height is not positive.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> column = dqc.geometry.FloorMap([[[1, 0], [1.4, 0], [1.4, 0.4], [1, 0.4]]])
+    >>> column.clearance([[0, 0], [1.2, 0.1]]).round(3).tolist()
+    [1.0, -0.1]
+    """
+
+    polygons: tuple[Array, ...]
+    height: float = _HEIGHT
+    _edges: Array = field(init=False, repr=False)  # (E, 4), of all polygons
+    _firsts: NDArray[np.intp] = field(init=False, repr=False)  # number of the first edge of each polygon
+
+    def __post_init__(self) -> None:
+        polygons = tuple(_polygon(f"polygons[{i}]", each) for i, each in enumerate(self.polygons))
+        edges = [np.hstack([each, np.roll(each, -1, axis=0)]) for each in polygons]
+        values: dict[str, Any] = {
+            "polygons": polygons,
+            "height": as_positive("height", self.height),
+            "_edges": np.vstack(edges) if edges else np.zeros((0, 4)),
+            "_firsts": np.cumsum([0, *(len(each) for each in edges[:-1])], dtype=np.intp),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def clearance(self, points: ArrayLike) -> Array:
+        """Return how far points (N, 2), m, are from the nearest polygon, shape (N,); negative inside one."""
+        p = as_array("points", points, (None, 2))
+        if not len(self._edges):
+            return np.full(len(p), np.inf)
+        a, b = self._edges[:, :2], self._edges[:, 2:]
+        along, away = b - a, p[:, None] - a
+        share = np.clip(
+            (away * along).sum(axis=2) / np.maximum((along * along).sum(axis=1), 1e-300), 0.0, 1.0
+        )
+        least = np.linalg.norm(away - share[..., None] * along, axis=2).min(axis=1)
+        return np.where(self.holds(p), -least, least)
+
+    def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether points (N, 2), m, are inside a polygon, shape (N,)."""
+        p = as_array("points", points, (None, 2))
+        if not len(self._edges):
+            return np.zeros(len(p), dtype=bool)
+        a, b = self._edges[:, :2], self._edges[:, 2:]
+        rises = (a[:, 1] > p[:, 1:]) != (b[:, 1] > p[:, 1:])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = a[:, 0] + (p[:, 1:] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+        crossed = (rises & (p[:, :1] < crossing)).astype(np.int64)
+        return (np.add.reduceat(crossed, self._firsts, axis=1) % 2 == 1).any(axis=1)
+
+    def line_clearance(self, start: ArrayLike, ends: ArrayLike) -> Array:
+        """Return the distance of straight lines from a point (2,) to others (N, 2), m, from all polygons, shape (N,).
+
+        It is 0 where a line crosses an edge or begins inside a polygon.
+        """
+        p, q = as_array("start", start, (2,)), as_array("ends", ends, (None, 2))
+        if not len(self._edges):
+            return np.full(len(q), np.inf)
+        a, b = self._edges[:, :2], self._edges[:, 2:]
+        least = np.minimum(np.abs(self.clearance(q)), abs(self.clearance(p[None])[0]))
+        way = q - p
+        for corner in (a, b):
+            away = corner - p
+            share = (way @ away.T) / np.maximum((way * way).sum(axis=1), 1e-300)[:, None]
+            near = np.clip(share, 0.0, 1.0)[..., None] * way[:, None]
+            least = np.minimum(least, np.linalg.norm(away - near, axis=2).min(axis=1))
+        edge = b - a
+        side_p, side_q = _cross(edge, p - a), _cross(edge, q[:, None] - a)
+        side_a, side_b = _cross(way[:, None], a - p), _cross(way[:, None], b - p)
+        crosses = ((side_p * side_q < 0) & (side_a * side_b < 0)).any(axis=1)
+        return np.where(crosses | self.holds(p[None])[0], 0.0, least)
+
+    def boxes(self) -> list[Box]:
+        """Return shapes that stand for the polygons: a rectangle is a box, of others each edge is a thin wall."""
+        found = []
+        for corners in self.polygons:
+            sides = np.roll(corners, -1, axis=0) - corners
+            scale = float(np.abs(sides).max())
+            closed = np.abs(sides[0] + sides[2]).max() < _SQUARE * scale if len(corners) == 4 else False
+            if closed and abs(sides[0] @ sides[1]) < _SQUARE * scale * scale:
+                found.append(self._box(corners.mean(axis=0), sides[0], float(np.linalg.norm(sides[1]))))
+            else:
+                found += [
+                    self._box(a + 0.5 * side, side, _EDGE) for a, side in zip(corners, sides, strict=True)
+                ]
+        return found
+
+    def _box(self, middle: Array, side: Array, width: float) -> Box:
+        turn = 0.5 * math.atan2(side[1], side[0])
+        place = algebra.pose([math.cos(turn), 0, 0, math.sin(turn)], [*middle, 0.5 * self.height])
+        return Box(place, np.array([float(np.linalg.norm(side)), width, self.height]))
+
+
+def load_map(path: str | Path) -> FloorMap:
+    """Return the map of a YAML file.
+
+    Either it has ``polygons``, lists of points [x, y] in m, and perhaps ``height``; or it is that of a grid, as ROS's
+    map server writes it: ``image`` (PNG or PGM, beside the file), ``resolution`` (m a cell), ``origin`` [x, y, yaw] of
+    the lower left corner, ``negate``, ``occupied_thresh``. Cells that are not known count as free.
+
+    Raises
+    ------
+    FileFormatError
+        If the file or its image cannot be read, or has no scale.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, dqcontrol as dqc
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "room.yaml"
+    >>> _ = file.write_text("polygons: [[[1, 0], [2, 0], [2, 1]]]")
+    >>> len(dqc.geometry.load_map(file).polygons)
+    1
+    """
+    data = parse_yaml(path, read_text(path))
+    if not isinstance(data, dict) or ("polygons" not in data and "image" not in data):
+        raise FileFormatError(f"{path}: is no map: {_NEITHER}")
+    if "polygons" in data:
+        given = convert(path, data, _PolygonFile)
+        try:
+            return FloorMap(tuple(np.array(each) for each in given.polygons), given.height)
+        except ValueRangeError as error:
+            raise FileFormatError(f"{path}: {error}") from None
+    if "resolution" not in data:
+        raise FileFormatError(
+            f"{path}: resolution: is missing; a map without scale (m a cell) cannot be kept out of"
+        )
+    grid = convert(path, data, _GridFile)
+    return _of_grid(path, _occupied(path, grid), grid)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _polygon(name: str, corners: ArrayLike) -> Array:
+    found = as_array(name, corners, (None, 2))
+    if found.ndim != 2 or len(found) < 3:
+        raise ShapeError(f"{name}: expected at least three corners, shape (k, 2), got {found.shape}")
+    after = np.roll(found, -1, axis=0)
+    if abs((found[:, 0] * after[:, 1] - after[:, 0] * found[:, 1]).sum()) < 1e-12:
+        raise ValueRangeError(f"{name}: has no area")
+    return found
+
+
+def _occupied(path: str | Path, grid: _GridFile) -> NDArray[np.bool_]:
+    """Return which cells are occupied, the lowest row first."""
+    from matplotlib.image import imread
+
+    file = Path(path).parent / grid.image
+    try:
+        image = np.asarray(imread(file))
+    except (OSError, ValueError, SyntaxError) as error:
+        raise FileFormatError(f"{path}: image: {file} cannot be read: {error}") from None
+    if image.shape[0] * image.shape[1] > _MOST_CELLS:
+        raise FileFormatError(
+            f"{path}: image: has {image.shape[0] * image.shape[1]} cells, at most {_MOST_CELLS}"
+        )
+    largest = np.iinfo(image.dtype).max if image.dtype.kind in "iu" else 1.0
+    if image.ndim == 3:
+        image = image[..., :3].mean(axis=2)
+    shade = image.astype(np.float64) / largest
+    occupied = shade if grid.negate else 1.0 - shade
+    return (occupied > grid.occupied_thresh)[::-1]
+
+
+def _of_grid(path: str | Path, occupied: NDArray[np.bool_], grid: _GridFile) -> FloorMap:
+    """Return a map of rectangles that cover the occupied cells exactly: runs of cells, joined with equal runs above."""
+    size, (x0, y0, yaw) = grid.resolution, grid.origin
+    open_runs: dict[tuple[int, int], int] = {}  # where each began
+    blocks = []
+    for row in range(len(occupied) + 1):
+        line = occupied[row] if row < len(occupied) else np.zeros(occupied.shape[1], bool)
+        steps = np.flatnonzero(np.diff(np.r_[False, line, False].astype(int)))
+        runs = set(zip(steps[::2].tolist(), steps[1::2].tolist(), strict=True))
+        blocks += [(run, begun, row) for run, begun in open_runs.items() if run not in runs]
+        open_runs = {run: open_runs.get(run, row) for run in runs}
+    if len(blocks) > _MOST_POLYGONS:
+        raise FileFormatError(
+            f"{path}: has {len(blocks)} blocks of occupied cells, at most {_MOST_POLYGONS} are kept out of; clean it up"
+        )
+    turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
+    corners = (
+        size * np.array([[a, low], [b, low], [b, high], [a, high]], dtype=np.float64)
+        for (a, b), low, high in sorted(blocks)
+    )
+    return FloorMap(tuple(each @ turn.T + [x0, y0] for each in corners), grid.height)

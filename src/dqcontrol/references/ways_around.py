@@ -1,0 +1,213 @@
+"""Ways of bases around what stands on a floor, and the posture in which an arm takes least room on the way."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.geometry import Box, Capsule, FloorMap, Sphere
+from dqcontrol.robots import Robot
+from dqcontrol.robots.whole_body import base_coordinates
+
+_CELL = 0.05  # m
+_MOST_CELLS = 100_000
+_POSTURES, _LOOKED_AT = 2000, 100  # that are tried, and of these looked at closely
+_WORTH = 0.01  # m; of room, to move the arm for
+_LINK = 0.04  # m; half the width of links whose shapes are not known
+_SPACED = 0.02  # m; between points of such links
+_ABOVE = 0.03  # m; of a folded arm above its base
+_STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+
+
+class Body(NamedTuple):
+    """Points of a robot and how far its material is from them at most, as planning sees it."""
+
+    points: Array  # (N, 3), m
+    radius: Array  # (N,), m
+    carried: NDArray[np.bool_]  # (N,), whether the arm moves them
+
+
+class WaysAround:
+    """Short ways of a disc from one place to any other, that keep out of everything.
+
+    Found on a grid of 5 cm [Dijkstra 1959], then straightened: from each point to the farthest one that it sees.
+
+    Parameters
+    ----------
+    floor
+        What to keep out of.
+    start
+        (x, y), m.
+    radius
+        Of the disc, m.
+    within
+        Two corners (2, 2) of the area that ways may lead through, m.
+    """
+
+    def __init__(self, floor: FloorMap, start: Array, radius: float, within: Array) -> None:
+        self.floor, self.start, self.radius = floor, start, radius
+        extent = within[1] - within[0]
+        self._low, self._cell = within[0], max(_CELL, math.sqrt(float(np.prod(extent)) / _MOST_CELLS))
+        shape = np.ceil(extent / self._cell).astype(int) + 1
+        xs, ys = (within[0][i] + self._cell * np.arange(shape[i]) for i in range(2))
+        grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        clear = np.concatenate(
+            [floor.clearance(part) for part in np.array_split(grid, 1 + len(grid) // 4096)]
+        )
+        begin = self._cell_of(start)
+        free = (clear >= radius).reshape(shape)
+        free[begin] = True
+        self._before = _ways_from(free, begin)
+
+    def to(self, goal: Array) -> list[Array] | None:
+        """Return the points between start and goal, each (2,), m; None if there is no way on the grid."""
+        if self.floor.line_clearance(self.start, goal[None])[0] >= self.radius:
+            return []
+        if self.floor.clearance(goal[None])[0] < self.radius:
+            return None
+        here = min(
+            (each for each in self._around(goal) if each in self._before),
+            key=lambda each: self._off(each, goal),
+            default=None,
+        )
+        if here is None:
+            return None
+        cells = [here]
+        while self._before[here] != here:
+            here = self._before[here]
+            cells.append(here)
+        inner = self._low + self._cell * np.array(cells[-2::-1], dtype=np.float64).reshape(-1, 2)
+        return self._straightened(np.vstack([self.start, inner, goal]))
+
+    def _cell_of(self, point: Array) -> tuple[int, int]:
+        i, j = np.round((point - self._low) / self._cell).astype(int).tolist()
+        return i, j
+
+    def _around(self, point: Array) -> list[tuple[int, int]]:
+        i, j = self._cell_of(point)
+        return [(i, j), *((i + k, j + m) for k, m in _STEPS)]
+
+    def _off(self, cell: tuple[int, int], point: Array) -> float:
+        return float(np.linalg.norm(self._low + self._cell * np.array(cell) - point))
+
+    def _straightened(self, points: Array) -> list[Array] | None:
+        """Return the inner points of a way from each point to the farthest that it sees."""
+        kept, at = [], 0
+        while at < len(points) - 1:
+            # between two free cells a corner may come nearer than at them, by a tenth of a cell
+            seen = self.floor.line_clearance(points[at], points[at + 1 :]) >= self.radius - 0.1 * self._cell
+            if not seen.any():
+                return None
+            at += 1 + int(np.flatnonzero(seen)[-1])
+            kept.append(points[at])
+        return kept[:-1]
+
+
+def _ways_from(free: NDArray[np.bool_], start: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
+    """Return the cell before each cell that can be reached, on a shortest way over eight neighbours each."""
+    costs, before, done = {start: 0.0}, {start: start}, set()
+    queue = [(0.0, start)]
+    steps = [(i, j, math.hypot(i, j)) for i, j in _STEPS]
+    open_cells = set(map(tuple, np.argwhere(free).tolist()))
+    while queue:
+        cost, here = heapq.heappop(queue)
+        if here in done:
+            continue
+        done.add(here)
+        for i, j, length in steps:
+            there = here[0] + i, here[1] + j
+            if there in open_cells and cost + length < costs.get(there, math.inf):
+                costs[there], before[there] = cost + length, here
+                heapq.heappush(queue, (cost + length, there))
+    return before
+
+
+def body_points(robot: Robot, q: Array) -> Body:
+    """Return points of a robot at a configuration (n,): of its shapes, else of straight links between its joints."""
+    frames = robot.frames(q)
+    last = int(np.flatnonzero(base_coordinates(robot))[-1]) + 1  # frame of the base
+    points: list[Array] = []
+    radii: list[float] = []
+    carried: list[bool] = []
+
+    def add(places: Array, radius: float, moves: bool) -> None:
+        points.extend(places)
+        radii.extend([radius] * len(places))
+        carried.extend([moves] * len(places))
+
+    known = () if robot.shapes is None else robot.shapes.shapes
+    for each in known:
+        if not each.frame:
+            continue
+        shape = each.shape.moved(frames[each.frame - 1])
+        if isinstance(shape, Capsule):
+            add(_between(shape.start, shape.end), shape.radius, each.frame > last)
+        elif isinstance(shape, Sphere):
+            add(shape.center[None], shape.radius, each.frame > last)
+        elif isinstance(shape, Box):
+            half = 0.5 * float(np.linalg.norm(np.asarray(shape.size)))
+            add(algebra.translation(np.asarray(shape.pose))[None], half, each.frame > last)
+    if not any(carried):
+        places = algebra.translation(frames[last:])
+        for a, b in pairwise(places):
+            add(_between(a, b), _LINK, True)
+    return Body(np.array(points).reshape(-1, 3), np.array(radii), np.array(carried, dtype=bool))
+
+
+def _between(a: Array, b: Array) -> Array:
+    count = max(2, math.ceil(float(np.linalg.norm(b - a)) / _SPACED) + 1)
+    return a + np.linspace(0, 1, count)[:, None] * (b - a)
+
+
+def room_of(floor: FloorMap, robot: Robot, configurations: Array) -> float:
+    """Return the least distance of a robot from what stands on the floor, at configurations (N, n), m."""
+    least = math.inf
+    for q in configurations:
+        body = body_points(robot, q)
+        low = body.points[:, 2] - body.radius < floor.height
+        if low.any():
+            least = min(least, float((floor.clearance(body.points[low, :2]) - body.radius[low]).min()))
+    return least
+
+
+def across(robot: Robot, q: Array) -> float:
+    """Return the radius of the least disc about the middle of a robot's base that holds all of it, m."""
+    body = body_points(robot, q)
+    first = int(np.flatnonzero(base_coordinates(robot))[0])
+    away = np.linalg.norm(body.points[:, :2] - q[first : first + 2], axis=1)
+    return float((away + body.radius).max())
+
+
+def folded_posture(robot: Robot, start: Array) -> Array:
+    """Return a configuration (n,) with the base where it is and the arm in little room: of random ones, the least disc.
+
+    Joints keep 5 % of their range from their limits, and the arm stays above the base.
+    """
+    lower, upper = robot.limits.lower, robot.limits.upper
+    fixed = base_coordinates(robot) | ~np.isfinite(upper - lower)
+    low, high = np.where(fixed, start, lower), np.where(fixed, start, upper)
+    tried = np.random.default_rng(0).uniform(
+        low + 0.05 * (high - low), high - 0.05 * (high - low), (_POSTURES, len(start))
+    )
+    tried[0] = start
+    standing = body_points(robot, start)
+    tops = standing.points[~standing.carried, 2]
+    top = float(tops.max()) + _ABOVE if len(tops) else _ABOVE
+    places = algebra.translation(robot.frames(tried))[:, np.flatnonzero(base_coordinates(robot))[-1] + 1 :]
+    first = int(np.flatnonzero(base_coordinates(robot))[0])
+    away = np.linalg.norm(places[..., :2] - start[first : first + 2], axis=-1).max(axis=-1)
+    best, least = start, across(robot, start)
+    for q in tried[np.argsort(away)[:_LOOKED_AT]]:
+        body = body_points(robot, q)
+        if (body.points[body.carried, 2] - body.radius[body.carried]).min(initial=math.inf) < top:
+            continue
+        if (room := across(robot, q)) < least - _WORTH:
+            best, least = q, room
+    return np.array(best)
