@@ -21,7 +21,7 @@ from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load
-from dqcontrol.ros2.messages import NANOSECONDS, stamp_of
+from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds, stamp_of
 from dqcontrol.ros2.robot_node import RobotNode
 from dqcontrol.ros2.robot_parts import RobotParts
 
@@ -268,7 +268,9 @@ def test_what_is_sent_moves_the_base_as_the_inputs_do(name, form):
 
 def test_what_has_no_topics_is_refused_in_a_line(spec, node):
     youbot = dict(DRIVEN, robot="youbot", start=[0, 0, 0, 0.1, 0.5, -0.5, 0.5, 0.1])
-    with pytest.raises(ValueRangeError, match="'wheels' needs a differential drive; youbot has none"):
+    with pytest.raises(
+        ValueRangeError, match="'wheels' needs a differential drive, mecanum or omni wheels; youbot has none"
+    ):
         RobotNode(load(spec(**youbot)), base_interface="wheels")
     two = dqc.WholeBody([dqc.HolonomicBase(), dqc.HolonomicBase()], name="two")
     with pytest.raises(ShapeError, match="two has 2 mobile bases; ROS 2 tells of one"):
@@ -278,26 +280,32 @@ def test_what_has_no_topics_is_refused_in_a_line(spec, node):
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["robot", "controller"])
 def test_when_a_process_of_silva_s_graph_is_killed_the_wheels_stop(start, node, spec, lost):
-    """The other notices within two and a half of its periods of 50 ms, and brakes within its acceleration."""
-    path = spec(**graph_spec("nonlinear", "ideal"))
-    speeds = []
+    """The other notices what is 1.6 periods late, 80 ms, and brakes in one period; see docs/ros2.md."""
+    path = spec(**graph_spec("ours", "ideal"))
+    rolled, told = [], []
 
-    def hear(message):
-        speeds.append((time.monotonic(), abs(message.twist.twist.linear.x)))
+    def speed(twist):
+        return abs(twist.linear.x) + 0.13 * abs(twist.angular.z)
 
-    node.create_subscription(Odometry, "/odom", hear, 100)
-    told = []
-    node.create_subscription(Twist, "/cmd_vel", lambda m: told.append((time.monotonic(), m.linear.x)), 100)
-    limits = ("--", "-p", "command_timeout:=0.08") if lost == "controller" else ()
-    running = {"robot": start("robot", path, *limits)}
+    def hear_odometry(message):  # what it says was so at its stamp, however late it is heard
+        at = nanoseconds(message.header.stamp) / NANOSECONDS
+        rolled.append((at, speed(message.twist.twist)))
+
+    node.create_subscription(Odometry, "/odom", hear_odometry, 100)
+    node.create_subscription(Twist, "/cmd_vel", lambda m: told.append((time.time(), speed(m))), 100)
+    running = {"robot": start("robot", path)}
     running["controller"] = start("controller", path, "--autostart", until="active")
-    assert node.serve(lambda: len(told) > 5 and abs(told[-1][1]) > 0.05)
+    assert node.serve(lambda: len(told) > 5 and told[-1][1] > 0.05)
     running[lost].kill()
-    killed = time.monotonic()
+    killed = time.time()
     node.serve(seconds=1.0)
-    moving = [at for at, speed in (told if lost == "robot" else speeds) if speed]
-    print(f"{lost} killed: the last that moved came {1e3 * (moving[-1] - killed):.0f} ms later")
-    assert moving[-1] - killed < 0.3
+    heard = told if lost == "robot" else rolled
+    last = max(at for at, fast in heard if fast)
+    still = min(at for at, _ in heard if at > last)
+    after = 1e3 * (still - killed)
+    print(f"{lost} killed: the wheels stand {after:.0f} ms later")
+    # 100 ms on a quiet machine; what delays processes on a busy one is not the nodes'
+    assert after < 300.0
 
 
 @pytest.mark.slow
