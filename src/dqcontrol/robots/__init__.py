@@ -6,7 +6,7 @@ from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.load import load_robot, load_tree, robot_names
+from dqcontrol.robots.load import load_mobile, load_robot, load_tree, robot_names
 from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import RobotFile, load_robot_file
@@ -51,6 +51,7 @@ __all__ = [
     "WholeBody",
     "WholeBodyFile",
     "describe",
+    "load_mobile",
     "load_robot",
     "load_robot_file",
     "load_tree",
