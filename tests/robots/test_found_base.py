@@ -196,7 +196,7 @@ def test_part_of_a_robot_file(file, tmp_path):
     )
     assert dqc.load_robot(path).input_names == ("v", "omega", "arm0", "arm1")
     path.write_text(path.read_text().replace(", wheel_radius: 0.06", ""))
-    with pytest.raises(FileFormatError, match="robot.urdf: mobile base: .*give wheel_radius"):
+    with pytest.raises(FileFormatError, match=r"robot\.urdf: mobile base: .*give wheel_radius"):
         dqc.load_robot(path)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from nodes import UNHURRIED
 from rclpy.parameter import Parameter
@@ -18,6 +18,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.loop.control import Phase
 from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
+from dqcontrol.ros2 import base_transform
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load
@@ -232,6 +233,42 @@ def test_a_robot_s_base_brakes_without_commands_and_its_arm_goes_on(spec, node, 
     np.testing.assert_array_equal(robot._plant.q[:3], before[:3])
 
 
+def test_the_transform_of_a_base_is_its_odometry(spec, node):
+    robot = RobotNode(load(spec(**DRIVEN)))
+    node.host(robot)
+    odometry, transforms = [], []
+    node.create_subscription(Odometry, "/odom", odometry.append, 10)
+    topic = base_transform.TF if base_transform._tf_message() else base_transform.OURS
+    kind = base_transform._tf_message() or TransformStamped
+    node.create_subscription(kind, topic, lambda m: transforms.append(getattr(m, "transforms", [m])[0]), 10)
+    assert node.serve(lambda: odometry and transforms)
+    transform, place = transforms[-1], odometry[-1].pose.pose
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert (transform.transform.translation.x, transform.transform.translation.y) == (
+        place.position.x,
+        place.position.y,
+    )
+    assert transform.transform.rotation == place.orientation
+
+
+def test_a_navigation_stack_drives_there_and_hands_over(pair, node):
+    """A double of one publishes on /cmd_vel; the whole body waits until it has let go of the topic."""
+    controller, robot = pair()
+    stack = node.create_publisher(Twist, "/cmd_vel", 1)
+    ahead = Twist()
+    ahead.linear.x = 0.3
+    begun = robot._plant.q[:2].copy()
+    assert node.publish(stack, ahead, lambda: np.linalg.norm(robot._plant.q[:2] - begun) > 0.05)
+    assert node.serve(lambda: controller.following.age < 1.0)
+    with pytest.raises(Error, match="publishes on /cmd_vel too"):
+        controller.following.activate()
+    node.destroy_publisher(stack)
+    activated(node, controller)
+    assert controller.phase is Phase.ACTIVE
+    arm = robot._plant.q[3:].copy()
+    assert node.serve(lambda: np.abs(robot._plant.q[3:] - arm).max() > 1e-3), controller.outcome
+
+
 class Clocked:
     """A node of which only the clock is asked."""
 
@@ -264,6 +301,17 @@ def test_what_is_sent_moves_the_base_as_the_inputs_do(name, form):
         )
         asked = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
         np.testing.assert_allclose(parts.base_rates(q, asked), driven[parts.base_inputs], atol=1e-12)
+
+
+def test_wheels_on_rollers_are_commanded_one_by_one(spec):
+    base = dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.25, rim_speed=0.8)
+    parts, rng = RobotParts(dqc.WholeBody([base])), np.random.default_rng(7)
+    port = base_port(parts, "wheels", Clocked(), "base_link")
+    for _ in range(5):
+        q, u = rng.uniform(-2, 2, (2, 3))
+        speeds = port.message(u, u, q).data
+        assert len(speeds) == 4
+        np.testing.assert_allclose(parts.base_rates(q, base.from_wheel_speeds(speeds)), u, atol=1e-12)
 
 
 def test_what_has_no_topics_is_refused_in_a_line(spec, node):

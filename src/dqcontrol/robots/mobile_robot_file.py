@@ -88,7 +88,7 @@ def _round_links(path: str | Path) -> dict[str, RoundLink]:
             if shape is not None:
                 found[name] = RoundLink(float(shape.radius), np.array(origin_matrix(part)[:3, 3]))
             elif part.geometry.mesh is not None and is_named_wheel(name):
-                found |= {name: each for each in _round_mesh(Path(path), part)}
+                found.update((name, each) for each in _round_mesh(Path(path), part))
             if name in found:
                 break
     return found

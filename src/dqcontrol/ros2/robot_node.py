@@ -21,6 +21,7 @@ from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
+from dqcontrol.ros2.base_transform import transform_publisher
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import (
     BASE_COMMANDS,
@@ -309,8 +310,12 @@ class Obeyed:
 
 
 def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[[int, Array, Array], None]:
-    """Return what publishes where a base is, at a time in ns, for measured configuration and true rates, (n,) each."""
+    """Return what publishes where a base is, as odometry and as transform.
+
+    It takes a time in ns, and measured configuration and true rates, (n,) each.
+    """
     publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
+    say_transform = transform_publisher(node)
     position, angle = plant.base_errors()
     message = Odometry(child_frame_id="base_link")
     message.header.frame_id = "odom"
@@ -325,6 +330,7 @@ def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[
         vx, vy, twist.angular.z = rates[parts.place].tolist()
         twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
         publisher.publish(message)
+        say_transform(message)
 
     return publish
 
