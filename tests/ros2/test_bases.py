@@ -16,6 +16,7 @@ from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
+from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
 from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
 from dqcontrol.ros2 import base_transform
@@ -366,3 +367,44 @@ def test_the_graph_of_silva_drives_and_ends_when_it_is_asked_to(start, node):
     launch.terminate()
     assert launch.wait() == 0
     assert "Traceback" not in launch.stdout.read()
+
+
+TIAGO = """
+name: tiago
+angles: radians
+parts:
+  - {kind: mobile-robot, robot: "example-robot-data:tiago_description/robots/tiago_no_hand.urdf"}
+"""
+UNRUSHED = {"stale_after": 1.0, "frozen_after": 1.0}  # what a busy machine delays is not judged here
+LONG = 8.0  # s
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["little-john", "tiago"])
+def test_two_processes_follow_as_well_as_one(robot, start, spec, tmp_path):
+    """little-john at 20 Hz and TIAGo at 100 Hz, the base by odometry: mean error of the hand within 10 %."""
+    changes = {**DRIVEN, "period": 0.05, "plant": {"kind": "servo"}, "supervisor": UNRUSHED, "duration": LONG}
+    if robot == "tiago":
+        (tmp_path / "tiago.yaml").write_text(TIAGO)
+        home = [0.0, 0.0, 0.0, 0.17, 1.0, -0.3, -1.0, 1.0, 0.0, 0.3, 0.0]
+        changes |= {"robot": str(tmp_path / "tiago.yaml"), "start": home, "period": 0.01}
+    path = spec(**changes)
+    alone = dqc.run(path).record
+    start("robot", path)
+    out = tmp_path / "out"
+    controller = start("controller", path, "--autostart", "--out", out, until="active")
+    begun = time.monotonic()
+    while controller.poll() is None and time.monotonic() - begun < LONG + 1.0:
+        time.sleep(0.1)
+    controller.terminate()
+    controller.wait()
+    together = load_run(out).record
+    mean = []
+    for record in (alone, together):
+        error = np.linalg.norm(record.position - record.desired_position, axis=1)
+        assert record.time[-1] > LONG - 0.2
+        mean.append(float(error[record.time <= LONG].mean()))
+    print(
+        f"{robot}: mean error of the hand {1e3 * mean[0]:.2f} mm in one process, {1e3 * mean[1]:.2f} mm in two"
+    )
+    assert mean[1] == pytest.approx(mean[0], rel=0.1)
