@@ -73,9 +73,11 @@ def tasks() -> dict[str, Task]:
     arm, john = dqc.load_robot("iiwa7"), dqc.load_robot("little-john")
     assert isinstance(arm, dqc.SerialArm)
     drive = dqc.DifferentialDrive(wheel_radius=0.065, half_track=0.13)
+    car = dqc.CarLikeBase(0.1, 0.2, wheelbase=0.5, steering_limit=0.6)
     bodies = {
         "little-john": (john, np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])),
         "iiwa7 on a drive": (dqc.WholeBody([drive, arm]), np.hstack([np.zeros(3), START])),
+        "iiwa7 on a car": (dqc.WholeBody([car, arm]), np.hstack([np.zeros(3), START])),
     }
     found = {name: Task(arm, START, law) for name, law in LAWS.items()}
     for body, (robot, start) in bodies.items():

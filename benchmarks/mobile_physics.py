@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 import dqcontrol as dqc
-from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
+from dqcontrol.plants import Basket, Cube, MobilePlant, RollerPhysics, WheeledBase, drive_square
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
 
 SEED = 20261209
@@ -65,6 +65,21 @@ def errands() -> int:
     return done
 
 
+def rollers() -> None:
+    """Print how far mecanum and omni wheels come on a square of 2 m sides, against their kinematics."""
+    for base in (
+        dqc.MecanumBase(wheel_radius=0.05, half_track=0.158, half_wheelbase=0.228),
+        dqc.OmniBase(wheel_radius=0.05, wheel_distance=0.2),
+    ):
+        for friction in (0.8, 0.4):
+            lengths, end, slip = drive_square(RollerPhysics(base, mass=27.0, friction=friction))
+            short = 100 * np.abs(lengths / 2.0 - 1.0).max()
+            print(
+                f"{base.kind} wheels, square of 2 m, friction {friction:g}: sides {short:.1f} % off at most, turned by "
+                f"{np.degrees(end[2]):.1f}°, slip up to {1e3 * slip:.0f} mm/s"
+            )
+
+
 def main() -> None:
     """Print all figures."""
     drive, errand = speeds()
@@ -76,6 +91,7 @@ def main() -> None:
             f"odometry after a square of 4 m, friction {friction:g}: off by {1e3 * far:.0f} mm and "
             f"{np.degrees(turned):.1f}°, slip up to {slip:.2f} m/s"
         )
+    rollers()
     print(f"cubes in baskets, random scenes (seed {SEED}): {errands()} of {SCENES}")
 
 

@@ -45,8 +45,8 @@ def test_random_rooms_are_crossed_without_contact(tmp_path, count, least):
 
 
 def test_parking_in_a_niche():
-    """0.7 m wide, 0.8 m deep; the hand is to be at its far wall."""
-    walls = (box(1.0, 1.8, 0.35, 2.0), box(1.0, 1.8, -2.0, -0.35), box(1.8, 2.0, -2.0, 2.0))
+    """0.7 m wide, 0.85 m deep; the hand is to be at its far wall."""
+    walls = (box(1.0, 1.85, 0.35, 2.0), box(1.0, 1.85, -2.0, -0.35), box(1.85, 2.0, -2.0, 2.0))
     floor = FloorMap(walls, height=1.0)
     goal = ROBOT.fkm([1.35, 0, 0, 0, -0.9, 0.9, 0.9, 0])
     way = DriveTo.pose(ROBOT, HOME, goal, floor=floor, clearance=0.03)

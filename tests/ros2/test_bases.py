@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from nodes import UNHURRIED
 from rclpy.parameter import Parameter
@@ -16,12 +16,14 @@ from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
+from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
 from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
+from dqcontrol.ros2 import base_transform
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load
-from dqcontrol.ros2.messages import NANOSECONDS, stamp_of
+from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds, stamp_of
 from dqcontrol.ros2.robot_node import RobotNode
 from dqcontrol.ros2.robot_parts import RobotParts
 
@@ -232,6 +234,42 @@ def test_a_robot_s_base_brakes_without_commands_and_its_arm_goes_on(spec, node, 
     np.testing.assert_array_equal(robot._plant.q[:3], before[:3])
 
 
+def test_the_transform_of_a_base_is_its_odometry(spec, node):
+    robot = RobotNode(load(spec(**DRIVEN)))
+    node.host(robot)
+    odometry, transforms = [], []
+    node.create_subscription(Odometry, "/odom", odometry.append, 10)
+    topic = base_transform.TF if base_transform._tf_message() else base_transform.OURS
+    kind = base_transform._tf_message() or TransformStamped
+    node.create_subscription(kind, topic, lambda m: transforms.append(getattr(m, "transforms", [m])[0]), 10)
+    assert node.serve(lambda: odometry and transforms)
+    transform, place = transforms[-1], odometry[-1].pose.pose
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    assert (transform.transform.translation.x, transform.transform.translation.y) == (
+        place.position.x,
+        place.position.y,
+    )
+    assert transform.transform.rotation == place.orientation
+
+
+def test_a_navigation_stack_drives_there_and_hands_over(pair, node):
+    """A double of one publishes on /cmd_vel; the whole body waits until it has let go of the topic."""
+    controller, robot = pair()
+    stack = node.create_publisher(Twist, "/cmd_vel", 1)
+    ahead = Twist()
+    ahead.linear.x = 0.3
+    begun = robot._plant.q[:2].copy()
+    assert node.publish(stack, ahead, lambda: np.linalg.norm(robot._plant.q[:2] - begun) > 0.05)
+    assert node.serve(lambda: controller.following.age < 1.0)
+    with pytest.raises(Error, match="publishes on /cmd_vel too"):
+        controller.following.activate()
+    node.destroy_publisher(stack)
+    activated(node, controller)
+    assert controller.phase is Phase.ACTIVE
+    arm = robot._plant.q[3:].copy()
+    assert node.serve(lambda: np.abs(robot._plant.q[3:] - arm).max() > 1e-3), controller.outcome
+
+
 class Clocked:
     """A node of which only the clock is asked."""
 
@@ -266,9 +304,22 @@ def test_what_is_sent_moves_the_base_as_the_inputs_do(name, form):
         np.testing.assert_allclose(parts.base_rates(q, asked), driven[parts.base_inputs], atol=1e-12)
 
 
+def test_wheels_on_rollers_are_commanded_one_by_one(spec):
+    base = dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.25, rim_speed=0.8)
+    parts, rng = RobotParts(dqc.WholeBody([base])), np.random.default_rng(7)
+    port = base_port(parts, "wheels", Clocked(), "base_link")
+    for _ in range(5):
+        q, u = rng.uniform(-2, 2, (2, 3))
+        speeds = port.message(u, u, q).data
+        assert len(speeds) == 4
+        np.testing.assert_allclose(parts.base_rates(q, base.from_wheel_speeds(speeds)), u, atol=1e-12)
+
+
 def test_what_has_no_topics_is_refused_in_a_line(spec, node):
     youbot = dict(DRIVEN, robot="youbot", start=[0, 0, 0, 0.1, 0.5, -0.5, 0.5, 0.1])
-    with pytest.raises(ValueRangeError, match="'wheels' needs a differential drive; youbot has none"):
+    with pytest.raises(
+        ValueRangeError, match="'wheels' needs a differential drive, mecanum or omni wheels; youbot has none"
+    ):
         RobotNode(load(spec(**youbot)), base_interface="wheels")
     two = dqc.WholeBody([dqc.HolonomicBase(), dqc.HolonomicBase()], name="two")
     with pytest.raises(ShapeError, match="two has 2 mobile bases; ROS 2 tells of one"):
@@ -278,26 +329,32 @@ def test_what_has_no_topics_is_refused_in_a_line(spec, node):
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["robot", "controller"])
 def test_when_a_process_of_silva_s_graph_is_killed_the_wheels_stop(start, node, spec, lost):
-    """The other notices within two and a half of its periods of 50 ms, and brakes within its acceleration."""
-    path = spec(**graph_spec("nonlinear", "ideal"))
-    speeds = []
+    """The other notices what is 1.6 periods late, 80 ms, and brakes in one period; see docs/ros2.md."""
+    path = spec(**graph_spec("ours", "ideal"))
+    rolled, told = [], []
 
-    def hear(message):
-        speeds.append((time.monotonic(), abs(message.twist.twist.linear.x)))
+    def speed(twist):
+        return abs(twist.linear.x) + 0.13 * abs(twist.angular.z)
 
-    node.create_subscription(Odometry, "/odom", hear, 100)
-    told = []
-    node.create_subscription(Twist, "/cmd_vel", lambda m: told.append((time.monotonic(), m.linear.x)), 100)
-    limits = ("--", "-p", "command_timeout:=0.08") if lost == "controller" else ()
-    running = {"robot": start("robot", path, *limits)}
+    def hear_odometry(message):  # what it says was so at its stamp, however late it is heard
+        at = nanoseconds(message.header.stamp) / NANOSECONDS
+        rolled.append((at, speed(message.twist.twist)))
+
+    node.create_subscription(Odometry, "/odom", hear_odometry, 100)
+    node.create_subscription(Twist, "/cmd_vel", lambda m: told.append((time.time(), speed(m))), 100)
+    running = {"robot": start("robot", path)}
     running["controller"] = start("controller", path, "--autostart", until="active")
-    assert node.serve(lambda: len(told) > 5 and abs(told[-1][1]) > 0.05)
+    assert node.serve(lambda: len(told) > 5 and told[-1][1] > 0.05)
     running[lost].kill()
-    killed = time.monotonic()
+    killed = time.time()
     node.serve(seconds=1.0)
-    moving = [at for at, speed in (told if lost == "robot" else speeds) if speed]
-    print(f"{lost} killed: the last that moved came {1e3 * (moving[-1] - killed):.0f} ms later")
-    assert moving[-1] - killed < 0.3
+    heard = told if lost == "robot" else rolled
+    last = max(at for at, fast in heard if fast)
+    still = min(at for at, _ in heard if at > last)
+    after = 1e3 * (still - killed)
+    print(f"{lost} killed: the wheels stand {after:.0f} ms later")
+    # 100 ms on a quiet machine; what delays processes on a busy one is not the nodes'
+    assert after < 300.0
 
 
 @pytest.mark.slow
@@ -310,3 +367,44 @@ def test_the_graph_of_silva_drives_and_ends_when_it_is_asked_to(start, node):
     launch.terminate()
     assert launch.wait() == 0
     assert "Traceback" not in launch.stdout.read()
+
+
+TIAGO = """
+name: tiago
+angles: radians
+parts:
+  - {kind: mobile-robot, robot: "example-robot-data:tiago_description/robots/tiago_no_hand.urdf"}
+"""
+UNRUSHED = {"stale_after": 1.0, "frozen_after": 1.0}  # what a busy machine delays is not judged here
+LONG = 8.0  # s
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["little-john", "tiago"])
+def test_two_processes_follow_as_well_as_one(robot, start, spec, tmp_path):
+    """little-john at 20 Hz and TIAGo at 100 Hz, the base by odometry: mean error of the hand within 10 %."""
+    changes = {**DRIVEN, "period": 0.05, "plant": {"kind": "servo"}, "supervisor": UNRUSHED, "duration": LONG}
+    if robot == "tiago":
+        (tmp_path / "tiago.yaml").write_text(TIAGO)
+        home = [0.0, 0.0, 0.0, 0.17, 1.0, -0.3, -1.0, 1.0, 0.0, 0.3, 0.0]
+        changes |= {"robot": str(tmp_path / "tiago.yaml"), "start": home, "period": 0.01}
+    path = spec(**changes)
+    alone = dqc.run(path).record
+    start("robot", path)
+    out = tmp_path / "out"
+    controller = start("controller", path, "--autostart", "--out", out, until="active")
+    begun = time.monotonic()
+    while controller.poll() is None and time.monotonic() - begun < LONG + 1.0:
+        time.sleep(0.1)
+    controller.terminate()
+    controller.wait()
+    together = load_run(out).record
+    mean = []
+    for record in (alone, together):
+        error = np.linalg.norm(record.position - record.desired_position, axis=1)
+        assert record.time[-1] > LONG - 0.2
+        mean.append(float(error[record.time <= LONG].mean()))
+    print(
+        f"{robot}: mean error of the hand {1e3 * mean[0]:.2f} mm in one process, {1e3 * mean[1]:.2f} mm in two"
+    )
+    assert mean[1] == pytest.approx(mean[0], rel=0.1)

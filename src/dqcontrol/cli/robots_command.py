@@ -155,6 +155,31 @@ def convert(
 
 
 @robots.command
+def wheels(
+    source: str,
+    /,
+    *,
+    drive: str | None = None,
+    wheel_radius: float | None = None,
+    track: float | None = None,
+) -> None:
+    """Show the wheels that a URDF, xacro or MJCF file has, and the mobile base that they make.
+
+    Parameters
+    ----------
+    source
+        .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
+    drive
+        "differential", "mecanum", "omni", "car-like" or "tricycle", where the wheels do not tell.
+    wheel_radius, track
+        Where the file does not tell, m.
+    """
+    from dqcontrol.cli.wheels_listing import list_wheels
+
+    list_wheels(source, drive, wheel_radius, track)
+
+
+@robots.command
 def shapes(
     source: str,
     /,

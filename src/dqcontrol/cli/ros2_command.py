@@ -179,7 +179,7 @@ def pereira2016(
 @ros2.command
 def silva2017(
     *,
-    law: str = "nonlinear",
+    law: str = "ours",
     plant: Literal["camera", "ideal"] = "camera",
     out: Out = None,
     force: Force = False,

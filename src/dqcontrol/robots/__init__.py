@@ -6,7 +6,7 @@ from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.load import load_robot, load_tree, robot_names
+from dqcontrol.robots.load import load_mobile, load_robot, load_tree, robot_names
 from dqcontrol.robots.nearest_pose import NearestPose, nearest_pose
 from dqcontrol.robots.postures import ReachingPosture, postures
 from dqcontrol.robots.robot import Robot
@@ -53,6 +53,7 @@ __all__ = [
     "WholeBody",
     "WholeBodyFile",
     "describe",
+    "load_mobile",
     "load_robot",
     "load_robot_file",
     "load_tree",

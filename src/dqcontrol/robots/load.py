@@ -16,8 +16,10 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.robots.found_base import DriveKind
 from dqcontrol.robots.link_tree import LinkTree
 from dqcontrol.robots.mjcf import mjcf_tree
+from dqcontrol.robots.mobile_robot_file import MJCF, mobile_robot_from
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
@@ -26,11 +28,11 @@ from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.two_arms_file import two_arms_from
 from dqcontrol.robots.urdf import load_urdf, urdf_tree
 from dqcontrol.robots.urdf_xml import XACRO
+from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.robots.whole_body_file import whole_body_from
 
 EXAMPLES = "example-robot-data"
 _SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
-MJCF = ".xml"
 
 _MODELS = Path(__file__).parent / "models"
 
@@ -133,6 +135,90 @@ def load_tree(
     return robot
 
 
+def load_mobile(
+    source: str | Path,
+    tip_link: str | None = None,
+    *,
+    drive: DriveKind | None = None,
+    wheel_radius: float | None = None,
+    track: float | None = None,
+    steering_limit: float | None = None,
+) -> WholeBody:
+    """Load a mobile robot, with its arm, from a file that describes its wheels.
+
+    Wheels are joints without limits about a level axis, with a round link or a name like a wheel's, at the height of
+    the lowest; those that turn freely about an upright axis are casters, those that do so within limits are steered.
+    Their number and axles tell the drive: two on an axle a differential drive, two and one or two steered ones a
+    tricycle or a car, four with rollers mecanum wheels, three or more around the middle omni wheels. Radius and track
+    are those of the wheels, the rims' limit is that of their joints. The arm is the longest chain of joints, without
+    gripper.
+
+    Parameters
+    ----------
+    source
+        A ``.urdf``, ``.xacro`` or ``.xml`` (MJCF) file, or ``example-robot-data:PATH.urdf``.
+    tip_link
+        Link whose frame is the hand; if omitted, the one that carries the fingers of the longest chain.
+    drive
+        ``"differential"``, ``"mecanum"``, ``"omni"``, ``"car-like"`` or ``"tricycle"``, where the wheels do not tell.
+    wheel_radius, track
+        m; where the file does not tell, or in place of what it says.
+    steering_limit
+        rad; the same.
+
+    Returns
+    -------
+    WholeBody
+        The base, the pose of the file's root on it, and the arm if there is one.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is malformed, or its wheels do not tell what is needed: it is said what to give.
+    UnknownNameError
+        If there is no such file or link, or there are several arms and no ``tip_link``.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> def wheel(side, y):
+    ...     shape = '<collision><geometry><cylinder radius="0.1" length="0.04"/></geometry></collision>'
+    ...     place = f'<origin xyz="0 {y} 0.1" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/>'
+    ...     return (f'<link name="{side}_wheel">{shape}</link><joint name="{side}" type="continuous">{place}'
+    ...             f'<parent link="base"/><child link="{side}_wheel"/></joint>')
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cart.urdf"
+    >>> _ = path.write_text(f'<robot name="cart"><link name="base"/>{wheel("left", 0.2)}{wheel("right", -0.2)}</robot>')
+    >>> dqc.load_mobile(path).parts[0].half_track
+    0.2
+    """
+    return mobile_robot_from(
+        file_of(source),
+        tip_link,
+        drive=drive,
+        wheel_radius=wheel_radius,
+        track=track,
+        steering_limit=steering_limit,
+    )
+
+
+def file_of(source: str | Path) -> Path:
+    """Return the URDF, xacro or MJCF file that a source names.
+
+    Raises
+    ------
+    UnknownNameError
+        If it names none.
+    """
+    text = str(source)
+    package, colon, inner = text.partition(":")
+    path = _example(inner) if package == EXAMPLES and colon else Path(text)
+    if path.suffix.lower() not in (".urdf", XACRO, MJCF):
+        raise UnknownNameError(
+            f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, which could have wheels"
+        )
+    return path
+
+
 def _links(source: str | Path) -> LinkTree:
     text = str(source)
     package, colon, inner = text.partition(":")
@@ -151,7 +237,7 @@ def _links(source: str | Path) -> LinkTree:
 def robot_from(path: str | Path, data: Any) -> Robot:
     """Make a robot of the plain data of one of our files; ``path`` is for the messages and the places of others."""
     if isinstance(data, dict) and "parts" in data:
-        return whole_body_from(path, data, _load_arm)
+        return whole_body_from(path, data, _load_arm, load_mobile)
     if isinstance(data, dict) and "frames" in data:
         return tree_from(path, data)
     if isinstance(data, dict) and ("left" in data or "right" in data):

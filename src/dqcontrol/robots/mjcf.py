@@ -16,6 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.robots.axes import z_onto
 from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.found_base import RoundLink
 from dqcontrol.robots.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.mujoco_package import import_mujoco
 from dqcontrol.robots.poses import inverse7
@@ -82,6 +83,32 @@ def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
         found[reader.joint_name(joint)] = ServoGains(
             kp * gear * gear, -float(bias[2]) * gear * gear, force * abs(gear), float(model.dof_armature[dof])
         )
+    return found
+
+
+def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
+    """Return the largest cylinder, sphere, ellipsoid or mesh of each body of an MJCF file, by the bodies' names.
+
+    The radius of a mesh is half the second largest extent of its box: a wheel is as high as it is long.
+
+    Raises
+    ------
+    MissingExtraError, FileFormatError
+        As for `mjcf_tree`.
+    """
+    reader = _Reader(path)
+    model, kinds, found = reader.model, reader.mujoco.mjtGeom, {}
+    for i in range(model.ngeom):
+        kind, size = kinds(int(model.geom_type[i])), model.geom_size[i]
+        if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_SPHERE):
+            radius = float(size[0])
+        elif kind in (kinds.mjGEOM_ELLIPSOID, kinds.mjGEOM_MESH):
+            radius = float(np.sort(model.geom_aabb[i, 3:])[1])
+        else:
+            continue
+        body = reader.name("BODY", int(model.geom_bodyid[i]))
+        if body not in found or found[body].radius < radius:
+            found[body] = RoundLink(radius, model.geom_pos[i].copy())
     return found
 
 

@@ -24,7 +24,7 @@ from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
-_GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
+GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
 
 
 def load_urdf(
@@ -267,7 +267,7 @@ class UrdfTree:
     def gripper_joints(self, base: str, tip: str) -> list[Any]:
         """Return the last moving joints above a tip whose names say that they open a gripper; none if all do."""
         moving = [joint for joint in self.path(base, tip) if _is_movable(joint)]
-        last = list(takewhile(lambda joint: _GRIPPER.search(joint.name), reversed(moving)))
+        last = list(takewhile(lambda joint: GRIPPER.search(joint.name), reversed(moving)))
         return last[::-1] if len(last) < len(moving) else []
 
     def check_movable(self, joint: Any) -> None:

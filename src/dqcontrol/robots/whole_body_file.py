@@ -14,6 +14,7 @@ from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
+from dqcontrol.robots.found_base import DriveKind
 from dqcontrol.robots.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
 from dqcontrol.robots.roller_bases import MecanumBase, OmniBase
 from dqcontrol.robots.serial_arm import SerialArm
@@ -21,6 +22,7 @@ from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 from dqcontrol.robots.whole_body import Form, WholeBody
 
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
+LoadMobile = Callable[..., WholeBody]
 
 
 class _WholeBodyPart(FilePart, tag_field="kind"):
@@ -128,12 +130,31 @@ class ArmPart(_WholeBodyPart, tag="arm"):
     reversed: bool = False
 
 
+class MobileRobotPart(_WholeBodyPart, tag="mobile-robot"):
+    """A base and its arm as `load_mobile` finds them in a URDF or MJCF file; files relative to this one."""
+
+    robot: Annotated[str, Meta(min_length=1)]
+    tip_link: str | None = None
+    drive: DriveKind | None = None
+    wheel_radius: Annotated[Positive, Meta(description="m")] | None = None
+    track: Annotated[Positive, Meta(description="m")] | None = None
+    steering_limit: Annotated[Positive, Meta(description="in the file's unit of angles")] | None = None
+
+
 class PosePart(FixedPose, tag_field="kind", tag="pose"):
     """A fixed pose between parts."""
 
 
 AnyPart: TypeAlias = (
-    DrivePart | CarPart | TricyclePart | HolonomicPart | MecanumPart | OmniPart | ArmPart | PosePart
+    DrivePart
+    | CarPart
+    | TricyclePart
+    | HolonomicPart
+    | MecanumPart
+    | OmniPart
+    | ArmPart
+    | MobileRobotPart
+    | PosePart
 )
 
 
@@ -148,7 +169,7 @@ class WholeBodyFile(FilePart):
     sources: list[str] = []
 
 
-def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody:
+def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm, load_mobile: LoadMobile) -> WholeBody:
     """Make a whole body of the plain data of a file.
 
     Parameters
@@ -159,6 +180,8 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody
         What fits `WholeBodyFile`.
     load_arm
         Loads an arm from a source and the names of its links.
+    load_mobile
+        Loads a base with its arm, see `dqcontrol.load_mobile`.
 
     Raises
     ------
@@ -171,7 +194,10 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm) -> WholeBody
         parts = []
         for i, part in enumerate(file.parts):
             with error_prefix(f"parts[{i}]"):
-                parts.append(_part(f"parts[{i}]", part, Path(path).parent, unit, load_arm))
+                if isinstance(part, MobileRobotPart):
+                    parts.append(_mobile(part, Path(path).parent, unit, load_mobile))
+                else:
+                    parts.append(_part(f"parts[{i}]", part, Path(path).parent, unit, load_arm))
         return WholeBody(parts, file.name, file.form)
     except Error as error:
         raise FileFormatError(f"{path}: {error}") from None
@@ -209,6 +235,19 @@ def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -
     near = folder / part.robot
     arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     return arm.reversed() if part.reversed else arm
+
+
+def _mobile(part: MobileRobotPart, folder: Path, unit: float, load_mobile: LoadMobile) -> WholeBody:
+    near = folder / part.robot
+    limit = None if part.steering_limit is None else part.steering_limit * unit
+    return load_mobile(
+        near if near.is_file() else part.robot,
+        part.tip_link,
+        drive=part.drive,
+        wheel_radius=part.wheel_radius,
+        track=part.track,
+        steering_limit=limit,
+    )
 
 
 def _holonomic(part: HolonomicPart | _RollerPart, unit: float) -> HolonomicBase:

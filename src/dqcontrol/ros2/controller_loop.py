@@ -29,7 +29,7 @@ from dqcontrol.ros2.interfaces import (
     joint_port,
     publishers_of,
 )
-from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.loading import Loaded, silence
 from dqcontrol.ros2.localisation import Localisation
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
@@ -142,7 +142,7 @@ class Following:
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
-        self._alarm = steady_timer(node, SILENCE * loaded.period, self._watch)  # each message puts it off
+        self._alarm = steady_timer(node, self._patience, self._watch)  # each message puts it off
 
     def activate(self) -> None:
         """Start to follow.
@@ -202,6 +202,17 @@ class Following:
     @property
     def _longest_silence(self) -> float:
         return self.loaded.supervisor.stale_after or np.inf
+
+    @property
+    def _patience(self) -> float:
+        """Time without a message after which a step is taken without one, s.
+
+        That step brakes a mobile base, which would roll on; the supervisor stops if the next one is without, too.
+        """
+        period, usual = self.loaded.period, SILENCE * self.loaded.period
+        return (
+            max(usual, min(silence(period, rolls=True), self._longest_silence)) if self._parts.base else usual
+        )
 
     def _check_start(self, measured: Array) -> None:
         away = np.abs(measured - self.loaded.case.scene.start)
@@ -282,7 +293,7 @@ class Following:
         self._measured[coordinates] = values
         measured = self._measured.copy()
         self._latest, late = (now, stamp), self._has_slept(now)
-        self._watch_in(SILENCE * self.loaded.period)
+        self._watch_in(self._patience)
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
@@ -329,7 +340,7 @@ class Following:
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
         age, felt = max(self._periods.age(now), self._felt.age), self._felt
-        if self._localisation and self._localisation.is_silent:
+        if self._localisation and (self._localisation.is_silent or self.age >= 0.99 * self._patience):
             age = np.inf
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._send(control.rate)

@@ -16,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.robots import DifferentialDrive, WholeBody
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.ros2.robot_parts import RobotParts
 
 JOINT_STATES, ODOMETRY = "/joint_states", "/odom"
@@ -172,9 +173,7 @@ def base_port(parts: RobotParts, interface: str, node: Node, frame: str) -> Port
 
     def message(_: Array, rate: Array, measured: Array) -> Any:
         if interface == "wheels":
-            body = parts.driven
-            assert isinstance(body, WholeBody)
-            return Float64MultiArray(data=body.wheel_speeds(rate)[parts.base_inputs].tolist())
+            return Float64MultiArray(data=wheel_speeds(parts, rate, measured))
         ahead, left, turn = parts.base_twist(measured, rate)
         twist = Twist()
         twist.linear.x, twist.linear.y, twist.angular.z = ahead, left, turn
@@ -189,10 +188,20 @@ def base_port(parts: RobotParts, interface: str, node: Node, frame: str) -> Port
 
 def check_wheels(parts: RobotParts) -> None:
     """Refuse commands of wheels for a base without any that are known."""
-    if not isinstance(parts.base, DifferentialDrive):
+    if not isinstance(parts.base, DifferentialDrive | RollerBase):
         raise ValueRangeError(
-            f"base interface: 'wheels' needs a differential drive; {parts.robot.name} has none: take 'twist'"
+            "base interface: 'wheels' needs a differential drive, mecanum or omni wheels; "
+            f"{parts.robot.name} has none: take 'twist'"
         )
+
+
+def wheel_speeds(parts: RobotParts, rate: Array, measured: Array) -> list[float]:
+    """Return the speed of each wheel, rad/s, for inputs of `driven` at a configuration (n,)."""
+    body, base = parts.driven, parts.base
+    assert isinstance(body, WholeBody)
+    if isinstance(base, RollerBase):
+        return base.wheel_speeds(parts.base_twist(measured, rate)).tolist()
+    return body.wheel_speeds(rate)[parts.base_inputs].tolist()
 
 
 def publishers_of(node: Node, topic: str) -> list[str]:

@@ -19,10 +19,19 @@ from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.robot_parts import RobotParts
 
+_SILENT, _SILENT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
+_ROLLING, _ROLLING_PERIODS = 0.08, 1.6  # what rolls is to stand within 0.1 s, if its period allows that
 
-def silence(period: float) -> float:
-    """Return after how long without a message the other side is taken for dead, where nobody says: s, as the period."""
-    return max(0.03, 2.5 * period)
+
+def silence(period: float, *, rolls: bool = False) -> float:
+    """Return after how long without a message the other side is taken for dead, where nobody says: s, as the period.
+
+    A mobile base rolls on meanwhile: with slow periods it waits for one message that is late, not for two.
+    """
+    longest = _SILENT_PERIODS * period
+    if rolls:
+        longest = min(longest, max(_ROLLING, _ROLLING_PERIODS * period))
+    return max(_SILENT, longest)
 
 
 @dataclass

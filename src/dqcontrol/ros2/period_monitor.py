@@ -31,7 +31,7 @@ class PeriodMonitor:
 
     def start(self, now: float, stamp: float) -> None:
         """Begin with a first message that was heard now, s, and stamped by its sender's clock, s."""
-        self._saved, self._counted, self._heard = 0.0, now, now
+        self._saved, self._counted, self._heard = _MOST - 1.0, now, now
         self._stamp, self._offset = stamp, now - stamp
 
     def hear(self, now: float, stamp: float) -> bool:
@@ -50,7 +50,7 @@ class PeriodMonitor:
         return now - self._stamp - self._offset
 
     def _take(self, now: float) -> bool:
-        self._saved = min(self._saved + (now - self._counted) / self.period, _MOST)
+        self._saved = min(self._saved + (now - self._counted) / ((1.0 - _DRIFT) * self.period), _MOST)
         self._counted = now
         if self._saved < 1.0:
             return False

@@ -19,6 +19,9 @@ from dqcontrol.limits.supervisor.prepared_supervisor import GO
 from dqcontrol.plants.live_plant import LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive
+from dqcontrol.robots.roller_bases import RollerBase
+from dqcontrol.robots.whole_body import Drive
+from dqcontrol.ros2.base_transform import transform_publisher
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import (
     BASE_COMMANDS,
@@ -31,7 +34,7 @@ from dqcontrol.ros2.interfaces import (
     check_wheels,
     publishers_of,
 )
-from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.loading import Loaded, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
     RefusedError,
@@ -49,7 +52,6 @@ _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
 _MOST_BEHIND = 10.0  # periods of motion that it can have missed: its controller has stopped by then
 _CATCH_UP = 0.05  # of its usual speed, that a robot adds to make up for position commands it could not follow
-_TIMEOUT, _TIMEOUT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 
 
 class RobotNode(Node):
@@ -102,7 +104,7 @@ class RobotNode(Node):
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
         self._was = self._plant.q.copy()
         self._diagnostics = Diagnostics(self, self._condition)
-        timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * self._period)
+        timeout = silence(self._period, rolls=parts.base is not None)
         words = "after which the robot brakes if no command comes, s"
         declare(self, [Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)])
         refuse_unknown(self, ["command_timeout"])
@@ -143,14 +145,15 @@ class RobotNode(Node):
         return numbers(self._interface, message.data, len(self._joints))
 
     def _base_command(self, message: Any) -> Array:
-        """Return the inputs of the base that a command asks for, as it stands now."""
+        """Return the velocity of the base that a command asks for: ahead and to the left, m/s, and turning, rad/s."""
         base = self._parts.base
         if isinstance(base, DifferentialDrive) and self._base_interface == "wheels":
             right, left = base.wheel_radius * numbers("wheels", message.data, 2)
-            return np.array([0.5 * (right + left), 0.5 * (right - left) / base.half_track])
+            return np.array([0.5 * (right + left), 0.0, 0.5 * (right - left) / base.half_track])
+        if isinstance(base, RollerBase) and self._base_interface == "wheels":
+            return base.from_wheel_speeds(numbers("wheels", message.data, len(base.wheels)))
         twist = message.twist if self._base_interface == "twist-stamped" else message
-        asked = planar_twist_of(twist, sideways=not isinstance(base, DifferentialDrive))
-        return np.array(asked)
+        return np.array(planar_twist_of(twist, sideways=not isinstance(base, Drive)))
 
     def _tick(self) -> None:
         """Move the plant up to now, and say where it is."""
@@ -217,8 +220,7 @@ class RobotNode(Node):
         if "joints" in self._obeyed:
             rates[parts.joint_inputs] = self._joint_rates(self._obeyed["joints"].asked)
         if "base" in self._obeyed and (asked := self._obeyed["base"].asked) is not None:
-            is_twist = self._base_interface != "wheels"
-            rates[parts.base_inputs] = parts.base_rates(self._before, asked) if is_twist else asked
+            rates[parts.base_inputs] = parts.base_rates(self._before, asked)
         return rates
 
     def _joint_rates(self, asked: Array | None) -> Array:
@@ -308,8 +310,12 @@ class Obeyed:
 
 
 def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[[int, Array, Array], None]:
-    """Return what publishes where a base is, at a time in ns, for measured configuration and true rates, (n,) each."""
+    """Return what publishes where a base is, as odometry and as transform.
+
+    It takes a time in ns, and measured configuration and true rates, (n,) each.
+    """
     publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
+    say_transform = transform_publisher(node)
     position, angle = plant.base_errors()
     message = Odometry(child_frame_id="base_link")
     message.header.frame_id = "odom"
@@ -324,6 +330,7 @@ def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[
         vx, vy, twist.angular.z = rates[parts.place].tolist()
         twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
         publisher.publish(message)
+        say_transform(message)
 
     return publish
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
-from dqcontrol.robots import DifferentialDrive, HolonomicBase, Robot, WholeBody
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots.whole_body import Base, Drive, base_coordinates
 
 Indices = NDArray[np.intp]
 
@@ -35,10 +35,10 @@ class RobotParts:
             )
 
     @cached_property
-    def base(self) -> DifferentialDrive | HolonomicBase | None:
+    def base(self) -> Base | None:
         """The mobile base, if there is one."""
         parts = self.robot.parts if isinstance(self.robot, WholeBody) else ()
-        bases = (part for part in parts if isinstance(part, DifferentialDrive | HolonomicBase))
+        bases = (part for part in parts if isinstance(part, Base))
         return next(bases, None)
 
     @cached_property
@@ -90,7 +90,7 @@ class RobotParts:
     def base_twist(self, q: Array, inputs: Array) -> tuple[float, float, float]:
         """Return the base's velocity ahead and to the left, m/s, and its turning, rad/s, for inputs of `driven`."""
         u = inputs[self.base_inputs]
-        if isinstance(self.base, DifferentialDrive):
+        if isinstance(self.base, Drive):
             return float(u[0]), 0.0, float(u[1])
         c, s = np.cos(q[self.place[2]]), np.sin(q[self.place[2]])
         return float(c * u[0] + s * u[1]), float(c * u[1] - s * u[0]), float(u[2])
@@ -98,7 +98,7 @@ class RobotParts:
     def base_rates(self, q: Array, twist: Array) -> Array:
         """Return the inputs of the base that have it move so; the inverse of `base_twist`, which drives may lack."""
         ahead, left, turn = twist
-        if isinstance(self.base, DifferentialDrive):
+        if isinstance(self.base, Drive):
             return np.array([ahead, turn])
         c, s = np.cos(q[self.place[2]]), np.sin(q[self.place[2]])
         return np.array([c * ahead - s * left, s * ahead + c * left, turn])

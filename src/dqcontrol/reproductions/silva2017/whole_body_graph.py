@@ -13,6 +13,8 @@ from dqcontrol.reproductions.silva2017.specs import spec_data
 from dqcontrol.ros2.launch import launch_pair
 
 ROBOT, CONTROLLER = "little_john", "whole_body_controller"
+# v, ω and the joints: both wheels brake at 10 m/s², from their fastest in one period, so that they stand within 0.1 s
+_ACCELERATION = [10.0, 10.0 / 0.13, *[10.0] * 5]  # m/s², rad/s²
 
 
 def graph_spec(law: str, plant: str) -> dict[str, Any]:
@@ -29,6 +31,7 @@ def graph_spec(law: str, plant: str) -> dict[str, Any]:
         if name not in allowed:
             raise unknown_name(key, name, allowed)
         spec[key] = allowed[name]
+    spec["supervisor"] = {"acceleration": _ACCELERATION}
     return spec
 
 
