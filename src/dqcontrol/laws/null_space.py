@@ -6,7 +6,7 @@ import math
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
@@ -17,6 +17,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
@@ -25,7 +26,7 @@ from dqcontrol.robots.whole_body import base_coordinates
 PREFERENCE = STATUS(INPUT, READ2, READ, WRITE, WRITE)
 
 
-class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class NullSpace(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A preferred motion; subclasses name a kernel of signature `PREFERENCE`."""
 
     kernel: ClassVar[Kernel]
