@@ -8,8 +8,10 @@ interpreted loop runs the very same machine code. Small functions that kernels s
 
 from __future__ import annotations
 
+import gc
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -156,9 +158,22 @@ def _compiled(
     function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
 ) -> Any:
     dispatcher = numba_used.jit(function, fastmath, ours=cached)
-    dispatcher.compile(signature)
+    with _without_collector():
+        dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Search for no garbage meanwhile: a compiler makes millions of objects, and keeps them."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 class InterpretedKernel:
