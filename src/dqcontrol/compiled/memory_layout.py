@@ -22,7 +22,7 @@ class MemoryLayout(Generic[Fields]):
     """Where the numbers of a flat array stand, in the order of a named tuple's fields.
 
     Called with an array and the sizes that the layout depends on, it returns the tuple of its parts. Kernels call it
-    too, and have the machine code of slices that are written out.
+    too, and read its parts by name.
 
     Parameters
     ----------

@@ -55,7 +55,8 @@ posture_parameters = MemoryLayout(PostureParameters, "n")
 def towards_posture(q, twist_jacobian, parameters, work, out):
     """Write z = −Gᵀ α (q − q_rest), α a number for each coordinate, q̇ = G u."""
     n = q.shape[0]
-    pull, rest, drives = posture_parameters(parameters, n)
+    given = posture_parameters(parameters, n)
+    pull, rest, drives = given.pull, given.rest, given.drives
     kept = out.shape[0] == n
     i, j = 0, 0
     for k in range(0 if kept else drives.shape[0]):
@@ -280,8 +281,8 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
     """
     n = twist_jacobian.shape[1]
     given = heading_parameters(parameters)
-    headings = given.drives
-    gram, row, before = ascent_work(work)
+    own, headings = ascent_work(work), given.drives
+    gram, row, before = own.gram, own.row, own.before
     for i in range(n):
         out[i] = 0.0
     beside = 0.0
