@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.compiled.numba_choice import numba_used
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
@@ -22,7 +22,7 @@ class MemoryLayout(Generic[Fields]):
     """Where the numbers of a flat array stand, in the order of a named tuple's fields.
 
     Called with an array and the sizes that the layout depends on, it returns the tuple of its parts. Kernels call it
-    too, and read its parts by name.
+    too, and have the machine code of slices that are written out.
 
     Parameters
     ----------
@@ -53,48 +53,26 @@ class MemoryLayout(Generic[Fields]):
         self.fields, self.sizes = fields, sizes
         self.__name__ = fields.__name__
         hints = get_type_hints(fields, include_extras=True)
-        self.shapes = {
+        self._shapes = {
             name: tuple(_REST if size is ... else size for size in getattr(hint, "__metadata__", ()))
             for name, hint in hints.items()
         }
-        self._numbers = {name: number for number, name in enumerate(self.shapes)}
-        listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self.shapes.values())
+        listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
         self._known_shapes = eval(f"lambda {', '.join([*sizes, _REST])}: ({listed},)")
-        numba_used.define_layout(self)
+        inline(self._taken_apart(), called=self)
 
     def __call__(self, memory: Array, *sizes: int) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
-        left, places = self.places(*sizes, length=memory.shape[-1])
-        parts = []
-        for name, place in places.items():
-            shape = self.shape(name, *sizes, left)
+        *_, last = self._known_shapes(*sizes, 1)
+        left = (memory.shape[-1] - self.size(*sizes)) // max(prod(last), 1)
+        parts, place = [], 0
+        for shape in self._known_shapes(*sizes, left):
             part = memory[..., place : place + prod(shape)]
             if len(shape) > 1:
                 part = part.reshape(*memory.shape[:-1], *shape)
             parts.append(part if shape else memory.T[place].T)
+            place += prod(shape)
         return self.fields(*parts)
-
-    def places(self, *sizes: Any, length: Any = 0) -> tuple[Any, dict[str, Any]]:
-        """Return how many rows the field has that is what is left, and by name where the numbers of each field begin.
-
-        Parameters
-        ----------
-        sizes
-            The sizes that it depends on: whole numbers, or anything that adds, multiplies and divides like them.
-        length
-            How many numbers the array has.
-        """
-        left, place, found = 0, 0, {}
-        for name, shape in zip(self.shapes, self._known_shapes(*sizes, 1), strict=True):
-            found[name] = place
-            if _REST in self.shapes[name]:
-                left = (length - place) // prod(shape)
-            place = place + prod(shape)
-        return left, found
-
-    def shape(self, name: str, *sizes: Any) -> tuple[Any, ...]:
-        """Return the shape of a field for sizes, the last of which is how many rows are left."""
-        return self._known_shapes(*sizes)[self._numbers[name]]
 
     def size(self, *sizes: int) -> int:
         """Return how many numbers it has, without a field that is what is left."""
@@ -103,29 +81,30 @@ class MemoryLayout(Generic[Fields]):
     def sized(self, *sizes: str) -> str:
         """Return its size as an expression in these sizes, for a layout that has it as a part."""
         given = dict(zip(self.sizes, sizes, strict=True))
-        whole = " + ".join(_product(shape) for shape in self.shapes.values())
+        whole = " + ".join(_product(shape) for shape in self._shapes.values())
         return re.sub(r"[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
 
     def place(self, name: str, *sizes: int) -> int:
         """Return where the numbers of a field begin."""
-        return self.places(*sizes)[1][name]
+        before = list(self._shapes).index(name)
+        return sum(prod(shape) for shape in self._known_shapes(*sizes, 0)[:before])
 
     def pack(self, **values: ArrayLike) -> Array:
         """Return an array, or rows of arrays, shape (…, size), that have these values by name."""
-        if values.keys() != self.shapes.keys():
-            raise TypeError(f"{self.__name__}: expected {', '.join(self.shapes)}, got {', '.join(values)}")
+        if values.keys() != self._shapes.keys():
+            raise TypeError(f"{self.__name__}: expected {', '.join(self._shapes)}, got {', '.join(values)}")
         parts = []
-        for name, shape in self.shapes.items():
+        for name, shape in self._shapes.items():
             value = np.asarray(values[name], dtype=np.float64)
             rows = value.shape[: value.ndim - len(shape)]
             parts.append(value.reshape(*rows, prod(value.shape[len(rows) :])))
         rows = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
         return np.concatenate([np.broadcast_to(part, (*rows, part.shape[-1])) for part in parts], axis=-1)
 
-    def written_out(self) -> Any:
-        """Return a function that takes an array apart without a loop over fields, for plain `numba.njit`."""
+    def _taken_apart(self) -> Any:
+        """Write the function that takes an array apart in kernels, which cannot loop over fields."""
         lines, parts, place = [f"def taken_apart({', '.join(['memory', *self.sizes])}):"], [], "0"
-        for k, shape in enumerate(self.shapes.values()):
+        for k, shape in enumerate(self._shapes.values()):
             if _REST in shape:
                 _, *columns = shape
                 lines.append(f"    {_REST} = (memory.shape[0] - {place}) // {_product(tuple(columns))}")

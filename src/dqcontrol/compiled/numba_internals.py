@@ -15,20 +15,11 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba import types
-from numba.core import cgutils
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.imputils import lower_getattr_generic
 from numba.core.targetconfig import TargetConfig
-from numba.core.typing.templates import (
-    AttributeTemplate,
-    infer,
-    infer_getattr,
-    infer_global,
-    make_intrinsic_template,
-)
-from numba.extending import models, overload, register_model
+from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
 
 from dqcontrol.compiled import kernel_cache
 
@@ -96,13 +87,6 @@ def scalar_code() -> Iterator[None]:
 
 class _KernelPart(JITCodeLibrary):
     """Code that becomes part of kernels: by itself it is neither optimised nor made into machine code."""
-
-    def add_ir_module(self, ir_module: Any) -> None:
-        """Keep a function out of its callers unless each is to have it: LLVM would, and compile it each time."""
-        for function in ir_module.functions:
-            if not function.is_declaration and "alwaysinline" not in function.attributes:
-                function.attributes.add("noinline")
-        super().add_ir_module(ir_module)
 
     def _optimize_final_module(self) -> None:
         pass
@@ -187,8 +171,8 @@ def c_caller(signature: Any) -> Callable[..., Any]:
 
 
 def _unchecked(typing_context, array, rows, columns):
-    from numba.core.imputils import impl_ret_borrowed
-    from numba.np.arrayobj import make_array, populate_array  # not before the first compilation
+    from numba.core.imputils import impl_ret_borrowed  # neither before the first compilation
+    from numba.np.arrayobj import make_array, populate_array
 
     result = array.copy(ndim=2)
 
@@ -213,127 +197,6 @@ def _unchecked(typing_context, array, rows, columns):
 def define_as_matrix(as_matrix: Callable[..., Any]) -> None:
     """Let kernels call this function; ``reshape``, which checks, takes 10 ns more."""
     _known_as(as_matrix, _unchecked)
-
-
-class _Parts(types.Type):
-    """What kernels have of an array that a layout takes apart: sizes, numbers that are read at once, and addresses.
-
-    A named tuple of the parts would do; handed from function to function it is seven numbers for each array.
-    """
-
-    def __init__(self, layout: Any, memory: types.Array) -> None:
-        self.layout, self.memory = layout, memory
-        fields = layout.fields
-        super().__init__(f"{fields.__module__}.{fields.__qualname__}({', '.join(layout.sizes)})({memory})")
-
-
-@register_model(_Parts)
-class _PartsModel(models.StructModel):
-    def __init__(self, manager: Any, parts: _Parts) -> None:
-        members: list[Any] = [(f"size {name}", types.intp) for name in ("left", *parts.layout.sizes)]
-        for name, shape in parts.layout.shapes.items():
-            number = parts.memory.dtype
-            members.append((name, types.CPointer(number) if shape else number))
-        super().__init__(manager, parts, members)
-
-
-class _Size:
-    """A whole number of a kernel, in the expressions of a layout."""
-
-    def __init__(self, builder: Any, value: Any) -> None:
-        self._builder, self.value = builder, value
-
-    def _with(self, operation: str, other: Any) -> _Size:
-        value = other.value if isinstance(other, _Size) else self.value.type(other)
-        return _Size(self._builder, getattr(self._builder, operation)(self.value, value))
-
-    def __add__(self, other: Any) -> _Size:
-        return self._with("add", other)
-
-    def __sub__(self, other: Any) -> _Size:
-        return self._with("sub", other)
-
-    def __mul__(self, other: Any) -> _Size:
-        return self._with("mul", other)
-
-    def __floordiv__(self, other: Any) -> _Size:
-        return self._with("sdiv", other)  # sizes are not negative
-
-    __radd__, __rmul__ = __add__, __mul__
-
-
-def _as_value(context: Any, size: Any) -> Any:
-    return size.value if isinstance(size, _Size) else context.get_constant(types.intp, size)
-
-
-def define_layout(layout: Any) -> None:
-    """Let kernels call a `MemoryLayout`; where all its fields are numbers, it returns the named tuple of them."""
-    if not any(layout.shapes.values()):
-        written_out, options = layout.written_out(), {"error_model": "numpy", **part_options(everywhere=True)}
-        overload(layout, jit_options=options, strict=False)(lambda *arguments: written_out)
-        return
-
-    def taken_apart(typing_context, memory, *sizes):
-        if not (isinstance(memory, types.Array) and memory.ndim == 1 and memory.layout == "C"):
-            return None
-        parts = _Parts(layout, memory)
-
-        def generate(context, builder, call, arguments):
-            from numba.np.arrayobj import make_array  # not before the first compilation
-
-            source = make_array(memory)(context, builder, arguments[0])
-            [length] = cgutils.unpack_tuple(builder, source.shape, 1)
-            known = [_Size(builder, size) for size in arguments[1:]]
-            found = cgutils.create_struct_proxy(parts)(context, builder)
-            left, places = layout.places(*known, length=_Size(builder, length))
-            for name, size in zip(("left", *layout.sizes), (left, *known), strict=True):
-                setattr(found, f"size {name}", _as_value(context, size))
-            for name, place in places.items():
-                address = builder.gep(source.data, [_as_value(context, place)], inbounds=True)
-                setattr(found, name, address if layout.shapes[name] else builder.load(address))
-            return found._getvalue()
-
-        return parts(memory, *[types.intp] * len(layout.sizes)), generate
-
-    names = ["typing_context", "memory", *layout.sizes]
-    taken_apart.__signature__ = Signature([Parameter(name, Parameter.POSITIONAL_ONLY) for name in names])
-    _known_as(layout, taken_apart)
-
-
-@infer_getattr
-class _PartOf(AttributeTemplate):
-    key = _Parts
-
-    def generic_resolve(self, parts: _Parts, name: str) -> Any:
-        shape = parts.layout.shapes.get(name)
-        if shape is None:
-            return None
-        return parts.memory.copy(ndim=len(shape)) if shape else parts.memory.dtype
-
-
-@lower_getattr_generic(_Parts)
-def _read_part(context, builder, parts, value, name):
-    from numba.np.arrayobj import make_array, populate_array
-
-    found = cgutils.create_struct_proxy(parts)(context, builder, value=value)
-    layout = parts.layout
-    if not layout.shapes[name]:
-        return getattr(found, name)
-    sizes = [_Size(builder, getattr(found, f"size {size}")) for size in (*layout.sizes, "left")]
-    shape = [_as_value(context, size) for size in layout.shape(name, *sizes)]
-    part = make_array(parts.memory.copy(ndim=len(shape)))(context, builder)
-    width = context.get_constant(
-        types.intp, context.get_abi_sizeof(context.get_data_type(parts.memory.dtype))
-    )
-    populate_array(
-        part,
-        data=getattr(found, name),
-        shape=shape,
-        strides=[width] if len(shape) == 1 else [builder.mul(shape[1], width), width],
-        itemsize=width,
-        meminfo=None,
-    )
-    return part._getvalue()
 
 
 class _Locator(_CacheLocator):  # Numba's methods, being abstract, are taken to return None

@@ -89,9 +89,3 @@ def define_as_matrix(as_matrix: Callable[..., Any]) -> None:
     @overload(as_matrix)
     def _(array, rows, columns):
         return lambda array, rows, columns: array.reshape(rows, columns)
-
-
-def define_layout(layout: Any) -> None:
-    """Let kernels call a `MemoryLayout`."""
-    taken_apart = layout.written_out()
-    overload(layout, jit_options={"error_model": "numpy"}, strict=False)(lambda *arguments: taken_apart)
