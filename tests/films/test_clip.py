@@ -208,9 +208,19 @@ def test_bad_input(driven, tmp_path):
             "must be even for .mp4, got 121 and 480",
         ),
         (
-            lambda: render_clip(robot, None, record, tmp_path / "c.gif"),
+            lambda: render_clip(dqc.load_robot("youbot"), None, record, tmp_path / "c.gif"),
             ValueRangeError,
-            r"clip: draws arms, and mobile manipulators that were in physics .*little-john",
+            r"clip: draws arms, and mobile manipulators on one differential drive .*youbot",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", labels=["a", "b"]),
+            ShapeError,
+            "labels: expected 1, one a run, got 2",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", further=[(None, record)]),
+            ShapeError,
+            "further: expected runs among 2 things as the first, got 0",
         ),
         (
             lambda: render_clip(dqc.load_robot("ur5"), None, record, tmp_path / "c.gif"),
