@@ -8,9 +8,9 @@ from dqcontrol.reproductions import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "silva2017-tables.md"
 PICTURED = {
-    "comparison": ("figure-5.4", "figure-5.7"),
+    "comparison": ("figure-5.5", "figure-5.6", "figure-5.7"),
     "clamping": ("figure-5.10",),
-    "clamping-robot": ("figure-5.11",),
+    "baselines": ("inputs",),
 }
 HEAD = """# Silva 2017: published | ours, and verdicts
 
@@ -30,7 +30,9 @@ def main() -> None:
         for figure in PICTURED.get(short, ()):
             done.figures[figure]().savefig(PAGE.parent / "pictures" / f"silva2017-{short}-{figure}.png")
         for file, write in done.files.items():
-            write(PAGE.parent / "pictures" / file)
+            write(
+                PAGE.parent / "pictures" / (file if file.startswith(short) else f"silva2017-{short}-{file}")
+            )
         print(name)
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 

@@ -14,6 +14,7 @@ from dqcontrol.plants import TiringMotors
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
+from dqcontrol.reproductions.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol.reproductions.silva2017.race import until_good_enough
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, setting_of, spec_data, verdicts
 
@@ -34,7 +35,7 @@ def reproduce(conditions: Conditions) -> Reproduced:
     records = {case.names.law: _records(case, setting.spec.period) for case in setting.cases}
     robot, shown = setting.scene.robot, records[OURS]
     figures: dict[str, Draw] = {
-        "figure-5.11": lambda: _view("superimposed")(robot, shown),
+        "figure-5.11-lines": lambda: _view("superimposed")(robot, shown),
         "figure-5.12": lambda: _view("compare_poses")(shown),
         "figure-5.13": lambda: _view("compare_joints")(
             shown, robot.limits, range(3, 8), _given_up(shown["no clamping"])
@@ -46,6 +47,7 @@ def reproduce(conditions: Conditions) -> Reproduced:
         [_table(records), verdicts("clamping-robot", _judge(by_s17), _judge(records[OURS]))],
         {"clamping-robot": study},
         figures,
+        files=if_drawable({"figure-5.11.png": ghosted_strip(robot, _with_and_without(shown), _times(shown))}),
     )
 
 
@@ -60,6 +62,17 @@ def _records(case: Combination, period: float) -> dict[str, Record]:
         )
         for label, limits in LIMITS.items()
     }
+
+
+def _with_and_without(records: dict[str, Record]) -> dict[str, Record]:
+    """Return the run with clamping first, which is drawn as it is."""
+    return {label: records[label] for label in ("modified clamping", "no clamping")}
+
+
+def _times(records: dict[str, Record]) -> list[float]:
+    """Return the start, when the run without clamping ends or a quarter of the way, and the end, s."""
+    free, clamped = records["no clamping"].duration, records["modified clamping"].duration
+    return [0.0, min(free, 0.25 * clamped), clamped]
 
 
 def _torques(record: Record) -> np.ndarray:

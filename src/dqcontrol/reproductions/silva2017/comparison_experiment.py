@@ -20,6 +20,7 @@ from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
+from dqcontrol.reproductions.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, matched_gain, outcome, until_good_enough
 from dqcontrol.reproductions.silva2017.random_races import BOXES, random_table
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, printed, spec_data, verdicts
@@ -88,7 +89,16 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
             _judge(by_default, {each: ideal[each] for each in (OURS, CLASSIC)}, camera[OURS]),
         ),
     ]
-    return Reproduced("silva2017/comparison", tables, {"comparison": study}, _figures(ideal, camera))
+    seen = {label: camera[label].record for label in (S17, CLASSIC)}
+    middle = 0.5 * spec.period * as_printed.nonlinear.settling
+    times = [0.0, middle, spec.duration or 0.0]
+    return Reproduced(
+        "silva2017/comparison",
+        tables,
+        {"comparison": study},
+        _figures(ideal, camera),
+        files=if_drawable({"figure-5.4.png": ghosted_strip(scene.robot, seen, times)}),
+    )
 
 
 def _named(runs: dict[tuple[str, ...], Run], data: dict[str, Any]) -> dict[tuple[str, str], Run]:
@@ -215,7 +225,7 @@ def _figures(ideal: dict[str, Run], camera: dict[str, Run]) -> dict[str, Draw]:
 
     body = ideal[S17].robot
     return {
-        "figure-5.4": lambda: view("superimposed")(body, {label: ideal[label].record for label in two}),
+        "figure-5.4-lines": lambda: view("superimposed")(body, {label: ideal[label].record for label in two}),
         "figure-5.5": lambda: view("compare_poses")({label: _as_error(camera[label]) for label in two}),
         "figure-5.6": lambda: view("compare_errors")({label: _as_seen(camera[label]) for label in two}),
         "figure-5.7": told,

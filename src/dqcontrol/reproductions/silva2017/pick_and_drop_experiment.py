@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.errors import MissingExtraError
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
@@ -20,6 +18,7 @@ from dqcontrol.reproductions.silva2017.pick_and_drop_task import (
     PickAndDrop,
     pick_and_drop,
 )
+from dqcontrol.reproductions.silva2017.pictures import if_drawable
 from dqcontrol.reproductions.silva2017.specs import verdicts
 from dqcontrol.robots import load_robot
 
@@ -78,14 +77,7 @@ def _judge(done: PickAndDrop) -> Judgement:
 def _files(done: PickAndDrop) -> dict[str, Write]:
     """Return what draws the clip and the strip; nothing, and a warning, where there is no OpenGL."""
     from dqcontrol.films.clip import render_clip, render_strip
-    from dqcontrol.films.offscreen import offscreen
 
-    try:
-        with offscreen(16, 16):
-            pass
-    except MissingExtraError as error:
-        warnings.warn(str(error), stacklevel=2)
-        return {}
     robot, end = load_robot(ROBOT), float(done.record.time[-1])
     closed, opened = (event.time for event in done.errand.schedule)
     times = [0.0, closed, closed + 2.5, 0.5 * (closed + opened) + 1.0, opened, end]
@@ -98,4 +90,4 @@ def _files(done: PickAndDrop) -> dict[str, Write]:
     def strip(path: Path) -> None:
         render_strip(robot, done.plant, done.record, path, times, width=440, height=330, overwrite=True)
 
-    return {"pick-and-drop.webp": clip, "pick-and-drop.png": strip}
+    return if_drawable({"pick-and-drop.webp": clip, "pick-and-drop.png": strip})
