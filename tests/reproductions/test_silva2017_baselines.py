@@ -85,7 +85,8 @@ def test_the_cited_laws_on_the_goal_of_the_comparison():
     assert rows["reduced gradient"][6] < 6.1
     assert rows[baselines.PARSIMONIOUS][6] < 6.1 < 6.9 < rows["least inputs"][6]
     assert len(done.tables[1].rows) == len(rows)
-    assert [str(row[2]) for row in done.tables[2].rows][:2] == ["supported"] * 2
+    assert [str(row[2]) for row in done.tables[2].rows] == ["supported"] * 3
+    assert "2.00 times as fast" in done.tables[2].rows[2][3]  # 1 + |A|²
     assert set(done.figures) == {"inputs", "errors"}
 
 
@@ -98,4 +99,6 @@ def test_far_goals_are_counted_without_and_with_limits():
         assert [by_law["remedy: guided K along a planned way"][k] for k in (1, 2)] == ["2, 2, 2"] * 2
         assert by_law["S17"][4]
         assert not by_law["S17 with (3.13)"][4]
-    assert len(done.tables[2].rows) == 1
+    in_range, along_plan = done.tables[2].rows
+    assert str(along_plan[2]) == "supported"
+    assert in_range[1].startswith("the whole-body asymptotic stability")

@@ -129,7 +129,8 @@ class ReducedGradient(PoseLaw, frozen=True, kw_only=True, tag="reduced-gradient"
     Z (ZᵀZ)⁻¹ Zᵀ in place of Z Zᵀ. Both descend H where the task lets them, this one by more at the same α, as all
     eigenvalues of ZᵀZ are at least 1. With one input to spare both move along the same line, this one 1 + |A|² times
     as fast: its better optimisation is a larger step, which a larger α gives `Proportional` too. At z = 0 the inputs
-    u_b rest, while the least inputs of `Proportional` move all.
+    u_b rest, while the least inputs of `Proportional` move all. Where J has lost rank the projection is onto all that
+    the task leaves, and u_b are still only so many as there are inputs beyond six.
 
     u_a are chosen by elimination with complete pivoting of the Jacobian of [ℓω ; ṗ], those in use counting double.
     Where the choice changes, the command jumps.

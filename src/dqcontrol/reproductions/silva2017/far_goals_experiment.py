@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
@@ -37,7 +35,7 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
     """Count which goals each law reaches: without limits, with them, and with them in physics."""
     setting = setting_of("comparison")
     laws = setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0)}
-    tables, judged = [], {}
+    tables, judged, planned = [], {}, {}
     for box in BOXES:
         rows: list[list[Cell]] = []
         progress = conditions.of(f"{box.name} goals")
@@ -48,10 +46,12 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
             rows.append(_row(label, free, limited, physics, setting.spec.period))
             if box.name == "far" and label in (S17, OURS):
                 judged[label] = _judge(free, law)
+            if box.name == "far" and label == _REMEDY:
+                planned = _judge_plan(free, limited)
         if progress:
             progress(len(laws), len(laws))
         tables.append(_table(box, rows, count, in_physics))
-    claims = verdicts("far-goals", judged[S17], judged[OURS])
+    claims = verdicts("far-goals", judged[S17] | planned, judged[OURS])
     return Reproduced("silva2017/far-goals", [*tables, claims])
 
 
@@ -102,7 +102,7 @@ def _table(box: GoalBox, rows: list[list[Cell]], count: int, in_physics: int) ->
     return Table(columns, rows, title)
 
 
-def _judge(free: list[Record], law: Law) -> Mapping[str, Judgement]:
+def _judge(free: list[Record], law: Law) -> dict[str, Judgement]:
     """Judge what S17 says of the range of J, by the runs that did not arrive."""
     robot = setting_of("comparison").scene.robot
     inverse = getattr(law, "inverse", FilteredInverse())
@@ -115,5 +115,16 @@ def _judge(free: list[Record], law: Law) -> Mapping[str, Judgement]:
             inside == 0,
             f"{len(lost)} of {len(free)} do not arrive, {inside} of them with the twist asked for inside the range; "
             f"median share outside {np.median(lost):.2f}",
+        )
+    }
+
+
+def _judge_plan(free: list[Record], limited: list[Record]) -> dict[str, Judgement]:
+    """Judge what S17 says of trajectories in the range of J, by the remedy, which follows one."""
+    arrived = [sum(bool(run.error[-1] < ARRIVED) for run in runs) for runs in (free, limited)]
+    return {
+        "tracking-in-range": Judgement(
+            arrived == [len(free), len(limited)],
+            f"along a plan {arrived[0]} of {len(free)} arrive without limits, {arrived[1]} with them",
         )
     }
