@@ -104,7 +104,7 @@ def test_the_printed_goal_is_the_one_of_the_spec_to_all_digits():
 
 def test_clamping_finds_the_closest_pose_and_comes_back():
     done = clamping.reproduce(ONE, count=2, beyond=1)
-    nearest = next(row[2] for row in done.tables[0].rows if row[1].startswith("nearest"))
+    nearest = next(row[2] for row in done.tables[0].rows if str(row[1]).startswith("nearest"))
     for law in ("S17", "ours"):
         rows = {row[1]: row for row in done.tables[0].rows if row[0] == law}
         assert rows["modified clamping"][2] == pytest.approx(nearest, rel=0.02)
@@ -123,7 +123,7 @@ def test_clamping_does_not_end_at_the_nearest_pose_in_general():
     claims = verdicts(clamping.reproduce(ONE, count=1).tables[1])
     verdict, number = next(each for quotation, each in claims.items() if "nearest pose possible" in quotation)
     assert str(verdict) == "not supported"
-    assert number.startswith("10 of 20 goals within 2 %")
+    assert str(number).startswith("10 of 20 goals within 2 %")
 
 
 def test_clamping_spares_the_motors_and_periods_are_tried_at_their_limit():

@@ -101,4 +101,4 @@ def test_far_goals_are_counted_without_and_with_limits():
         assert not by_law["S17 with (3.13)"][4]
     in_range, along_plan = done.tables[2].rows
     assert str(along_plan[2]) == "supported"
-    assert in_range[1].startswith("the whole-body asymptotic stability")
+    assert str(in_range[1]).startswith("the whole-body asymptotic stability")

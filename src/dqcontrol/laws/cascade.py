@@ -253,7 +253,7 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
             **given._asdict(), inner_gain=inner_gain, period=dt, drives=drives
         )
 
-    def loop_rates(self, parameters: np.ndarray) -> None:
+    def loop_rates(self, parameters: np.ndarray) -> None:  # type: ignore[override]
         """Return None: the inner loop has a share in them."""
 
     def work_size(self, robot: Robot) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -107,7 +108,7 @@ def _table(robot: Robot, records: dict[str, Record], period: float) -> Table:
 
 
 def _goals_table(
-    laws: dict[str, Law], limited: dict[str, Law], count: int, programs: int, conditions: Conditions
+    laws: Mapping[str, Law], limited: Mapping[str, Law], count: int, programs: int, conditions: Conditions
 ) -> Table:
     """Return one row a law; ``limited`` are those with limits of their own."""
     setting = setting_of("baselines")

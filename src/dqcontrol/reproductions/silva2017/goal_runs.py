@@ -17,7 +17,7 @@ from dqcontrol.plants import Plant
 from dqcontrol.references import DriveTo, Reference, SetPoint
 from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.silva2017.race import RaceOutcome
-from dqcontrol.robots import WholeBody
+from dqcontrol.robots import Robot
 
 SECONDS = 120.0
 ARRIVED = 1e-3  # last error norm of a run that has arrived
@@ -28,7 +28,7 @@ _SAMPLES = 50  # in a row below `ARRIVED` end a run
 
 
 def run_to_goal(
-    robot: WholeBody, start: Array, goal: Array, law: Law, plant: Plant, period: float, limits: CommandLimits
+    robot: Robot, start: Array, goal: Array, law: Law, plant: Plant, period: float, limits: CommandLimits
 ) -> Record:
     """Return a run to a hand pose, judged by its distance from that; `GuidedProportional` along a plan."""
     reference: Reference = SetPoint(goal)

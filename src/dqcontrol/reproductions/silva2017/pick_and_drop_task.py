@@ -190,7 +190,7 @@ def regulate(
     """
     robot = load_robot(ROBOT)
     ends = np.cumsum(HOLDS)
-    times = PERIOD * np.arange(round(ends[-1] / PERIOD))
+    times: Array = PERIOD * np.arange(round(ends[-1] / PERIOD), dtype=np.float64)
     schedule = [
         GripperEvent(time=float(ends[1] - _GRIPPING), closed=True),
         GripperEvent(time=float(ends[3] - _DROPPING), closed=False),
