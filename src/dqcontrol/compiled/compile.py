@@ -17,7 +17,6 @@ from typing import Any
 
 import numba
 from numba import types
-from numba.core.errors import NumbaError
 from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
@@ -219,7 +218,7 @@ def compile_own(
         compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
         compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = compiled_kernel.compiled
-    except (NumbaError, TypeError) as error:  # TypeError: a builtin, a class with __call__
+    except Exception as error:  # of bytecode that Numba does not know it raises what is no NumbaError
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
         warnings.warn(
