@@ -270,7 +270,7 @@ def test_bad_starts(body, cart):
             MobilePlant(),
             np.zeros(8),
             ValueRangeError,
-            "DifferentialDrive.*mecanum.*'servo' or 'integrator'",
+            "DifferentialDrive.*no physics has such a base.*'servo' or 'integrator'",
         ),
         (
             youbot,

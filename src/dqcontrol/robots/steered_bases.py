@@ -131,7 +131,7 @@ class CarLikeBase(_SteeredBase):
     >>> round(car.turning_radius, 3)
     0.731
     >>> dqc.WholeBody([car]).integrate([0, 0, 0], [0.5, 9.0], 1.0).round(3).tolist()  # as sharp as it can
-    [0.462, 0.165, 0.684]
+    [0.462, 0.164, 0.684]
     """
 
     kind: ClassVar[str] = "car-like"
