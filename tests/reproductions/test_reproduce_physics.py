@@ -161,7 +161,7 @@ def test_verdicts_are_given_on_all_claims_about_the_spiral():
     assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}
     assert found["feedforward-changes-nothing"].holds
     assert found["h-infinity-best-everywhere"].why_not == "the law did not follow"
-    assert "9 ms" in found["duration-does-not-matter"].number
+    assert found["duration-does-not-matter"].holds is None
 
 
 def test_a_run_whose_motors_went_off_says_so_and_counts_as_failed():

@@ -27,6 +27,7 @@ def reproduce(
     samples: int = SAMPLES,
     repeats: int | None = None,
     progress: Progress | None = None,
+    unfinished: str | Path | None = None,
 ) -> Reproduced:
     """Run a published experiment again and hold it against what was printed.
 
@@ -44,6 +45,9 @@ def reproduce(
         At most so many of each run, at least 1; default: as many as were printed.
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
+    unfinished
+        Working folder that keeps finished trials, so that the same call resumes after an interruption; it stays there
+        when all is done. Needs pyarrow.
 
     Raises
     ------
@@ -51,6 +55,8 @@ def reproduce(
         If there is no such experiment or plant.
     ValueRangeError
         If ``repeats`` is below 1.
+    ExistsError
+        If ``unfinished`` holds trials of another experiment, number of repeats or version.
 
     Examples
     --------
@@ -64,7 +70,8 @@ def reproduce(
     if others:
         raise unknown_name("reproduction", name, list(experiments()))
     folder, _, short = full.partition("/")
-    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
+    kept = None if unfinished is None else Path(unfinished)
+    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress, kept)
     return replace(source(folder).reproduce(short, conditions), conditions=_chosen(samples, repeats))
 
 

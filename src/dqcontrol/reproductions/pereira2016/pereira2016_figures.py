@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
 from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST
+from dqcontrol.reproductions.pereira2016.hundredfold import LAWS, SUFFIX
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
@@ -23,13 +26,67 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_SETS = {  # by experiment: spec, number of the printed figure, and the sets that get one each, that of the print first
+    "circle": (("circle", "5.3", ("q=1 r=0.001", "q=10 r=0.01", "q=100 r=0.1", "q=1000 r=1")),),
+    "spiral": (("spiral", "5.4", ("best", "ln2", "ln2²")),),
+    "circle-and-square": (
+        ("meka-circle", "C5", ("q=1000 r=1",)),
+        ("meka-square", "C6", ("q=1000 r=1",)),
+    ),
+}
+_FIXED = "fixed"  # the set of laws that have one only
+_SLOWEST, _FASTEST = "20 %", "100 %"
+
+
 def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
-    """Return what shows a reproduction's studies, by file name: App. D's surfaces, 5.9's painting."""
+    """Return what shows a reproduction's studies, by file name.
+
+    As printed: one figure a set of gains with all laws (5.3, 5.4, and 5 and 6 of appendix C), pairs of the slowest and
+    the fastest gains (5.2), surfaces (7 and 8 of appendix D), the painting (5.7).
+    """
     if name == "light-painting":
         return {name: lambda: _painting(studies[name])}
     if name == "lqr-surface":
         return {label: lambda study=study: _surfaces(study) for label, study in studies.items()}
-    return {}
+    if name == "h-infinity":
+        laws = [law + suffix for law in LAWS for suffix in ("", SUFFIX)]
+        return {
+            f"figure-5.2-{law.replace(' × ', '-times-')}": lambda law=law: _pair(studies[name], law)
+            for law in laws
+        }
+    return {
+        f"figure-{number}{_file_name(label) if i else ''}": lambda spec=spec, label=label: _one_set(
+            studies[spec], label
+        )
+        for spec, number, labels in _SETS.get(name, ())
+        for i, label in enumerate(labels)
+    }
+
+
+def _file_name(label: str) -> str:
+    return "-" + label.replace("=", "").replace(" ", "-").replace("²", "-squared")
+
+
+def _one_set(study: Study, label: str) -> Figure:
+    """Draw all laws with one set of gains; the robust ones with those that follow, a hundred times the printed."""
+    from dqcontrol.figures import compare_criteria
+
+    setting, records = study.setting(), {}
+    for case in setting.cases:
+        law = case.names.law
+        if case.names.set in (label, _FIXED) and law not in LAWS and not law.endswith(EXACT):
+            records[law] = execute(setting, case)
+    rough_first = sorted(records, key=lambda law: not law.endswith(SUFFIX))
+    return compare_criteria({law: records[law] for law in rough_first}, unit="rad")
+
+
+def _pair(study: Study, law: str) -> Figure:
+    """Draw one law with a fifth of its gains and with all, side by side."""
+    from dqcontrol.figures import criteria_side_by_side
+
+    setting = study.setting()
+    pair = {f"{law}, {each}": record_of(setting, law, each) for each in (_SLOWEST, _FASTEST)}
+    return criteria_side_by_side(pair, unit="rad")
 
 
 def parity_figures(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> dict[str, Draw]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
@@ -14,6 +13,7 @@ from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.fair import reproduce_fair
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
+from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
     EXACT,
     EXPERIMENTS,
@@ -59,8 +59,7 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
         for source in sources.values():
             source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
     studies = {
-        label: run_study(source, jobs=conditions.jobs, progress=conditions.of(label))
-        for label, source in sources.items()
+        label: conditions.run_study(label, source) for label, source in sources.items()
     }
     figures = study_figures(name, studies)
     if name == "light-painting":
@@ -84,6 +83,8 @@ def _compared(
         tables += comparison_tables(here, ours, _SHORT, suffixes=_BESIDE, title=title if in_physics else "")
     if any(cell.metric == "control" for cell in cells):
         tables.append(command_table(cells, ours, settings, title, suffixes=_BESIDE))
+        if late := own_durations_table(cells, ours, settings, title):
+            tables.append(late)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
     evidence = Evidence(ours, settings, plant, name)
