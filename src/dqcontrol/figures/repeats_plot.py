@@ -75,12 +75,14 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     laws, kinds, scenes = (list(dict.fromkeys(of.values())) for of in (law, kind, scene))
     figure = new_figure(DOUBLE, 0.7 + 2.6 * len(scenes))
     panels = dict(zip(scenes, figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0], strict=True))
+    seen: dict[str, list[float]] = {name: [] for name in scenes}
     width = 0.8 / len(kinds)
     for group in study.groups:
         i = kinds.index(kind[group])
         centre = laws.index(law[group]) + (i - (len(kinds) - 1) / 2) * width
         values = study.values(group, key)
         places = centre + width * (np.linspace(-0.35, 0.2, len(values)) if len(values) > 1 else np.zeros(1))
+        seen[scene[group]] += values
         panels[scene[group]].plot(places[: len(values)], values, **mark_style(i))
         _draw_mean(panels[scene[group]], centre + 0.35 * width, study.mean(group, key), level)
     for name, axes in panels.items():
@@ -89,9 +91,9 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
         axes.set_xlim(-0.5, len(laws) - 0.5)
         axes.grid(False, axis="x")
         axes.set_title(name, loc="left")
-        low, high = axes.dataLim.intervaly
-        if high > _APART * low > 0:
+        if seen[name] and max(seen[name]) > _APART * min(seen[name]) > 0:
             logarithmic(axes)
+            axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.5 * min(seen[name])))
     if max(map(len, laws)) * len(laws) > _LETTERS:
         axes.set_xticks(range(len(laws)), laws, rotation=25, ha="right")
     figure.align_ylabels()

@@ -15,7 +15,7 @@ from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST
 from dqcontrol.reproductions.pereira2016.hundredfold import LAWS, SUFFIX
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXACT
-from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import Evidence, record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
 from dqcontrol.reproductions.printed_comparison import NAMES
@@ -56,7 +56,7 @@ def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
         }
     return {
         f"figure-{number}{_file_name(label) if i else ''}": lambda spec=spec, label=label: _one_set(
-            studies[spec], label
+            name, studies[spec], label
         )
         for spec, number, labels in _SETS.get(name, ())
         for i, label in enumerate(labels)
@@ -67,17 +67,19 @@ def _file_name(label: str) -> str:
     return "-" + label.replace("=", "").replace(" ", "-").replace("²", "-squared")
 
 
-def _one_set(study: Study, label: str) -> Figure:
-    """Draw all laws with one set of gains; the robust ones with those that follow, a hundred times the printed."""
+def _one_set(name: str, study: Study, label: str) -> Figure:
+    """Draw all laws with one set of gains; the robust ones with a hundred times the printed, where these follow."""
     from dqcontrol.figures import compare_criteria
 
     setting, records = study.setting(), {}
+    evidence = Evidence(Results({"": study.rows}), {}, reproduction=name)
     for case in setting.cases:
         law = case.names.law
-        if case.names.set in (label, _FIXED) and law not in LAWS and not law.endswith(EXACT):
+        if case.names.set not in (label, _FIXED) or law in LAWS or law.endswith(EXACT):
+            continue
+        if not law.endswith(SUFFIX) or evidence.followed(law, (case.names.set.replace(_FIXED, ""),)):
             records[law] = execute(setting, case)
-    rough_first = sorted(records, key=lambda law: not law.endswith(SUFFIX))
-    return compare_criteria({law: records[law] for law in rough_first}, unit="rad")
+    return compare_criteria(records, unit="rad")
 
 
 def _pair(study: Study, law: str) -> Figure:
