@@ -197,10 +197,11 @@ def test_light_painting_and_its_folder(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error", LimitWarning)
         done = published.reproduce("light-painting", plant="servo", jobs=1)
-    assert done.studies["light-painting"].rows[0]["limit_margin"] > 0.5
+    assert len(done.studies) == 6  # as Figure 5.7 has
+    assert min(study.rows[0]["limit_margin"] for study in done.studies.values()) > 0.4
     folder = done.save(tmp_path / "painting")
     assert (folder / "light-painting.png").stat().st_size > 10_000
-    assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**light-painting**")
+    assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**Light paintings")
     assert dataclasses.replace(done, figures={}).save(folder, force=True)
     assert not (folder / "light-painting.png").exists()
 

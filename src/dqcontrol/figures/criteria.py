@@ -133,7 +133,13 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
         for axes, (values, wanted, names) in zip(column, pairs, strict=False):
             for i, name in enumerate(names):
                 axes.plot(record.time, values[:, i], label=f"${name}$", **line_style(i))
-                axes.plot(record.time, wanted[:, i], color=DESIRED, lw=0.8, label="desired" if i == len(names) - 1 else "")
+                axes.plot(
+                    record.time,
+                    wanted[:, i],
+                    color=DESIRED,
+                    lw=0.8,
+                    label="desired" if i == len(names) - 1 else "",
+                )
         for axes, (time, values, held) in zip(column[2:], _criteria(record), strict=True):
             axes.plot(
                 time,

@@ -61,8 +61,9 @@ def reproduce(
     Examples
     --------
     >>> from dqcontrol.reproductions import reproduce
-    >>> reproduce("light-painting", plant="servo", jobs=1).studies["light-painting"].rows[0]["stopped"]
-    'duration'
+    >>> done = reproduce("light-painting", plant="servo", jobs=1)
+    >>> {study.rows[0]["stopped"] for study in done.studies.values()}
+    {'duration'}
     """
     if repeats is not None and repeats < 1:
         raise ValueRangeError(f"repeats: must be at least 1, got {repeats}")

@@ -42,10 +42,8 @@ def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
     """Return what shows a reproduction's studies, by file name.
 
     As printed: one figure a set of gains with all laws (5.3, 5.4, and 5 and 6 of appendix C), pairs of the slowest and
-    the fastest gains (5.2), surfaces (7 and 8 of appendix D), the painting (5.7).
+    the fastest gains (5.2), surfaces (7 and 8 of appendix D).
     """
-    if name == "light-painting":
-        return {name: lambda: _painting(studies[name])}
     if name == "lqr-surface":
         return {label: lambda study=study: _surfaces(study) for label, study in studies.items()}
     if name == "h-infinity":
@@ -106,11 +104,15 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
     }
 
 
-def _painting(study: Study) -> Figure:
-    from dqcontrol.films.light_painting import light_painting
+def painting_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
+    """Return all paintings side by side, as Figure 5.7, and one by one, by file name."""
+    from dqcontrol.films.light_painting import light_painting, light_paintings
 
-    record = record_of(study.setting(), "LQR-DQ")
-    return light_painting(record, lamp_on(record))
+    lit = {name: lamp_on(record) for name, record in records.items()}
+    single: dict[str, Draw] = {
+        name: lambda name=name: light_painting(records[name], lit[name]) for name in records
+    }
+    return {"light-painting": lambda: light_paintings(records, lit), **single}
 
 
 def lamp_on(record: Record) -> NDArray[np.bool_]:
