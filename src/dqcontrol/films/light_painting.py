@@ -54,7 +54,7 @@ def light_painting(record: Record, lit: Lit | None = None) -> Figure:
     return _exposed(record, lit)[0]
 
 
-def light_paintings(records: Mapping[str, Record], lit: Mapping[str, Lit]) -> Figure:
+def light_paintings(records: Mapping[str, Record], lit: Mapping[str, Lit | None]) -> Figure:
     """Draw several as `light_painting`, side by side and to one scale, three in a row.
 
     Parameters
@@ -62,7 +62,7 @@ def light_paintings(records: Mapping[str, Record], lit: Mapping[str, Lit]) -> Fi
     records
         Runs by title.
     lit
-        When the lamp was on, by title, shape (N,) each.
+        When the lamp was on, by title, shape (N,) each; None: always.
 
     Raises
     ------

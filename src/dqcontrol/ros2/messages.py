@@ -100,8 +100,8 @@ def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, JointC
     """Return positions and joint control of a command to Meka's humanoid node.
 
     The node's own type, ``M3JointCmd``, is in no registry. In its stead a ``trajectory_msgs/JointTrajectory`` has the
-    mode in ``header.frame_id``, and one point with ``positions``, stiffness 0 … 1 in ``effort``, and slew rates in ``velocities``; each but the positions
-    may be empty: it stays as it is.
+    mode in ``header.frame_id``, and one point with ``positions``, stiffness 0 … 1 in ``effort``, and slew rates in
+    ``velocities``; each but the positions may be empty: it stays as it is.
 
     Raises
     ------
