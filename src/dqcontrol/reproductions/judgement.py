@@ -11,6 +11,7 @@ from dqcontrol.reproductions.printed import Claim
 
 DID_NOT_FOLLOW = "the law did not follow"
 ABOUT_THE_ROBOT = "it is about the robot"
+ABOUT_THE_PROGRAM = "it is about the source's program"
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Judgement:
     number
         What was found.
     why_not
-        Of what cannot be decided: why, as `DID_NOT_FOLLOW` or `ABOUT_THE_ROBOT`; empty if the number says it.
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the number says it.
     """
 
     holds: bool | None

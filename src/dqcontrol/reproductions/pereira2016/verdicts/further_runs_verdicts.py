@@ -10,7 +10,7 @@ import numpy as np
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.references import Sample
-from dqcontrol.reproductions.judgement import ABOUT_THE_ROBOT, Judgement, listed
+from dqcontrol.reproductions.judgement import ABOUT_THE_PROGRAM, ABOUT_THE_ROBOT, Judgement, listed
 from dqcontrol.reproductions.pereira2016.own_durations import stretch
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
@@ -75,8 +75,10 @@ def _time(evidence: Evidence) -> Judgement:
     ratios = [median[law] / median["K"] for law in LQR]
     share = max(median[law] for law in LQR) / setting.spec.period
     return Judgement(
-        min(ratios) > 1,
-        f"one command of R8 and DQ over K's: {listed(ratios, '.2f')}; {100 * share:.2g} % of the period at most",
+        None,
+        f"one command of R8 and DQ over K's, compiled: {listed(ratios, '.2f')}; {100 * share:.2g} % of the period at "
+        "most, so that no trajectory takes longer",
+        ABOUT_THE_PROGRAM,
     )
 
 
