@@ -313,3 +313,22 @@ def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
     assert "resuming: 5 of 6 already done" in said
     assert f"{names[0]}: 1 of 6" in said
     assert (tmp_path / "gains" / "tables.md").is_file()
+
+
+def test_an_interrupted_command_keeps_what_was_finished_and_says_so(tmp_path, monkeypatch):
+    from dqcontrol.cli.reproduce_command import reproduce
+
+    kept = tmp_path / ".spiral.part"
+
+    def interrupted(name, *, unfinished, **_):
+        assert unfinished == kept
+        unfinished.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(published, "reproduce", interrupted)
+    with pytest.raises(KeyboardInterrupt, match="rerun the same command to resume"):
+        reproduce("spiral", out=tmp_path / "spiral")
+    assert kept.is_dir()
+    monkeypatch.setattr(published, "reproduce", lambda name, **_: Reproduced(f"pereira2016/{name}", []))
+    reproduce("spiral", out=tmp_path / "spiral")
+    assert not kept.exists()

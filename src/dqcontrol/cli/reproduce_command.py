@@ -79,17 +79,23 @@ def reproduce(
         unfinished = working_folder(folder)
         if force:
             rmtree(unfinished, ignore_errors=True)
-        with progress_bar() as progress:
-            done = published.reproduce(
-                each,
-                plant=plant,
-                jobs=jobs,
-                samples=count,
-                repeats=repeats,
-                progress=lambda label, count, total, show=progress: show(count, total, label),
-                unfinished=unfinished,
-            )
-        done.save(folder, force=force)
+        try:
+            with progress_bar() as progress:
+                done = published.reproduce(
+                    each,
+                    plant=plant,
+                    jobs=jobs,
+                    samples=count,
+                    repeats=repeats,
+                    progress=lambda label, count, total, show=progress: show(count, total, label),
+                    unfinished=unfinished,
+                )
+            done.save(folder, force=force)
+        except KeyboardInterrupt:
+            is_kept = unfinished.exists() or len(names) > 1
+            raise KeyboardInterrupt(
+                "; what was finished is kept: rerun the same command to resume" * is_kept
+            ) from None
         rmtree(unfinished, ignore_errors=True)
         for table in done.tables:
             print_table(table)

@@ -25,7 +25,8 @@ class Judgement:
     number
         What was found.
     why_not
-        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the number says it.
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the
+        number says it.
     """
 
     holds: bool | None
