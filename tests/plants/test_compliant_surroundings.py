@@ -142,4 +142,6 @@ def test_plants_without_joint_controllers_take_no_notice(arm):
     assert Servo().joint_control(7) == JointControl()
     live_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(JointControl("OFF"))
     told = CompliantPlant(stiffness=0.7, slew_rate=2.0).joint_control(7)
+    assert told.stiffness is not None
+    assert told.slew_rate is not None
     assert (told.mode, told.stiffness.tolist(), told.slew_rate.tolist()) == ("THETA_GC", [0.7] * 7, [2.0] * 7)
