@@ -8,7 +8,7 @@ import numpy as np
 import dqcontrol as dqc
 from dqcontrol import figures as view
 from dqcontrol.figures.parity import parity
-from dqcontrol.films.light_painting import light_painting
+from dqcontrol.films.light_painting import light_painting, light_paintings
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop import Timing
 from dqcontrol.loop.record import Record
@@ -23,7 +23,8 @@ NAMES = (  # known without a run: tests have parameters before they run
     *("path", "path-in-space", "paths", "errors", "errors-of-many", "pose", "joints"),
     *("margins", "inputs", "disturbance", "readings", "criteria", "base", "motion"),
     *("poses", "compared-joints", "compared-inputs", "range", "lyapunov", "timing", "histogram"),
-    *("repeats", "gains", "sweep", "surface", "parity", "painting"),
+    *("repeats", "gains", "sweep", "surface", "parity", "painting", "paintings"),
+    *("criteria-in-columns", "repeats-of-many"),
 )
 
 
@@ -154,4 +155,7 @@ def figures():
         ),
         "parity": lambda: parity(panels),
         "painting": lambda: light_painting(one),
+        "paintings": lambda: light_paintings(some, dict.fromkeys(some)),
+        "criteria-in-columns": lambda: view.criteria_side_by_side({"20 %": one, "100 %": one}, "rad"),
+        "repeats-of-many": lambda: view.repeats_figure(rows("ABCDEFG", ("ln2²", "ln2", "best"))),
     }

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from pathlib import Path
 
 from dqcontrol.reproductions import names, reproduce
 
 PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
 TIMED = "sampling-time"  # of the loop, not of the physics
-PICTURED, FIGURE = ("spiral",), "published-and-ours"
+PICTURED = {"spiral": "published-and-ours", "light-painting": "light-painting"}  # and which of their figures
 REPEATS = 2  # in physics the repeats of a run agree to less than the digits shown
 HEAD = f"""# Pereira 2016: published | ours | ratio
 
@@ -26,10 +27,11 @@ numbers mean: [pereira2016.md](pereira2016.md). ± is the sample standard deviat
 def section(name: str) -> str:
     """Run an experiment, and return its part of the page."""
     short = name.partition("/")[2]
+    began = time.perf_counter()
     done = reproduce(name, plant="servo" if short == TIMED else None, repeats=REPEATS)
+    print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
     if short in PICTURED:
-        done.figures[FIGURE]().savefig(PAGE.parent / "pictures" / f"pereira2016-{short}.png")
-    print(name, flush=True)
+        done.figures[PICTURED[short]]().savefig(PAGE.parent / "pictures" / f"pereira2016-{short}.png")
     return "\n".join([f"## {name}\n", *(table.markdown() for table in done.tables)])
 
 

@@ -3,7 +3,7 @@ import pytest
 from test_plots import drawn, run, shifted
 
 from dqcontrol.errors import ExistsError, ShapeError
-from dqcontrol.figures.criteria import compare_criteria
+from dqcontrol.figures.criteria import compare_criteria, criteria_side_by_side
 from dqcontrol.figures.save import save_comparison
 from dqcontrol.loop.record import Record
 
@@ -103,3 +103,16 @@ def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
     with pytest.raises(ExistsError, match=r"criteria\.png: exists already"):
         save_comparison({"K": run()}, tmp_path)
     assert not (tmp_path / "paths.png").exists()
+
+
+def test_runs_in_columns_have_rows_to_one_scale():
+    record = run()
+    figure = criteria_side_by_side({"20 %": record, "100 %": changed(record, command=2 * record.command)})
+    left, right = np.array(drawn(figure)).reshape(7, 2).T
+    assert [axes.get_title() for axes in (left[0], right[0])] == ["20 %", "100 %"]
+    assert [axes.get_ylim() for axes in left] == [axes.get_ylim() for axes in right]
+    ours, wanted = (left[0].lines[i].get_ydata() for i in (0, 1))
+    np.testing.assert_array_equal(ours, record.position[:, 0])
+    np.testing.assert_array_equal(wanted, record.desired_position[:, 0])
+    with pytest.raises(ShapeError, match="at least one run"):
+        criteria_side_by_side({})

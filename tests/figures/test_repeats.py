@@ -54,6 +54,16 @@ def test_sets_stand_side_by_side_and_plants_have_panels():
     assert legend(figure) == ["40 %", "80 %", "mean, 90 % interval"]
 
 
+def test_a_set_has_a_panel_of_its_own_where_there_are_many_and_a_logarithmic_axis_where_numbers_are_far_apart():
+    data = [row for i in range(7) for row in rows(set=f"{i} %")]
+    data[0]["error.integral"] = 40.0
+    figure = repeats_figure(data)
+    panels = drawn(figure)
+    assert [axes.get_title(loc="left") for axes in panels] == [f"{i} %" for i in range(7)]
+    assert [axes.get_yscale() for axes in panels] == ["log", *["linear"] * 6]
+    assert legend(figure) == ["mean, 95 % interval"]
+
+
 def test_diverged_single_and_missing_runs_can_be_drawn():
     data = [*rows()[:4], rows()[0] | {"law": "LQR", "error.integral": None, "stopped": "diverged: q"}]
     (axes,) = drawn(repeats_figure(data))

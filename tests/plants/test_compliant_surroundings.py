@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error
-from dqcontrol.plants import CompliantPlant
+from dqcontrol.errors import Error, SafetyWarning, UnknownNameError
+from dqcontrol.plants import CompliantPlant, EncoderLoss, Servo
+from dqcontrol.plants.compliant import joint_columns as column
+from dqcontrol.plants.live_plant import JointControl, live_plant
 
 pytest.importorskip("mujoco")
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -23,7 +25,7 @@ def steps(arm, dt, count, **plant):
     for _ in range(count):
         live.step(COMMAND)
         out.append((live.measured.copy(), live.target, live.q.copy()))
-    return [np.array(column) for column in zip(*out, strict=True)]
+    return [np.array(each) for each in zip(*out, strict=True)]
 
 
 def test_states_and_commands_pass_at_the_rate_of_the_node(arm):
@@ -98,3 +100,48 @@ def test_a_linear_model_knows_the_delay_of_exchanges_that_begin_each_period(arm)
     assert model(0.01, 0.008) is None
     late, prompt = (np.abs(model(each, 0.02).poles(80.0)).max() for each in (0.02, None))
     assert late == pytest.approx(prompt, abs=1e-6)  # an exchange a period is what a period is
+
+
+def test_joint_controllers_take_mode_stiffness_and_slew_rate_while_they_run(arm):
+    live = CompliantPlant(gravity_factor=0.8).start(arm, START, 0.008, 100, 0)
+    own = live.memory.constants[:, column.SLEW].copy()
+    for _ in range(50):
+        live.step(np.zeros(7))
+    stiff = np.abs(live.q - live.target).max()
+    live.set_joint_control(JointControl("", np.full(7, 0.5), np.full(7, 0.2)))
+    assert live.mode == "THETA_GC"
+    for _ in range(200):
+        live.step(np.zeros(7))
+    assert 1.6 < np.abs(live.q - live.target).max() / stiff < 2.4  # half the stiffness, twice the sag
+    before = live.reference
+    live.step(np.full(7, 50.0))
+    assert np.abs(live.reference - before).max() == pytest.approx(0.2 * 0.008)
+    live.set_joint_control(JointControl("THETA_MJ", None, np.full(7, 99.0)))
+    assert (live.memory.constants[:, column.SLEW] == np.minimum(own, 0.099)).all()  # never above the file's
+    live.step(np.zeros(7))
+    assert live.mode == "THETA_MJ"
+    with pytest.raises(UnknownNameError, match="did you mean 'THETA'"):
+        live.set_joint_control(JointControl("THETTA"))
+
+
+def test_after_a_fault_no_command_switches_the_motors_on_again(arm):
+    losses = [EncoderLoss(joint=4, time=0.0, duration=1.0)]
+    live = CompliantPlant(encoder_losses=losses).start(arm, START, 0.008, 100, 0)
+
+    def drive():
+        for _ in range(60):
+            live.step(np.zeros(7))
+            live.set_joint_control(JointControl("THETA_GC"))
+
+    with pytest.warns(SafetyWarning, match="encoder lost"):
+        drive()
+    assert live.mode == "OFF"
+
+
+def test_plants_without_joint_controllers_take_no_notice(arm):
+    assert Servo().joint_control(7) == JointControl()
+    live_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(JointControl("OFF"))
+    told = CompliantPlant(stiffness=0.7, slew_rate=2.0).joint_control(7)
+    assert told.stiffness is not None
+    assert told.slew_rate is not None
+    assert (told.mode, told.stiffness.tolist(), told.slew_rate.tolist()) == ("THETA_GC", [0.7] * 7, [2.0] * 7)

@@ -14,15 +14,19 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.reproductions import pereira2016
+from dqcontrol.reproductions.catalogue import Conditions
+from dqcontrol.reproductions.judgement import Judgement, verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import printed_factors, with_hundredfold
+from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
+from dqcontrol.reproductions.pereira2016.pereira2016_figures import study_figures
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
 from dqcontrol.reproductions.printed_comparison import comparison_tables
 from dqcontrol.reproductions.reproduced import Reproduced
-from dqcontrol.reproductions.results import Results
+from dqcontrol.reproductions.results import METRICS, Results
 
 SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
 ON_THE_ARM = [name for name in SPECS if not name.startswith("iiwa") and name != "sampling-time"]
@@ -180,6 +184,72 @@ def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
         assert ratios["HIR", each] > 8  # the printed gains cannot have been applied as printed
 
 
+def test_an_interrupted_study_of_an_experiment_resumes_with_the_runs_that_are_left(tmp_path):
+    spec = {
+        "name": "circle",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.01,
+        "reference": {"kind": "circle", "radius": 0.05, "duration": 0.5},
+        "law": {"kind": "proportional", "gain": 5},
+        "plant": {"kind": "servo", "encoder_noise": 1e-4},
+        "repeats": 6,
+    }
+    seen = []
+
+    def stop_after_three(label, done, total):
+        seen.append((label, total))
+        if done >= 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Conditions(jobs=1, progress=stop_after_three, unfinished=tmp_path).run_study("circle", spec)
+    assert set(seen) == {("circle", 6)}
+    resumed = Conditions(jobs=1, unfinished=tmp_path).run_study("circle", spec)
+    assert resumed.taken_over == 3
+    assert resumed.rows == Conditions(jobs=1).run_study("circle", spec).rows
+    assert Conditions(jobs=1, unfinished=tmp_path / "one").run_study("one", spec | {"repeats": 1}).runs
+    assert not (tmp_path / "one").exists()  # a single run is not resumed
+
+
+def test_integrals_over_the_durations_that_table_61_prints():
+    cells = pereira2016.published_cells("circle")
+    rows = [
+        {"law": law, "set": "q=1 r=0.001", "stopped": "duration"} | dict.fromkeys(METRICS.values(), 2.0)
+        for law in ("LQR-R8", "LQR-DQ")
+    ]
+    cells = [cell for cell in cells if cell.set == "q=1 r=0.001"]
+    table = own_durations_table(cells, Results({"": rows}), {"": prepare(spec_path("circle"))})
+    assert table
+    assert {line[0] for line in table.rows} == {"LQR-DQ"}  # at 20 ms the other one kept its period
+    assert [line[2] for line in table.rows] == ["Err", "θ̇ [rad]", "Eff [rad s]"]
+    assert table.rows[0][6:] == pytest.approx([1.0587, 2.1174, 2.1174 / 5.593])
+    k = [cell for cell in pereira2016.published_cells("circle") if cell.law == "K"]
+    assert own_durations_table(k, Results({"": rows}), {"": prepare(spec_path("circle"))}) is None
+
+
+def test_figures_are_one_set_each_or_pairs_as_printed():
+    named = {name: list(study_figures(name, {})) for name in ("circle", "spiral", "circle-and-square", "lqr")}
+    assert named["spiral"] == ["figure-5.4", "figure-5.4-ln2", "figure-5.4-ln2-squared"]
+    assert named["circle"][:2] == ["figure-5.3", "figure-5.3-q10-r0.01"]
+    assert named["circle-and-square"] == ["figure-C5", "figure-C6"]
+    assert named["lqr"] == []
+    assert "figure-5.2-HIR-times-100" in study_figures("h-infinity", {})
+
+
+def test_claims_say_where_they_stand():
+    places = [
+        row[0]
+        for row in verdict_table(
+            pereira2016.claims("spiral"),
+            {c.id: Judgement(True, "") for c in pereira2016.claims("spiral")},
+            "P16",
+            "",
+        ).rows
+    ]
+    assert {"Section 5.7", "Section 5.10", "Chapter 6", "Tables 5.13 to 5.15"} == set(places)
+
+
 def test_names():
     assert published.names("pereira2016") == [f"pereira2016/{name}" for name in EXPERIMENTS]
     assert published.names("pereira2016/lqr") == published.names("lqr") == ["pereira2016/lqr"]
@@ -197,10 +267,11 @@ def test_light_painting_and_its_folder(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error", LimitWarning)
         done = published.reproduce("light-painting", plant="servo", jobs=1)
-    assert done.studies["light-painting"].rows[0]["limit_margin"] > 0.5
+    assert len(done.studies) == 6  # as Figure 5.7 has
+    assert min(study.rows[0]["limit_margin"] for study in done.studies.values()) > 0.3
     folder = done.save(tmp_path / "painting")
     assert (folder / "light-painting.png").stat().st_size > 10_000
-    assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**light-painting**")
+    assert (folder / "tables.md").read_text(encoding="utf-8").startswith("**Light paintings")
     assert dataclasses.replace(done, figures={}).save(folder, force=True)
     assert not (folder / "light-painting.png").exists()
 
@@ -242,3 +313,22 @@ def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
     assert "resuming: 5 of 6 already done" in said
     assert f"{names[0]}: 1 of 6" in said
     assert (tmp_path / "gains" / "tables.md").is_file()
+
+
+def test_an_interrupted_command_keeps_what_was_finished_and_says_so(tmp_path, monkeypatch):
+    from dqcontrol.cli.reproduce_command import reproduce
+
+    kept = tmp_path / ".spiral.part"
+
+    def interrupted(name, *, unfinished, **_):
+        assert unfinished == kept
+        unfinished.mkdir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(published, "reproduce", interrupted)
+    with pytest.raises(KeyboardInterrupt, match="rerun the same command to resume"):
+        reproduce("spiral", out=tmp_path / "spiral")
+    assert kept.is_dir()
+    monkeypatch.setattr(published, "reproduce", lambda name, **_: Reproduced(f"pereira2016/{name}", []))
+    reproduce("spiral", out=tmp_path / "spiral")
+    assert not kept.exists()

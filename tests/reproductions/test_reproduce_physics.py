@@ -14,9 +14,9 @@ from dqcontrol.plants import CompliantPlant
 from dqcontrol.reproductions import pereira2016
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import with_hundredfold
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO, drawings
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import lamp_on
-from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.published_specs import drawing_specs, published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
 from dqcontrol.reproductions.printed_comparison import command_table
 from dqcontrol.reproductions.results import Results
@@ -45,17 +45,15 @@ def test_what_was_done_on_the_arm_runs_in_physics_unless_told():
     for name in EXPERIMENTS:
         assert published.chosen_plant(f"pereira2016/{name}", None) == PHYSICS
         assert published.chosen_plant(f"pereira2016/{name}", SERVO) == SERVO
-    done = published.reproduce("light-painting", jobs=1)
-    assert done.plant == PHYSICS
-    (row,) = done.studies["light-painting"].rows
-    assert row["stopped"] == "duration"
-    assert row["error.integral"] > 0
-    assert row["limit_margin"] > 0.5
 
 
-def test_the_lamp_is_on_once_the_arm_has_stopped_swinging():
-    setting = prepare(published_spec("light-painting", PHYSICS))
+@pytest.mark.parametrize(
+    "name", ["house", *(pytest.param(each, marks=pytest.mark.slow) for each in drawings() if each != "house")]
+)
+def test_the_lamp_is_on_once_the_arm_has_stopped_swinging(name):
+    setting = prepare(drawing_specs(PHYSICS)[name])
     record = execute(setting, setting.cases[0])
+    assert measure(record, setting.scene.robot, 0.0, "true").limit_margin > 0.35
     lit = lamp_on(record)
     speed = np.linalg.norm(np.diff(record.position, axis=0), axis=1) / setting.spec.period
     first = int(lit.argmax())
@@ -63,7 +61,9 @@ def test_the_lamp_is_on_once_the_arm_has_stopped_swinging():
     assert speed[first : first + 100].max() < 0.04  # it shakes with its base
     assert lit[first:].all()
     assert record.position_error[lit].max() < 0.03
-    assert np.std(record.position_error[lit]) < 0.004  # no zigzag: the house as a whole hangs lower
+    assert np.std(record.position_error[lit]) < (
+        0.004 if name == "house" else 0.006
+    )  # no zigzag: the drawing as a whole hangs lower
 
 
 def test_specs_of_other_plants_are_refused_and_files_found_from_anywhere():
@@ -161,7 +161,7 @@ def test_verdicts_are_given_on_all_claims_about_the_spiral():
     assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}
     assert found["feedforward-changes-nothing"].holds
     assert found["h-infinity-best-everywhere"].why_not == "the law did not follow"
-    assert "9 ms" in found["duration-does-not-matter"].number
+    assert found["duration-does-not-matter"].holds is None
 
 
 def test_a_run_whose_motors_went_off_says_so_and_counts_as_failed():

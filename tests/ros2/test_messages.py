@@ -11,6 +11,7 @@ from dqcontrol.ros2.messages import (
     Stamps,
     by_name,
     deviation_of,
+    humanoid_command,
     numbers,
     planar_pose_of,
     planar_twist_of,
@@ -51,6 +52,39 @@ def test_stamps_must_increase():
         with pytest.raises(RefusedError, match="stamp"):
             stamps.check(early)
     assert stamps.check(11) == 11
+
+
+def humanoid(frame="THETA_GC", positions=(1.0, 2.0), effort=(0.5, 1.0), velocities=()):
+    point = Fields(positions=positions, effort=effort, velocities=velocities)
+    return Fields(header=Fields(frame_id=frame), joint_names=["b", "a"], points=[point])
+
+
+def test_a_humanoid_command_tells_mode_stiffness_and_slew_rate_beside_the_angles():
+    position, told = humanoid_command(humanoid(), ["a", "b"])
+    assert (position.tolist(), told.mode, told.stiffness.tolist()) == ([2.0, 1.0], "THETA_GC", [1.0, 0.5])
+    assert told.slew_rate is None  # as it was
+    assert humanoid_command(humanoid("", effort=(), velocities=(3.0, 4.0)), ["a"])[1].slew_rate.tolist() == [
+        4.0
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"frame": "TETA_GC"}, r"mode: unknown name 'TETA_GC'; did you mean 'THETA_GC'"),
+        ({"frame": "TORQUE"}, "mode: unknown name 'TORQUE'"),
+        (
+            {"effort": (0.5, 1.5)},
+            r"stiffness: must lie in 0 … 1, got 1.5|stiffness: must lie in 0 … 1, got 0.5 … 1.5",
+        ),
+        ({"effort": (0.5,)}, "2 names, but 1 stiffness"),
+        ({"velocities": (-1.0, 2.0)}, "slew rate: must lie in 0 … 100"),
+        ({"velocities": (np.nan, 2.0)}, "number 2 is not finite"),
+    ],
+)
+def test_humanoid_commands_that_cannot_be_are_refused(changes, why):
+    with pytest.raises(RefusedError, match=why):
+        humanoid_command(humanoid(**changes), ["a", "b"])
 
 
 def pose(frame="base_link", place=(0.1, 0.2, 0.3), turn=(1.0, 0.0, 0.0, 0.0)):

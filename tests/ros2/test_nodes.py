@@ -12,12 +12,13 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TwistStamped, WrenchStamped
 from nodes import PATIENCE, PATIENT, read_until
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
 import dqcontrol as dqc
 from dqcontrol.experiments.run import measure
@@ -308,3 +309,16 @@ def test_pereira_s_kuka_draws_its_circle_to_the_end(start):
     log, _ = launch.communicate(timeout=PATIENCE)
     assert launch.returncode == 0, log
     assert "inactive: soft stop" in log
+
+
+@pytest.mark.slow
+def test_pereira_s_meka_in_physics_is_told_mode_and_stiffness_with_each_command(start, node):
+    commands, wrenches = [], []
+    node.create_subscription(JointTrajectory, "/humanoid_command", commands.append, 100)
+    node.create_subscription(WrenchStamped, "/loadx6_right_state", wrenches.append, 100)
+    launch = start("pereira2016", until="robot_controlling_node]: active")
+    assert node.serve(lambda: len(commands) > 100 and len(wrenches) > 100)
+    assert {message.header.frame_id for message in commands} == {"THETA_GC"}
+    assert {tuple(message.points[0].effort) for message in commands} == {(1.0,) * 7}
+    launch.send_signal(signal.SIGINT)
+    assert launch.wait(PATIENCE) == 0

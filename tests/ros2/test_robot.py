@@ -14,8 +14,10 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.errors import FallenError
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.ros2 import robot_node
 from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.messages import nanoseconds
 
 MEKA = {"robot": "meka-a2", "plant": {"kind": "compliant", "hand": True, "payload": {"mass": 1.5}}}
 TOPIC = "/force_torque_sensor_broadcaster/wrench"
@@ -83,6 +85,33 @@ def test_without_commands_it_brakes_and_holds(spec, node):
     assert node.publish(commands, command, lambda: robot._supervisor.rate(robot._state).max() > 0.05)
     assert node.serve(lambda: robot._condition()[1] == "holds: no commands")
     assert node.serve(lambda: not robot._supervisor.rate(robot._state).any())
+
+
+def test_the_humanoid_node_takes_mode_and_stiffness_with_each_command_and_passes_states_on_at_its_own_rate(
+    spec, node, diagnostics
+):
+    from dqcontrol.ros2.robot_node import RobotNode
+
+    plant = {"kind": "compliant", "command_mode": "measured", "exchange_period": 0.01, "encoder_noise": 1e-3}
+    robot, told = RobotNode(load(spec(robot="meka-a2", period=0.008, plant=plant)), interface="humanoid"), {}
+    node.host(robot)
+
+    def hear(message):
+        ticks = (nanoseconds(message.header.stamp) - robot._origin) // 8_000_000
+        told.setdefault(8 * ticks // 10, []).append(message.position[1])  # by exchanges of 10 ms
+
+    node.create_subscription(JointState, "/joint_states", hear, 1000)
+    commands = node.create_publisher(JointTrajectory, "/humanoid_command", 1)
+    command = JointTrajectory(joint_names=list(robot._joints))
+    command.points = [JointTrajectoryPoint(positions=robot._plant.measured.tolist(), effort=[0.6] * 7)]
+    command.header.frame_id = "THETA_GC_MJ"
+    assert node.publish(commands, command, lambda: robot._plant.mode == "THETA_GC_MJ")
+    assert (robot._plant.memory.constants[:, column.STIFFNESS] == 0.6).all()
+    command.header.frame_id = "TORQUE"
+    assert node.publish(commands, command, lambda: "mode: unknown name 'TORQUE'" in last_refused(diagnostics))
+    assert node.serve(lambda: sum(len(each) > 1 for each in told.values()) > 3)
+    assert all(len(set(each)) == 1 for each in told.values())  # between exchanges nothing new
+    assert len({each[0] for each in told.values()}) > 3
 
 
 def last_refused(diagnostics, name="/robot"):

@@ -22,8 +22,8 @@ def reproduce(
 ) -> None:
     """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
 
-    Of several experiments those that are in the folder from before are left as they are: rerun the same command to
-    resume after an interruption.
+    Rerun the same command to resume after an interruption: experiments that are in the folder from before are left as
+    they are, and of the one that was interrupted the repeated runs that had ended are kept.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def reproduce(
     out
         New folder for the results; default: results/NAME, or results/NAME-PLANT with a plant.
     force
-        Replace earlier folders of results.
+        Replace earlier folders of results, and discard what an interrupted command left.
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     samples
@@ -42,9 +42,12 @@ def reproduce(
     repeats
         At most so many of each run; default: as many as were printed.
     """
+    from shutil import rmtree
+
     from dqcontrol import reproductions as published
     from dqcontrol.errors import TaskWarning
     from dqcontrol.experiments.results_folder import check_new
+    from dqcontrol.experiments.working_folder import working_folder
 
     warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
     warnings.simplefilter("ignore", TaskWarning)  # its verdicts say what was reached, as it was published
@@ -73,16 +76,27 @@ def reproduce(
             continue
         if len(names) > 1:
             print(f"{each}: {number} of {len(names)}")
-        with progress_bar() as progress:
-            done = published.reproduce(
-                each,
-                plant=plant,
-                jobs=jobs,
-                samples=count,
-                repeats=repeats,
-                progress=lambda label, count, total, show=progress: show(count, total, label),
-            )
-        done.save(folder, force=force)
+        unfinished = working_folder(folder)
+        if force:
+            rmtree(unfinished, ignore_errors=True)
+        try:
+            with progress_bar() as progress:
+                done = published.reproduce(
+                    each,
+                    plant=plant,
+                    jobs=jobs,
+                    samples=count,
+                    repeats=repeats,
+                    progress=lambda label, count, total, show=progress: show(count, total, label),
+                    unfinished=unfinished,
+                )
+            done.save(folder, force=force)
+        except KeyboardInterrupt:
+            is_kept = unfinished.exists() or len(names) > 1
+            raise KeyboardInterrupt(
+                "; what was finished is kept: rerun the same command to resume" * is_kept
+            ) from None
+        rmtree(unfinished, ignore_errors=True)
         for table in done.tables:
             print_table(table)
         print(f"results: {folder}")

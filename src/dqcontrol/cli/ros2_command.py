@@ -20,7 +20,8 @@ class NodeOptions:
     """What controllers and robots have in common."""
 
     interface: Annotated[
-        Literal["velocity", "position", "trajectory"], Parameter(help="What commands are; names their topic.")
+        Literal["velocity", "position", "trajectory", "humanoid"],
+        Parameter(help="What commands are; names their topic."),
     ] = "velocity"
     base_interface: Annotated[
         Literal["twist", "twist-stamped", "wheels"], Parameter(help="What commands of a mobile base are.")

@@ -2,7 +2,7 @@
 
 from dqcontrol.figures.base_paths import base_path, superimposed
 from dqcontrol.figures.compared import compare_inputs, compare_joints, compare_poses
-from dqcontrol.figures.criteria import compare_criteria
+from dqcontrol.figures.criteria import compare_criteria, criteria_side_by_side
 from dqcontrol.figures.disturbances import disturbance
 from dqcontrol.figures.figure_files import save_figures
 from dqcontrol.figures.histograms import histogram
@@ -31,6 +31,7 @@ __all__ = [
     "compare_poses",
     "comparison_figures",
     "control_signals",
+    "criteria_side_by_side",
     "disturbance",
     "errors",
     "gain_figure",

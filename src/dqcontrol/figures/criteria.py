@@ -10,6 +10,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import (
+    COLOURS,
     DESIRED,
     DOUBLE,
     ERROR,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 _DECADES = 5  # of the criteria below their peak that are shown
 
 _MOST = 8  # runs; more can hardly be told apart
+_MOST_COLUMNS = 4
 
 
 @styled
@@ -94,6 +96,68 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> F
     left_out = len(records) - len(chosen)
     note = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
     legend_below(figure, coordinates[0], note)
+    return figure
+
+
+@styled
+def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m") -> Figure:
+    """Plot the pose and the criteria of each run in a column of its own, rows to one scale [P16 Figure 5.2].
+
+    The hand's position and its orientation as a quaternion are drawn over the desired ones, the criteria of
+    `compare_criteria` below them.
+
+    Parameters
+    ----------
+    records
+        Runs by the titles of their columns; the first four are shown.
+    unit
+        As for `compare_criteria`.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+
+    Examples
+    --------
+    >>> criteria_side_by_side({"20 %": slow.record, "100 %": fast.record})  # doctest: +SKIP
+    """
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    chosen = dict(list(records.items())[:_MOST_COLUMNS])
+    figure = new_figure(DOUBLE, 1.15 * 7 + 0.6)
+    grid = figure.subplots(7, len(chosen), sharex=True, sharey="row", squeeze=False)
+    for column, (title, record) in zip(grid.T, chosen.items(), strict=True):
+        hand, desired = _quaternions(record)
+        pairs = ((record.position, record.desired_position, "xyz"), (hand, desired, "wijk"))
+        for axes, (values, wanted, names) in zip(column, pairs, strict=False):
+            for i, name in enumerate(names):
+                axes.plot(record.time, values[:, i], label=f"${name}$", **line_style(i))
+                axes.plot(
+                    record.time,
+                    wanted[:, i],
+                    color=DESIRED,
+                    lw=0.8,
+                    label="desired" if i == len(names) - 1 else "",
+                )
+        for axes, (time, values, held) in zip(column[2:], _criteria(record), strict=True):
+            axes.plot(
+                time,
+                np.maximum(values, FLOOR),
+                drawstyle="steps-post" if held else "default",
+                color=COLOURS[0],
+                lw=0.9,
+            )
+        column[0].set_title(title)
+        column[-1].set_xlabel("time [s]")
+    names = ("position\n[m]", "orientation", *_labels(unit))
+    for axes, name in zip(grid[:, 0], names, strict=True):
+        axes.set_ylabel(name)
+    for axes in grid[2:, 0]:
+        logarithmic(axes, _DECADES)
+    for axes in grid[:2, -1]:
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handlelength=1.6)
+    figure.align_ylabels()
     return figure
 
 

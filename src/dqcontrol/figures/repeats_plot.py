@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_BESIDE = 12  # combinations in one panel
+_APART = 10.0
+_LETTERS = 80  # of all laws below the axis
 _TICKS = 10  # so many places of a parameter are all labelled
 _MEAN: dict[str, Any] = {"color": DESIRED, "marker": "_", "ms": 9, "mew": 1.4, "lw": 1.2}
 
@@ -37,7 +40,8 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     """Plot a number of every run as a point, with mean and confidence interval, by law and set.
 
     Points stand in the order of the rows, so that a drift over the repeats shows as a slope. Every robot and plant has
-    a panel of its own. Runs that failed are left out.
+    a panel of its own, and every set where there are more than a dozen combinations. A panel whose numbers are more
+    than ten times apart has a logarithmic axis. Runs that failed are left out.
 
     Parameters
     ----------
@@ -65,17 +69,20 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
 
     study, heading = Repeats(rows), number_column(key).heading
     law = {group: str(study.label(group, "law")) for group in study.groups}
-    kind = {group: study.describe(group, ["set", *study.parameters]) for group in study.groups}
-    scene = {group: study.describe(group, {*LABELS} - {"law", "set"}) for group in study.groups}
+    beside = ["set", *study.parameters] if len(study.groups) <= _BESIDE else study.parameters
+    kind = {group: study.describe(group, beside) for group in study.groups}
+    scene = {group: study.describe(group, {*LABELS} - {"law", *beside}) for group in study.groups}
     laws, kinds, scenes = (list(dict.fromkeys(of.values())) for of in (law, kind, scene))
     figure = new_figure(DOUBLE, 0.7 + 2.6 * len(scenes))
     panels = dict(zip(scenes, figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0], strict=True))
+    seen: dict[str, list[float]] = {name: [] for name in scenes}
     width = 0.8 / len(kinds)
     for group in study.groups:
         i = kinds.index(kind[group])
         centre = laws.index(law[group]) + (i - (len(kinds) - 1) / 2) * width
         values = study.values(group, key)
         places = centre + width * (np.linspace(-0.35, 0.2, len(values)) if len(values) > 1 else np.zeros(1))
+        seen[scene[group]] += values
         panels[scene[group]].plot(places[: len(values)], values, **mark_style(i))
         _draw_mean(panels[scene[group]], centre + 0.35 * width, study.mean(group, key), level)
     for name, axes in panels.items():
@@ -84,6 +91,11 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
         axes.set_xlim(-0.5, len(laws) - 0.5)
         axes.grid(False, axis="x")
         axes.set_title(name, loc="left")
+        if seen[name] and max(seen[name]) > _APART * min(seen[name]) > 0:
+            logarithmic(axes)
+            axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.5 * min(seen[name])))
+    if max(map(len, laws)) * len(laws) > _LETTERS:
+        panels[scenes[-1]].set_xticks(range(len(laws)), laws, rotation=25, ha="right")
     figure.align_ylabels()
     marks = [Line2D([], [], label=name, **mark_style(i)) for i, name in enumerate(kinds) if name]
     mean = Line2D([], [], label=f"mean, {100 * level:g} % interval", **_MEAN)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +16,14 @@ from dqcontrol.figures.style import new_figure
 from dqcontrol.loop.record import Record
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Lit = NDArray[np.bool_]
 
 _GLOW = ((11.0, 0.035), (7.0, 0.06), (4.0, 0.16), (1.6, 0.9))  # width in points, opacity
+_GLOW_OF_SEVERAL = ((5.0, 0.05), (3.0, 0.1), (1.6, 0.2), (0.7, 0.9))
+_ACROSS = 3
 _LIGHT, _CORE = "#5fb4ff", "#f4fbff"
 _FRONT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 _FRAMES, _FRAME_TIME, _LAST = 60, 0.08, 2.0  # of a clip; s
@@ -48,6 +52,42 @@ def light_painting(record: Record, lit: Lit | None = None) -> Figure:
     >>> light_painting(run.record).savefig("painting.png")  # doctest: +SKIP
     """
     return _exposed(record, lit)[0]
+
+
+def light_paintings(records: Mapping[str, Record], lit: Mapping[str, Lit | None]) -> Figure:
+    """Draw several as `light_painting`, side by side and to one scale, three in a row.
+
+    Parameters
+    ----------
+    records
+        Runs by title.
+    lit
+        When the lamp was on, by title, shape (N,) each; None: always.
+
+    Raises
+    ------
+    ShapeError
+        As `light_painting`, or if there is no run.
+    """
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    seen = {title: _seen(record, lit[title]) for title, record in records.items()}
+    side = 1.25 * max(float((one.high - one.low).max()) for one in seen.values())
+    across = min(len(seen), _ACROSS)
+    rows = -(-len(seen) // across)
+    figure = new_figure(7.16, 7.16 / across * rows)
+    figure.set_facecolor("black")
+    everywhere = figure.subplots(rows, across, squeeze=False).ravel()
+    for axes in everywhere:
+        axes.axis("off")
+    for axes, (title, one) in zip(everywhere, seen.items(), strict=False):
+        _expose(axes, one, _GLOW_OF_SEVERAL)
+        middle = 0.5 * (one.low + one.high)
+        axes.set_xlim(middle[0] - side / 2, middle[0] + side / 2)
+        axes.set_ylim(middle[1] - side / 2, middle[1] + side / 2)
+        axes.set_aspect("equal")
+        axes.set_title(title, color=_LIGHT, y=-0.02)
+    return figure
 
 
 def painting_clip(record: Record, path: str | Path, lit: Lit | None = None) -> None:
@@ -86,10 +126,16 @@ def painting_clip(record: Record, path: str | Path, lit: Lit | None = None) -> N
     pictures[0].save(target, save_all=True, append_images=pictures[1:], duration=times, loop=0, optimize=True)
 
 
-def _exposed(record: Record, lit: Lit | None) -> tuple[Figure, NDArray[np.float64], list[Any]]:
-    """Return the picture, its strokes (M, 2, 2) and their glows."""
-    from matplotlib.collections import LineCollection
+class _Seen(NamedTuple):
+    """What a camera sees of a lamp: its strokes (M, 2, 2), how much light each leaves (M,), and their corners (2,)."""
 
+    strokes: NDArray[np.float64]
+    exposure: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+def _seen(record: Record, lit: Lit | None) -> _Seen:
     on = np.full(len(record.time), True) if lit is None else np.asarray(lit, dtype=bool)
     if on.shape != record.time.shape:
         raise ShapeError(f"lit: expected shape {record.time.shape}, got {on.shape}")
@@ -103,25 +149,38 @@ def _exposed(record: Record, lit: Lit | None) -> tuple[Figure, NDArray[np.float6
     moving = length > 0
     exposure = np.full(len(length), 1.0)
     exposure[moving] = np.clip(np.sqrt(np.median(length[moving]) / length[moving]), 0.35, 1.0)
-    low, high = flat[on].min(axis=0), flat[on].max(axis=0)
-    size = np.maximum(high - low, 1e-3)
-    longest = 5.6 / size.max()
-    figure = new_figure(*(size * longest + 1.0))
-    figure.set_facecolor("black")
-    axes, glows = figure.add_subplot(), []
-    for width, opacity in _GLOW:
-        colour = _CORE if opacity > 0.5 else _LIGHT
-        glow = LineCollection(
-            list(strokes),
-            colors=colour,
+    return _Seen(strokes, exposure, flat[on].min(axis=0), flat[on].max(axis=0))
+
+
+def _expose(axes: Axes, seen: _Seen, glow: Sequence[tuple[float, float]]) -> list[Any]:
+    """Draw the light, and return its glows."""
+    from matplotlib.collections import LineCollection
+
+    glows = []
+    for width, opacity in glow:
+        lines = LineCollection(
+            list(seen.strokes),
+            colors=_CORE if opacity > 0.5 else _LIGHT,
             linewidths=width,
-            alpha=opacity * exposure,
+            alpha=opacity * seen.exposure,
             capstyle="round",
             rasterized=True,
         )
-        glows.append(axes.add_collection(glow))
-    axes.set_xlim(low[0] - 0.08 * size.max(), high[0] + 0.08 * size.max())
-    axes.set_ylim(low[1] - 0.08 * size.max(), high[1] + 0.08 * size.max())
+        glows.append(axes.add_collection(lines))
+    return glows
+
+
+def _exposed(record: Record, lit: Lit | None) -> tuple[Figure, NDArray[np.float64], list[Any]]:
+    """Return the picture, its strokes (M, 2, 2) and their glows."""
+    seen = _seen(record, lit)
+    size = np.maximum(seen.high - seen.low, 1e-3)
+    figure = new_figure(*(size * 5.6 / size.max() + 1.0))
+    figure.set_facecolor("black")
+    axes = figure.add_subplot()
+    glows = _expose(axes, seen, _GLOW)
+    edge = 0.08 * size.max()
+    axes.set_xlim(seen.low[0] - edge, seen.high[0] + edge)
+    axes.set_ylim(seen.low[1] - edge, seen.high[1] + edge)
     axes.set_aspect("equal")
     axes.axis("off")
-    return figure, strokes, glows
+    return figure, seen.strokes, glows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,6 +15,24 @@ if TYPE_CHECKING:
 
 _NOTHING: Array = np.zeros(0)
 _NOTHING.flags.writeable = False
+
+
+class JointControl(NamedTuple):
+    """What joint controllers are told beside their targets, as each command of a Meka tells them.
+
+    Attributes
+    ----------
+    mode
+        As in `CompliantPlant`; empty: stays as it is.
+    stiffness
+        0 … 1, shape (n,); None: stays as it is.
+    slew_rate
+        Of the reference, mean speed of minimum-jerk motions, rad/s, shape (n,); None: stays as it is.
+    """
+
+    mode: str = ""
+    stiffness: Array | None = None
+    slew_rate: Array | None = None
 
 
 class MovedPlant(Protocol):
@@ -104,6 +122,9 @@ class LivePlant:
 
     def rewind(self) -> None:
         """Use the drawn noise again from its start, for a plant that runs longer than it was started for."""
+
+    def set_joint_control(self, control: JointControl) -> None:
+        """Tell joint controllers their mode, stiffness and slew rate; a plant without such takes no notice."""
 
     def compiled(self) -> CompiledPlant | None:
         """Return it as the compiled loop takes it; None if its step is not one compiled function."""

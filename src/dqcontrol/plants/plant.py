@@ -18,7 +18,7 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import LivePlant, MovedPlant
+from dqcontrol.plants.live_plant import JointControl, LivePlant, MovedPlant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -123,6 +123,10 @@ class Plant(
     def base_errors(self) -> tuple[float, float]:
         """Return the standard deviations of where a mobile base is measured, m, and of its heading, rad."""
         return 0.0, 0.0
+
+    def joint_control(self, joints: int) -> JointControl:
+        """Return what so many joint controllers are told beside their targets; by default nothing."""
+        return JointControl()
 
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""

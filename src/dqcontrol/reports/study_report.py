@@ -21,6 +21,8 @@ from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_MOST_PANELS = 5  # of the figure of repeats, which has one for each set where there are many
+
 
 def write_study_report(
     study: Study,
@@ -87,7 +89,9 @@ def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
     """Write the figure of repeats, and return it; none where there are none, or too many for it."""
-    if not study.is_repeated or len(by_label(study.rows)) > MOST_CURVES:
+    sets = {row["set"] for row in study.rows}
+    most = MOST_CURVES * min(len(sets), _MOST_PANELS)
+    if not study.is_repeated or len(by_label(study.rows)) > most:
         return {}
     from dqcontrol.figures import repeats_figure, save_figures
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.tables import Column, Table
 
 if TYPE_CHECKING:
+    from dqcontrol.experiments.study import Study
     from dqcontrol.reproductions.reproduced import Reproduced
 
 SOURCES = ("pereira2016", "silva2017")
@@ -51,6 +53,9 @@ class Conditions:
         At most so many of each run; None: as many as were printed.
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
+    unfinished
+        Folder that keeps the finished trials of studies, so that the same call resumes after an interruption; None:
+        they are lost with the process.
     """
 
     plant: str = ""
@@ -58,11 +63,19 @@ class Conditions:
     samples: int = SAMPLES
     repeats: int | None = None
     progress: Progress | None = None
+    unfinished: Path | None = None
 
     def of(self, label: str) -> Callable[[float, int], None] | None:
         """Return the progress of one study."""
         report = self.progress
         return None if report is None else lambda done, total: report(label, done, total)
+
+    def run_study(self, label: str, source: dict[str, Any]) -> Study:
+        """Run one study of an experiment; what is repeated resumes with the trials that are left."""
+        from dqcontrol.experiments.run_study import run_study
+
+        journal = self.unfinished / label if self.unfinished and source.get("repeats", 1) > 1 else None
+        return run_study(source, jobs=self.jobs, progress=self.of(label), journal=journal)
 
 
 class Publication(Protocol):

@@ -11,6 +11,7 @@ from dqcontrol.reproductions.printed import Claim
 
 DID_NOT_FOLLOW = "the law did not follow"
 ABOUT_THE_ROBOT = "it is about the robot"
+ABOUT_THE_PROGRAM = "it is about the source's program"
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Judgement:
     number
         What was found.
     why_not
-        Of what cannot be decided: why, as `DID_NOT_FOLLOW` or `ABOUT_THE_ROBOT`; empty if the number says it.
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the
+        number says it.
     """
 
     holds: bool | None
@@ -64,12 +66,12 @@ def verdict_table(
     for claim in claims:
         if claim.id in judgements:
             found = judgements[claim.id]
-            row: list[Cell] = [claim.source, claim.quotation, found.verdict, found.number]
+            row: list[Cell] = [_place(claim), claim.quotation, found.verdict, found.number]
             if ours is not None:
                 second = ours.get(claim.id)
                 row += [second.verdict, second.number] if second else ["", ""]
             rows.append([*row, claim.note])
-    columns = [Column(source), Column("Claim"), Column("Verdict"), Column("Our number")]
+    columns = [Column(f"Where in {source}"), Column("Claim"), Column("Verdict"), Column("Our number")]
     if ours is not None:
         columns[2:] = [
             Column("Verdict, as printed"),
@@ -78,6 +80,12 @@ def verdict_table(
             Column("Number"),
         ]
     return Table([*columns, Column(f"{source}'s own numbers")], rows, title)
+
+
+def _place(claim: Claim) -> str:
+    """Return where a claim stands; a bare number would pass for that of a table."""
+    is_number = claim.source[0].isdigit()
+    return f"{'Section' if '.' in claim.source else 'Chapter'} {claim.source}" if is_number else claim.source
 
 
 def listed(values: Sequence[float], form: str = ".3f") -> str:

@@ -27,6 +27,7 @@ def reproduce(
     samples: int = SAMPLES,
     repeats: int | None = None,
     progress: Progress | None = None,
+    unfinished: str | Path | None = None,
 ) -> Reproduced:
     """Run a published experiment again and hold it against what was printed.
 
@@ -44,6 +45,9 @@ def reproduce(
         At most so many of each run, at least 1; default: as many as were printed.
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
+    unfinished
+        Working folder that keeps finished trials, so that the same call resumes after an interruption; it stays there
+        when all is done. Needs pyarrow.
 
     Raises
     ------
@@ -51,12 +55,15 @@ def reproduce(
         If there is no such experiment or plant.
     ValueRangeError
         If ``repeats`` is below 1.
+    ExistsError
+        If ``unfinished`` holds trials of another experiment, number of repeats or version.
 
     Examples
     --------
     >>> from dqcontrol.reproductions import reproduce
-    >>> reproduce("light-painting", plant="servo", jobs=1).studies["light-painting"].rows[0]["stopped"]
-    'duration'
+    >>> done = reproduce("light-painting", plant="servo", jobs=1)
+    >>> {study.rows[0]["stopped"] for study in done.studies.values()}
+    {'duration'}
     """
     if repeats is not None and repeats < 1:
         raise ValueRangeError(f"repeats: must be at least 1, got {repeats}")
@@ -64,7 +71,8 @@ def reproduce(
     if others:
         raise unknown_name("reproduction", name, list(experiments()))
     folder, _, short = full.partition("/")
-    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress)
+    kept = None if unfinished is None else Path(unfinished)
+    conditions = Conditions(chosen_plant(full, plant), jobs, samples, repeats, progress, kept)
     return replace(source(folder).reproduce(short, conditions), conditions=_chosen(samples, repeats))
 
 

@@ -236,7 +236,15 @@ class Following:
         """Return where commands go."""
         node, parts, ports = self._node, self._parts, []
         if self._joints:
-            ports.append(joint_port(parts, self._interface, self._joints, self.loaded.period))
+            ports.append(
+                joint_port(
+                    parts,
+                    self._interface,
+                    self._joints,
+                    self.loaded.period,
+                    self.loaded.case.plant.joint_control(len(self._joints)),
+                )
+            )
         if parts.base:
             ports.append(base_port(parts, base_interface, node, self._footprint))
         return ports

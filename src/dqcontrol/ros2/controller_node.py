@@ -37,7 +37,7 @@ class ControllerNode(Node):
     source
         What it follows: ``spec``, ``pose`` or ``twist``.
     interface
-        What it sends to joints: ``velocity``, ``position`` or ``trajectory``.
+        What it sends to joints: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
     base_interface
         What it sends to a mobile base: ``twist``, ``twist-stamped`` or ``wheels``.
     autostart

@@ -15,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.plants.live_plant import JointControl
 from dqcontrol.robots import DifferentialDrive, WholeBody
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.ros2.robot_parts import RobotParts
@@ -25,6 +26,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "velocity": ("/forward_velocity_controller/commands", Float64MultiArray),
     "position": ("/forward_position_controller/commands", Float64MultiArray),
     "trajectory": ("/joint_trajectory_controller/joint_trajectory", JointTrajectory),
+    "humanoid": ("/humanoid_command", JointTrajectory),
 }
 BASE_COMMANDS: dict[str, tuple[str, Any]] = {
     "twist": ("/cmd_vel", Twist),
@@ -122,7 +124,9 @@ class Commands:
             publisher.publish(port.message(position, rate, measured))
 
 
-def joint_port(parts: RobotParts, interface: str, joints: Sequence[str], period: float) -> Port:
+def joint_port(
+    parts: RobotParts, interface: str, joints: Sequence[str], period: float, control: JointControl
+) -> Port:
     """Return where commands of joints go.
 
     Parameters
@@ -135,11 +139,22 @@ def joint_port(parts: RobotParts, interface: str, joints: Sequence[str], period:
         Names in messages, in the order of the robot's joints.
     period
         Time in which a trajectory's point is to be reached, s.
+    control
+        What ``humanoid`` commands tell the joint controllers beside; see `messages.humanoid_command`.
     """
     topic, kind = COMMANDS[interface]
     soon, own = Duration(seconds=period).to_msg(), parts.joint_inputs
 
     def message(position: Array, rate: Array, _: Array) -> Any:
+        if interface == "humanoid":
+            beside = {
+                name: [] if values is None else values.tolist()
+                for name, values in (("effort", control.stiffness), ("velocities", control.slew_rate))
+            }
+            told = JointTrajectory(joint_names=list(joints))
+            told.header.frame_id = control.mode
+            told.points = [JointTrajectoryPoint(positions=position[own].tolist(), **beside)]
+            return told
         if interface != "trajectory":
             return Float64MultiArray(data=(rate if interface == "velocity" else position)[own].tolist())
         # without a stamp: from now on

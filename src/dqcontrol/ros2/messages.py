@@ -10,10 +10,19 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, suggest
+from dqcontrol.plants.live_plant import JointControl
 
 NANOSECONDS = 1_000_000_000
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane
+_ANGLE_MODES = (
+    "OFF",
+    "THETA",
+    "THETA_GC",
+    "THETA_MJ",
+    "THETA_GC_MJ",
+)  # those of a Meka that angles say enough to
+_FASTEST = 100.0  # rad/s, of a reference
 _UNIT = 0.01  # by which the norm of an orientation may be off
 
 
@@ -85,6 +94,42 @@ def trajectory_point(message: Any, wanted: Sequence[str]) -> Array:
     if len(message.points) != 1:
         raise RefusedError(f"trajectory: expected 1 point, got {len(message.points)}")
     return by_name("trajectory", message.joint_names, message.points[0].positions, wanted)
+
+
+def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, JointControl]:
+    """Return positions and joint control of a command to Meka's humanoid node.
+
+    The node's own type, ``M3JointCmd``, is in no registry. In its stead a ``trajectory_msgs/JointTrajectory`` has the
+    mode in ``header.frame_id``, and one point with ``positions``, stiffness 0 … 1 in ``effort``, and slew rates in
+    ``velocities``; each but the positions may be empty: it stays as it is.
+
+    Raises
+    ------
+    RefusedError
+        If it has another number of points, its joints are not those, or a number or the mode cannot be.
+    """
+    position = trajectory_point(message, wanted)
+    point, names = message.points[0], message.joint_names
+    stiffness = _each(point.effort, names, wanted, "stiffness", 0.0, 1.0)
+    slew_rate = _each(point.velocities, names, wanted, "slew rate", 0.0, _FASTEST)
+    mode = message.header.frame_id
+    if mode and mode not in _ANGLE_MODES:
+        raise RefusedError(
+            f"mode: unknown name '{mode:.40}'{suggest(mode, _ANGLE_MODES)} (allowed: {', '.join(_ANGLE_MODES)})"
+        )
+    return position, JointControl(mode, stiffness, slew_rate)
+
+
+def _each(
+    values: Sequence[float], names: Sequence[str], wanted: Sequence[str], what: str, least: float, most: float
+) -> Array | None:
+    """Return the values of the wanted joints within their range; None where none are given."""
+    if not len(values):
+        return None
+    found = by_name(what, names, values, wanted, what)
+    if (found < least).any() or (found > most).any():
+        raise RefusedError(f"{what}: must lie in {least:g} … {most:g}, got {found.min():g} … {found.max():g}")
+    return found
 
 
 def pose_of(message: Any, frame: str) -> Array:

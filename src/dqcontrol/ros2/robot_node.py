@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
-from dqcontrol.plants.live_plant import LivePlant, live_plant
+from dqcontrol.plants.live_plant import JointControl, LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
@@ -38,6 +38,7 @@ from dqcontrol.ros2.loading import Loaded, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
     RefusedError,
+    humanoid_command,
     numbers,
     planar_twist_of,
     stamp_of,
@@ -67,7 +68,7 @@ class RobotNode(Node):
     name
         Of the node.
     interface
-        What its joints take: ``velocity``, ``position`` or ``trajectory``.
+        What its joints take: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
     base_interface
         What its mobile base takes: ``twist``, ``twist-stamped`` or ``wheels``.
     wrench_node
@@ -99,6 +100,7 @@ class RobotNode(Node):
         plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._plant = live_plant(plant)
         self._waits, self._fault, self._ticks = _NO_COMMANDS, "", 0
+        self._told: JointControl | None = None  # by a command, and not yet passed on
         self._is_broken = False
         self._step, self._spread, self._has_missed = 0.0, 1.0, False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()
@@ -142,6 +144,9 @@ class RobotNode(Node):
     def _joint_command(self, message: Any) -> Array:
         if self._interface == "trajectory":
             return trajectory_point(message, self._joints)
+        if self._interface == "humanoid":
+            position, self._told = humanoid_command(message, self._joints)
+            return position
         return numbers(self._interface, message.data, len(self._joints))
 
     def _base_command(self, message: Any) -> Array:
@@ -227,6 +232,9 @@ class RobotNode(Node):
         position = self._supervisor.position(self._state)[self._parts.joint_inputs]
         if self._interface == "velocity":
             return np.zeros(len(position)) if asked is None else asked
+        if asked is not None and self._told is not None:
+            self._plant.set_joint_control(self._told)
+            self._told = None
         goal = position if asked is None else asked
         from_measured = self._from_measured
         ahead = goal - self._before[self._parts.joints] if from_measured else self._paced(goal - position)

@@ -20,7 +20,7 @@ from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
-from dqcontrol.plants.live_plant import LivePlant
+from dqcontrol.plants.live_plant import JointControl, LivePlant
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.gravity import WORK
 
@@ -151,6 +151,28 @@ class LiveCompliant(LivePlant):
             raise unknown_name("mode", str(mode), column.MODES)
         self.memory.shared[column.ASKED_MODE] = column.MODES[mode]
         self.memory.shared[column.FAULT], self.fault = 0.0, ""
+
+    def set_joint_control(self, control: JointControl) -> None:
+        """Tell the joint controllers their mode, stiffness and slew rate, from the next tick on.
+
+        Slew rates stay within those of the controller file. After a fault the motors stay off until `switch`.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such mode.
+        """
+        constants = self.memory.constants
+        if control.stiffness is not None:
+            constants[:, column.STIFFNESS] = control.stiffness
+        if control.slew_rate is not None:
+            constants[:, column.SLEW] = np.minimum(
+                TICK * control.slew_rate, self._arm.constants[:, column.SLEW]
+            )
+            constants[:, column.SPEED] = control.slew_rate
+        is_new = column.MODES.get(control.mode) != self.memory.shared[column.ASKED_MODE]
+        if control.mode and is_new and not self.fault:
+            self.switch(control.mode)
 
     def step(self, command: ArrayLike) -> None:
         """Move the arm for one control period; see `LivePlant.step`."""

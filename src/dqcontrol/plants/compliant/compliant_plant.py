@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.compliant.elastic_model import TICK
@@ -16,6 +16,7 @@ from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Pu
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.live_plant import JointControl
 from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
 
 if TYPE_CHECKING:
@@ -197,6 +198,11 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     def encoder_errors(self) -> EncoderErrors:
         """Return noise and resolution of its encoders."""
         return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
+
+    def joint_control(self, joints: int) -> JointControl:
+        """Return its mode and stiffness, and its slew rate if it has one of its own."""
+        slew_rate = None if self.slew_rate is None else as_each("plant.slew_rate", self.slew_rate, joints)
+        return JointControl(self.mode, as_each("plant.stiffness", self.stiffness, joints), slew_rate)
 
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.measures.repeat_tables import confidence_table
 from dqcontrol.measures.statistics import mean_of
 from dqcontrol.measures.table_cells import Cell, Column
@@ -60,7 +59,7 @@ def reproduce_fair(conditions: Conditions) -> Reproduced:
         "laws": {each.label: each.result.law for each in tuning.laws},
         "repeats": max(repeats, 2),
     }
-    study = run_study(judged, jobs=conditions.jobs, progress=conditions.of("spiral"))
+    study = conditions.run_study("spiral", judged)
     results = Results({"": study.rows})
     tables = [
         tuning.table(),

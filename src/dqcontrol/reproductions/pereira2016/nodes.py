@@ -24,6 +24,8 @@ class Side(NamedTuple):
         Of [P16], that it runs.
     command
         Topic of its commands.
+    interface
+        What they are.
     wrench
         Node and topic of its force sensor, if it has one.
     supervisor
@@ -33,6 +35,7 @@ class Side(NamedTuple):
     node: str
     experiment: str
     command: str
+    interface: str
     wrench: tuple[str, str] | None
     supervisor: dict[str, float]
 
@@ -43,12 +46,13 @@ SIDES = {
         "hum_controller",
         "spiral",
         "/humanoid_command",
+        "humanoid",
         ("loadx6_publisher", "/loadx6_right_state"),
         {"overspeed": 4.0},
     ),
     # It starts 70 mm off with k = 50 1/s, on an arm whose acceleration nothing bounds: within 10 rad/s², the default,
     # its servos' lag would let it swing about the circle for ever, by 0.15 m.
-    "kuka": Side("vrep", "iiwa-circle", "/vrep_robot", None, {"acceleration": 50.0}),
+    "kuka": Side("vrep", "iiwa-circle", "/vrep_robot", "trajectory", None, {"acceleration": 50.0}),
 }
 
 
@@ -71,12 +75,14 @@ def graph_spec(side: Side, law: str, plant: str) -> dict[str, Any]:
 
 def node_options(side: Side, plant: str) -> tuple[list[str], list[str], list[str]]:
     """Return what ROS is told to rename, and the options of robot and controller."""
-    renamed = ["-r", "/joint_states:=/humanoid_state", "-r", f"{_TRAJECTORY}:={side.command}"]
-    robot = ["--name", side.node, "--interface", "trajectory"]
+    renamed = ["-r", "/joint_states:=/humanoid_state"]
+    if side.interface == "trajectory":
+        renamed += ["-r", f"{_TRAJECTORY}:={side.command}"]
+    robot = ["--name", side.node, "--interface", side.interface]
     if side.wrench and plant != "servo":
         robot += ["--wrench-node", side.wrench[0]]
         renamed += ["-r", f"/force_torque_sensor_broadcaster/wrench:={side.wrench[1]}"]
-    return renamed, robot, ["--name", CONTROLLER, "--interface", "trajectory"]
+    return renamed, robot, ["--name", CONTROLLER, "--interface", side.interface]
 
 
 def launch(robot: str, law: str, plant: str, options: Sequence[str] = ()) -> int:

@@ -74,13 +74,20 @@ EXPERIMENTS = {
         "circle over a grid of weights (App. D, Figs 7–8)",
         specs={"iiwa": "iiwa-surface", "meka": "meka-surface"},
     ),
-    "light-painting": Reproduction("a drawing by LQR-DQ (Section 5.9)", specs={"": "light-painting"}),
+    "light-painting": Reproduction("six drawings by LQR-DQ (Fig. 5.7)", specs={"": "light-painting"}),
     "fair": Reproduction("the six laws, each at its own best, and what learning makes of the spiral"),
     "writing": Reproduction("the drawing below a millimetre: tuned, with feed-forward, learnt (Section 5.9)"),
     "calibration": Reproduction(
         "the fit of the plant on one published cell; the scale of HIR's gains from printed numbers"
     ),
 }
+
+
+def drawings() -> dict[str, Path]:
+    """Return the files of the drawings that stand for Figures 5.7(a) to (f), by their names."""
+    names = ("house", "light-bulb", "flower", "boat", "fish", "star")
+    folder = Path(__file__).parent / "specs" / "drawings"
+    return {name: folder / f"{name}.txt" for name in names}
 
 
 def spec_path(name: str) -> Path:

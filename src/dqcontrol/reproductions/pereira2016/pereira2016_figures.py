@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.experiments.run import execute
 from dqcontrol.experiments.sampling_time import SamplingTime
 from dqcontrol.experiments.study import Study
 from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST
-from dqcontrol.reproductions.pereira2016.verdicts.evidence import record_of
+from dqcontrol.reproductions.pereira2016.hundredfold import LAWS, SUFFIX
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXACT
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import Evidence, record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
 from dqcontrol.reproductions.printed_comparison import NAMES
@@ -23,13 +26,67 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+_SETS = {  # by experiment: spec, number of the printed figure, and the sets that get one each, that of the print first
+    "circle": (("circle", "5.3", ("q=1 r=0.001", "q=10 r=0.01", "q=100 r=0.1", "q=1000 r=1")),),
+    "spiral": (("spiral", "5.4", ("best", "ln2", "ln2²")),),
+    "circle-and-square": (
+        ("meka-circle", "C5", ("q=1000 r=1",)),
+        ("meka-square", "C6", ("q=1000 r=1",)),
+    ),
+}
+_FIXED = "fixed"  # the set of laws that have one only
+_SLOWEST, _FASTEST = "20 %", "100 %"
+
+
 def study_figures(name: str, studies: Mapping[str, Study]) -> dict[str, Draw]:
-    """Return what shows a reproduction's studies, by file name: App. D's surfaces, 5.9's painting."""
-    if name == "light-painting":
-        return {name: lambda: _painting(studies[name])}
+    """Return what shows a reproduction's studies, by file name.
+
+    As printed: one figure a set of gains with all laws (5.3, 5.4, and 5 and 6 of appendix C), pairs of the slowest and
+    the fastest gains (5.2), surfaces (7 and 8 of appendix D).
+    """
     if name == "lqr-surface":
         return {label: lambda study=study: _surfaces(study) for label, study in studies.items()}
-    return {}
+    if name == "h-infinity":
+        laws = [law + suffix for law in LAWS for suffix in ("", SUFFIX)]
+        return {
+            f"figure-5.2-{law.replace(' × ', '-times-')}": lambda law=law: _pair(studies[name], law)
+            for law in laws
+        }
+    return {
+        f"figure-{number}{_file_name(label) if i else ''}": lambda spec=spec, label=label: _one_set(
+            name, studies[spec], label
+        )
+        for spec, number, labels in _SETS.get(name, ())
+        for i, label in enumerate(labels)
+    }
+
+
+def _file_name(label: str) -> str:
+    return "-" + label.replace("=", "").replace(" ", "-").replace("²", "-squared")
+
+
+def _one_set(name: str, study: Study, label: str) -> Figure:
+    """Draw all laws with one set of gains; the robust ones with a hundred times the printed, where these follow."""
+    from dqcontrol.figures import compare_criteria
+
+    setting, records = study.setting(), {}
+    evidence = Evidence(Results({"": study.rows}), {}, reproduction=name)
+    for case in setting.cases:
+        law = case.names.law
+        if case.names.set not in (label, _FIXED) or law in LAWS or law.endswith(EXACT):
+            continue
+        if not law.endswith(SUFFIX) or evidence.followed(law, (case.names.set.replace(_FIXED, ""),)):
+            records[law] = execute(setting, case)
+    return compare_criteria(records, unit="rad")
+
+
+def _pair(study: Study, law: str) -> Figure:
+    """Draw one law with a fifth of its gains and with all, side by side."""
+    from dqcontrol.figures import criteria_side_by_side
+
+    setting = study.setting()
+    pair = {f"{law}, {each}": record_of(setting, law, each) for each in (_SLOWEST, _FASTEST)}
+    return criteria_side_by_side(pair, unit="rad")
 
 
 def parity_figures(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> dict[str, Draw]:
@@ -47,11 +104,15 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
     }
 
 
-def _painting(study: Study) -> Figure:
-    from dqcontrol.films.light_painting import light_painting
+def painting_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
+    """Return all paintings side by side, as Figure 5.7, and one by one, by file name."""
+    from dqcontrol.films.light_painting import light_painting, light_paintings
 
-    record = record_of(study.setting(), "LQR-DQ")
-    return light_painting(record, lamp_on(record))
+    lit = {name: lamp_on(record) for name, record in records.items()}
+    single: dict[str, Draw] = {
+        name: lambda name=name: light_painting(records[name], lit[name]) for name in records
+    }
+    return {"light-painting": lambda: light_paintings(records, lit), **single}
 
 
 def lamp_on(record: Record) -> NDArray[np.bool_]:

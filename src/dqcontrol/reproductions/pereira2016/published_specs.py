@@ -7,7 +7,7 @@ from typing import Any
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, spec_path
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, drawings, spec_path
 
 _MEKA = "meka-a2"
 _APPENDIX_C = ("meka-circle", "meka-square", "meka-surface")
@@ -41,6 +41,15 @@ def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
         if name in _APPENDIX_C:
             data["plant"]["stiffness"] = APPENDIX_C_STIFFNESS
     return data
+
+
+def drawing_specs(plant: str = PLANTS[0]) -> dict[str, dict[str, Any]]:
+    """Return the specs of P16's light paintings by the names of their drawings."""
+    data = published_spec("light-painting", plant)
+    return {
+        name: data | {"name": name, "reference": data["reference"] | {"file": str(file)}}
+        for name, file in drawings().items()
+    }
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
@@ -14,6 +15,7 @@ from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.fair import reproduce_fair
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
+from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
     EXACT,
     EXPERIMENTS,
@@ -22,12 +24,13 @@ from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
     Reproduction,
 )
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import (
+    painting_figures,
     parity_figures,
     period_figures,
     study_figures,
 )
 from dqcontrol.reproductions.pereira2016.published_numbers import claims, published_cells
-from dqcontrol.reproductions.pereira2016.published_specs import published_spec
+from dqcontrol.reproductions.pereira2016.published_specs import drawing_specs, published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence, judge
 from dqcontrol.reproductions.pereira2016.verdicts.h_infinity_verdicts import attenuations
 from dqcontrol.reproductions.pereira2016.verdicts.sampling_time_verdicts import PERIODS
@@ -45,28 +48,38 @@ _BESIDE = ("", EXACT, SUFFIX)  # of a law's label: as printed, and what stands b
 def reproduce(name: str, conditions: Conditions) -> Reproduced:
     """Run one of `EXPERIMENTS` again and hold it against what was printed."""
     chosen, plant = EXPERIMENTS[name], conditions.plant
-    full = f"{SOURCE}/{name}"
     if name == "calibration":
-        return Reproduced(full, [calibrate(plant), printed_factors()], plant=plant)
+        return Reproduced(f"{SOURCE}/{name}", [calibrate(plant), printed_factors()], plant=plant)
     if name == "sampling-time":
         return _in_real_time(chosen, conditions)
     if name in _BEYOND:
         return _BEYOND[name](conditions)
+    if name == "light-painting":
+        return _paintings(conditions)
     sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
     if chosen.robust:
         sources = {spec: with_hundredfold(source) for spec, source in sources.items()}
     if conditions.repeats:
         for source in sources.values():
             source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
-    studies = {
-        label: run_study(source, jobs=conditions.jobs, progress=conditions.of(label))
-        for label, source in sources.items()
-    }
+    studies = {label: conditions.run_study(label, source) for label, source in sources.items()}
     figures = study_figures(name, studies)
-    if name == "light-painting":
-        tables = [study.table() for study in studies.values()]
-        return Reproduced(full, tables, studies, figures, plant)
     return _compared(name, chosen, plant, studies, figures)
+
+
+def _paintings(conditions: Conditions) -> Reproduced:
+    """Paint each drawing once; their runs in one table, their pictures side by side and one by one."""
+    specs = drawing_specs(conditions.plant)
+    report = conditions.of("light-painting")
+    studies = {}
+    for count, (name, spec) in enumerate(specs.items(), 1):
+        studies[name] = run_study(spec, jobs=conditions.jobs)
+        if report:
+            report(count, len(specs))
+    runs = {name: next(iter(study.runs.values())) for name, study in studies.items()}
+    table = summary(runs, f"Light paintings · {conditions.plant}")
+    figures = painting_figures({name: run.record for name, run in runs.items()})
+    return Reproduced(f"{SOURCE}/light-painting", [table], studies, figures, conditions.plant)
 
 
 def _compared(
@@ -84,6 +97,8 @@ def _compared(
         tables += comparison_tables(here, ours, _SHORT, suffixes=_BESIDE, title=title if in_physics else "")
     if any(cell.metric == "control" for cell in cells):
         tables.append(command_table(cells, ours, settings, title, suffixes=_BESIDE))
+        if late := own_durations_table(cells, ours, settings, title):
+            tables.append(late)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
     evidence = Evidence(ours, settings, plant, name)

@@ -79,6 +79,21 @@ def _slower(evidence: Evidence) -> Judgement:
     return Judgement(count > 4, f"below both in {count} of {len(ratios)}; {_range(list(ratios.ravel()))}")
 
 
+@decides("simulated-hand-faster-with-r")
+def _faster(evidence: Evidence) -> Judgement:
+    steps = [
+        100 * (b / a - 1)
+        for where in IIWA
+        for metric in ("hand_speed", "hand_acceleration")
+        for a, b in pairwise(_by_set(evidence, metric, where))
+    ]
+    count = sum(step > 0 for step in steps)
+    number = f"{count} of {len(steps)} steps rise, by {min(steps):+.2g} … {max(steps):+.2g} %"
+    if max(map(abs, steps)) < 1:
+        return Judgement(None, f"{number}: q/r = 1000 in all four sets, one controller")
+    return Judgement(count > len(steps) / 2, number)
+
+
 @decides("larger-r-less-effort")
 def _less_effort(evidence: Evidence) -> Judgement:
     return _first_to_last(evidence, "joint_step", "Eff")
@@ -128,6 +143,18 @@ def _lowest_peaks(evidence: Evidence) -> Judgement:
         for law in PROPORTIONAL
     ]
     return Judgement(max(ratios) < 1, f"first peaks over K's and K+FF's: {_range(ratios)}")
+
+
+@decides("lqr-lower-peaks-throughout")
+def _later_peaks(evidence: Evidence) -> Judgement:
+    ratios = [
+        evidence.peak(key, _LQR, evidence.ours.sets(_LQR, where)[-1], where, later=True)
+        / evidence.peak(key, law, "", where, later=True)
+        for where in MEKA
+        for key in ("hand_speed", "hand_acceleration")
+        for law in PROPORTIONAL
+    ]
+    return Judgement(max(ratios) < 1, f"later peaks over K's and K+FF's: {_range(ratios)}")
 
 
 @decides("lqr-higher-first-effort")

@@ -6,6 +6,8 @@ import numpy as np
 
 from dqcontrol.reproductions.judgement import Judgement, listed
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX
+from dqcontrol.reproductions.pereira2016.own_durations import stretch
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
@@ -16,6 +18,7 @@ from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
     record_of,
 )
 
+_PRINTED_BOUND = 0.12  # rad s
 _ONE_CONTROLLER = 0.01  # sets whose errors differ by less are one controller with noise
 
 
@@ -42,6 +45,42 @@ def _rises(evidence: Evidence) -> Judgement:
     spread = max(evidence.ours.deviation("LQR-DQ", each) for each in evidence.ours.sets("LQR-DQ"))
     rises = bool((np.diff(errors[:3]) > spread).all())
     return Judgement(rises, f"errors {listed(errors)}, deviation of repeats {spread:.2g}")
+
+
+@decides("lqr-effort-bounded")
+def _bounded(evidence: Evidence) -> Judgement:
+    steps = [evidence.mean(law, each, "joint_step") for law in LQR for each in evidence.ours.sets(law)]
+    return Judgement(max(steps) < _PRINTED_BOUND, f"Eff {_range(steps)}")
+
+
+@decides("lower-r-more-effort")
+def _lower_r(evidence: Evidence) -> Judgement:
+    ratios = []
+    for law in LQR:
+        first, second, *_ = evidence.ours.sets(law)
+        ratios.append(evidence.mean(law, first, "joint_step") / evidence.mean(law, second, "joint_step"))
+    number = f"Eff at r = 0.001, q = 1 over r = 0.01, q = 10: {listed(ratios)} (R8, DQ)"
+    if max(abs(ratio - 1) for ratio in ratios) < _ONE_CONTROLLER:
+        return Judgement(None, f"{number}: one controller")
+    return Judgement(min(ratios) > 1, number)
+
+
+@decides("lqr-lower-torques")
+def _torques(evidence: Evidence) -> Judgement:
+    def loads(law: str, label: str = "") -> tuple[float, float]:
+        torque = evidence.record(law, label).readings["spring_torque"].values
+        return float(np.sqrt((torque**2).mean())), float(np.sqrt((np.diff(torque, axis=0) ** 2).mean()))
+
+    if evidence.plant != PHYSICS:
+        return Judgement(None, "servos have no torques")
+    whole, steps = loads("K")
+    found = {law: loads(law, evidence.ours.sets(law)[0]) for law in LQR}
+    ratios = [ratio for load, step in found.values() for ratio in (load / whole, step / steps)]
+    return Judgement(
+        max(ratios) < 1 - _ONE_CONTROLLER,
+        f"springs' torques over K's, RMS and RMS of their steps: R8 {listed(ratios[:2])}, DQ {listed(ratios[2:])}; "
+        f"they bear the arm, {whole:.2f} N·m",
+    )
 
 
 @decides("commanded-above-actual-velocity")
@@ -87,7 +126,12 @@ def _dq_over_r8(evidence: Evidence) -> Judgement:
     ratios = [
         evidence.mean("LQR-DQ", each) / evidence.mean("LQR-R8", each) for each in evidence.ours.sets("LQR-R8")
     ]
-    return Judgement(min(ratios) > 1, f"Err of DQ over R8 {_range(ratios)}; the same gain gives 1")
+    longer = stretch("LQR-DQ", evidence.period()) / stretch("LQR-R8", evidence.period())
+    return Judgement(
+        min(ratios) > 1,
+        f"Err of DQ over R8 {_range(ratios)}; the same gain gives 1. As integrals over the printed durations, of which "
+        f"DQ's is {100 * (longer - 1):.1f} % longer: {_range([longer * each for each in ratios])}",
+    )
 
 
 @decides("lqr-lower-first-peaks")

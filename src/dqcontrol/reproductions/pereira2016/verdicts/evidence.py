@@ -101,13 +101,17 @@ class Evidence:
 
     def first_peak(self, signal: str, law: str, parameters: str = "", experiment: str = "") -> float:
         """Return the peak of hand_speed, hand_acceleration or joint_step in the first five seconds."""
+        return self.peak(signal, law, parameters, experiment, later=False)
+
+    def peak(self, signal: str, law: str, parameters: str, experiment: str, *, later: bool) -> float:
+        """Return the peak of such a signal in the first five seconds, or after them."""
         record = self.record(law, parameters, experiment)
         count = int(np.searchsorted(record.time, START))
-        period = self.period(experiment)
+        period, part = self.period(experiment), slice(count, None) if later else slice(count)
         if signal == "joint_step":
-            values = np.diff(record.q[:count], axis=0)
+            values = np.diff(record.q[part], axis=0)
         else:
-            values = np.diff(record.position[:count], axis=0) / period
+            values = np.diff(record.position[part], axis=0) / period
             if signal == "hand_acceleration":
                 values = np.diff(values, axis=0) / period
         return float(np.linalg.norm(values, axis=1).max())
