@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 
 AT_REST = 50  # status: stopped, and no longer moving
@@ -156,3 +157,26 @@ class SupervisorMemory(NamedTuple):
 
 
 supervisor_memory = MemoryLayout(SupervisorMemory, "coordinates", "inputs", "drives", "points")
+
+
+class Parts(NamedTuple):
+    """All that a supervisor's two arrays hold, by name."""
+
+    chain: Array
+    bounds: Bounds
+    memory: Memory
+    scratch: Scratch
+
+
+@inline
+def taken_apart(memory, state):
+    """Return the parts of what a supervisor was prepared with, and of its state."""
+    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
+    drives, points = int(memory[DRIVES]), int(memory[POINTS])
+    prepared = supervisor_memory(memory, n, m, drives, points)
+    return Parts(
+        prepared.chain,
+        bounds_layout(prepared.bounds, m, drives, points),
+        state_layout(state, n, m),
+        scratch_layout(prepared.scratch, n, m),
+    )
