@@ -57,10 +57,10 @@ def _write_hand_jacobian(scratch):
 
 
 @inline
-def avoid_singularity(kinematics, memory, state, parts):
+def avoid_singularity(kinematics, known, memory, state, parts):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
     kept, scratch = parts.memory, parts.scratch
-    if call_chain(kinematics, parts.chain, kept.good, scratch.buffer) != OK:
+    if known == 0.0 and call_chain(kinematics, parts.chain, kept.good, scratch.buffer) != OK:
         return 0
     _write_hand_jacobian(scratch)
     if exceeds(scratch.jacobian, _FAR * parts.bounds.head[SLOW]):

@@ -55,11 +55,14 @@ class Moment(NamedTuple):
         Of the measurement, and since the last step, s.
     request
         See above.
+    known
+        1 if the scratch buffer holds what kinematics writes for this measurement: who asked the law has it. Else 0.
     """
 
     age: float
     elapsed: float
     request: float
+    known: float
 
 
 class Bounds(NamedTuple):

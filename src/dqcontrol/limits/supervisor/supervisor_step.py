@@ -135,11 +135,11 @@ def _breaks_bounds(bounds, memory):
     found = False
     m, n = memory.sent.shape[0], memory.good.shape[0]
     for i in range(m):
-        sent = memory.sent[i]
-        slack = _ROUNDING * max(1.0, abs(sent))
+        sent, lower, upper = memory.sent[i], bounds.lower[i], bounds.upper[i]
         found = found or abs(memory.sent_rate[i]) > bounds.velocity[i] * (1.0 + _ROUNDING)
-        if bounds.is_joint[i] != 0.0:
-            found = found or sent < bounds.lower[i] - slack or sent > bounds.upper[i] + slack
+        if bounds.is_joint[i] != 0.0 and not lower <= sent <= upper:
+            slack = _ROUNDING * max(1.0, abs(sent))
+            found = found or sent < lower - slack or sent > upper + slack
     for k in range(bounds.drives.shape[0]):
         v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
         fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
@@ -151,6 +151,8 @@ def _breaks_bounds(bounds, memory):
 def _moved(position, way, lower, upper):
     """Return a position after a way; what ends beyond a limit by rounding alone ends on it."""
     after = position + way
+    if lower <= after <= upper:
+        return after
     slack = _ROUNDING * max(1.0, abs(after))
     if position <= upper < after <= upper + slack:
         return upper
@@ -207,7 +209,8 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     at_rest = True
     for i in range(m):
         at_rest = at_rest and kept.sent_rate[i] == 0.0
-    wrong = judge(memory, state, parts, moment_layout(moment), measured, wanted, effort, wrench, at_rest)
+    said = moment_layout(moment)
+    wrong = judge(memory, state, parts, said, measured, wanted, effort, wrench, at_rest)
     now = wrong
     aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
     numbers[SCALE] = min(max(aim, numbers[SCALE] - head[RAMP]), numbers[SCALE] + head[RAMP])
@@ -220,7 +223,9 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     if numbers[MODE] == RETURNING:
         now |= REJOINING
     if following and head[SLOW] > 0.0:
-        now |= avoid_singularity(kinematics, memory, state, parts)
+        now |= avoid_singularity(
+            kinematics, said.known, memory, state, parts
+        )  # good is measured: nothing was wrong
     for i in range(m):
         scratch.asked[i] = rates[i]
     scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
