@@ -34,7 +34,7 @@ VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
 _PLACES = ("good", "sent", "sent_rate", "position", "sent_then", "usual_effort")  # of a supervisor's state
-_ON_PLANT = ("thread_host.c", "udp_robot.c")  # hosts that move it
+_ON_PLANT = ("thread_host.c", "robot_process.c")  # hosts that move it
 
 
 @dataclass(frozen=True)
