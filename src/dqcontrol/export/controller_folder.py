@@ -34,6 +34,11 @@ VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
 _PLACES = ("good", "sent", "sent_rate", "position", "sent_then", "usual_effort")  # of a supervisor's state
+_BUILT = (  # by `make` in the folder, as its target "clean" has it
+    *("dqc_controller.o", "dqc_data.o", "dqc_plant.o", "libdqc_controller.a", "libdqc_controller.so"),
+    *("test_controller", "bench_controller", "example"),
+    *(f"hosts/realtime/{kind}_{each}" for kind in ("udp", "shared") for each in ("loop", "robot")),
+)
 _ON_PLANT = ("thread_host.c", "robot_process.c")  # hosts that move it
 
 
@@ -105,10 +110,19 @@ def export_controller(
     ['dqc_controller.h', 'dqc_kernels.h', 'dqc_plant.h', 'test_vector.h']
     """
     processor = target_named(target)
+    if force:
+        _remove_built(Path(out))
     check_new(out, force=force)
     return write_controller(
         controller_parts(source, law, computes=processor.is_bare), out, processor, force=force
     )
+
+
+def _remove_built(folder: Path) -> None:
+    """Remove from a folder of an export what its Makefile made: nobody wrote that, so it may be replaced."""
+    if (folder / "dqc_kernels.h").is_file():
+        for name in _BUILT:
+            (folder / name).unlink(missing_ok=True)
 
 
 def write_controller(
