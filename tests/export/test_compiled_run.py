@@ -85,8 +85,7 @@ def test_it_is_looked_at_while_it_moves(tmp_path):
 
     def look():
         growing = GrowingRecording(path, dqc.load_robot(SHORT["robot"]))
-        growing.first()
-        seen.append(growing.record().stopped)
+        seen.append(growing.first().stopped)
         growing.close()
 
     looking = []
