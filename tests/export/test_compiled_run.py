@@ -10,7 +10,7 @@ from exported import SPEC, needs_c
 
 import dqcontrol as dqc
 from dqcontrol.browser import GrowingRecording
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.export import compiled_run, run_compiled_in_real_time
 from dqcontrol.export.controller_parts import controller_parts
@@ -35,7 +35,7 @@ class Sink:
 
 
 @needs_c
-@pytest.mark.parametrize("over", [None, "udp", "shared-memory"])
+@pytest.mark.parametrize("over", [None, "udp", pytest.param("shared-memory", marks=pytest.mark.slow)])
 def test_the_loop_does_what_a_simulation_does(tmp_path, over):
     parts, seen, sink = controller_parts(SHORT), [], Sink()
     host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, over)
@@ -62,6 +62,28 @@ def test_a_stop_leaves_the_last_seconds_in_a_folder_of_their_own(tmp_path, over)
     kept = load_run(tmp_path / "out/black-box")
     assert kept.record.stopped == run.record.stopped
     np.testing.assert_array_equal(kept.q, run.q)
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("over", ["udp", "shared-memory"])
+def test_a_robot_that_falls_silent_is_braked_and_named(tmp_path, over):
+    spec = SHORT | {"duration": 6, "supervisor": {"stale_after": 0.3}}
+    parts = controller_parts(spec)
+    host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, over)
+
+    class Killing(Sink):
+        def take(self, *row):
+            super().take(*row)
+            if len(self.rows) == 50:
+                host._processes[0].kill()
+
+    with pytest.raises(Error, match="_robot ended with -9"):
+        compiled_run._watched(host, Killing(), None)
+    rows = host.rows[: host.written]
+    assert rows.status[-1] == 2  # stopped
+    assert not rows.command[-1].any()
+    assert rows.time[-1] < 6
 
 
 @needs_c
