@@ -73,8 +73,8 @@ def test_a_robot_that_falls_silent_is_braked_and_named(tmp_path, over):
     host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, over)
 
     class Killing(Sink):
-        def take(self, *row):
-            super().take(*row)
+        def take(self, sample, q, measured, command, interventions=0.0):
+            super().take(sample, q, measured, command, interventions)
             if len(self.rows) == 50:
                 host._processes[0].kill()
 
