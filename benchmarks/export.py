@@ -24,9 +24,10 @@ from dqcontrol.compiled.object_code import code_object, target_named
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.export import ExportSummary, export_controller
-from dqcontrol.export.compiled_run import LoopRows, _built_host, _pointer, _startable_plant
+from dqcontrol.export.compiled_run import _startable_plant
 from dqcontrol.export.controller_folder import vector_header
 from dqcontrol.export.controller_parts import controller_parts
+from dqcontrol.export.loop_hosts import ThreadHost
 from dqcontrol.loop import Clock
 from dqcontrol.robots.kinematics_kernels import kinematics
 
@@ -188,25 +189,19 @@ def jitter(folder: Path, seconds: float) -> None:
     spec = SUPERVISED | {"duration": share, "reference": ARM["reference"] | {"duration": share + 5}}
     spec["supervisor"] = {"stale_after": 1000.0}
     parts = controller_parts(spec)
-    host, plant = _built_host(parts, folder / "host"), _startable_plant(parts)
+    host = ThreadHost(parts, _startable_plant(parts), folder / "host")
     shell("cc", "-O2", HERE / "c/bare_loop.c", "-lpthread", "-o", folder / "bare")
     tails: dict[str, list[float]] = {"bare": [], "C": [], "Python": []}
     missed = dict.fromkeys(tails, 0)
-    noise = np.ascontiguousarray(plant.noise)
     for _ in range(rounds):
         begin = np.array(shell(folder / "bare", 1_000_000, steps, 50).split(), dtype=float)
         tails["bare"].append(tail(begin, period))
         missed["bare"] += int((np.diff(begin) > 1.5 * period).sum())
-        rows = np.zeros((steps, LoopRows.columns(7, 7)))
-        import ctypes
-
-        host.host_start(
-            _pointer(rows), ctypes.c_int64(steps), _pointer(noise), ctypes.c_int64(len(noise)), 50
-        )
-        while not host.host_is_done():
+        host.start()
+        while not host.is_done:
             time.sleep(0.05)
-        host.host_join()
-        begin = LoopRows(rows, 7, 7).begin[: host.host_written()]
+        host.join()
+        begin = host.rows[:steps].begin
         tails["C"].append(tail(begin, period))
         missed["C"] += int((np.diff(begin) > 1.5 * period).sum())
         clock = Clock(overrun="skip")

@@ -1,60 +1,51 @@
-"""Write src/dqcontrol/robots/singular_bound.py: tr (J Jᵀ)⁻¹ of six rows as straight lines, thrice as fast as loops."""
+"""Write src/dqcontrol/robots/singular_bound.py: elimination in J Jᵀ − s² of six rows, as straight lines."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 TARGET = Path(__file__).parent.parent / "src/dqcontrol/robots/singular_bound.py"
 SIZE = 6
+HALF = 3  # rows of a block: the sums of one block fit into the registers of a processor
 
-HEADER = '''"""How singular a Jacobian may be at most. Written by tools/generate_singular_bound.py."""
+HEADER = '''"""Whether a Jacobian is far from singular. Written by tools/generate_singular_bound.py."""
 
 from __future__ import annotations
 
-import math
-
 from dqcontrol.compiled.compile import inline
 
-_DEFINITE = 1e-14
+_ROUNDING = 1e-12  # share of tr J Jᵀ that elimination may err by, and more
 
 
 @inline
-def singular_bound(jacobian):
-    """Return 1/√tr (J Jᵀ)⁻¹ of a J of six rows, a lower bound of its smallest singular value; 0 without full rank.
+def exceeds(jacobian, least):
+    """Return True only if all singular values of a J of six rows are greater than ``least``; False near it too.
 
-    J Jᵀ = L D Lᵀ, with 1/D in place of D; the trace is that of L⁻ᵀ D⁻¹ L⁻¹.
+    They are if J Jᵀ − s² is positive definite: if all pivots of its elimination are positive. Each row is multiplied by
+    the pivot where others divide by it, which changes no sign; six divisions one after the other take as long as all.
     """
 '''
 
 
-def lines() -> list[str]:
-    """Return the body of the function."""
-    rows = range(SIZE)
-    text = [
-        f"{', '.join(f'g{i}{j}' for j in range(i + 1))} = {', '.join('0.0' for _ in range(i + 1))}"
-        for i in rows
-    ]
-    text[0] = "g00 = 0.0"
-    text += ["for c in range(jacobian.shape[1]):"]
-    text += [f"    a{i} = jacobian[{i}, c]" for i in rows]
-    text += [f"    g{i}{j} += a{i} * a{j}" for i in rows for j in range(i + 1)]
-    for j in rows:
-        text.append(f"d{j} = g{j}{j}" + "".join(f" - l{j}{k} * m{j}{k}" for k in range(j)))
-        text.append(f"if not d{j} > _DEFINITE:")
-        text.append("    return 0.0")
-        text.append(f"d{j} = 1.0 / d{j}")
-        for i in range(j + 1, SIZE):
-            text.append(f"m{i}{j} = g{i}{j}" + "".join(f" - l{i}{k} * m{j}{k}" for k in range(j)))
-            text.append(f"l{i}{j} = m{i}{j} * d{j}")
-    text.append(f"total = {' + '.join(f'd{j}' for j in rows)}")
-    for j in rows:
-        for i in range(j + 1, SIZE):
-            inner = "".join(f" - l{i}{k} * n{k}{j}" for k in range(j + 1, i))
-            text.append(f"n{i}{j} = -l{i}{j}{inner}")
-            text.append(f"total += n{i}{j} * n{i}{j} * d{i}")
-    text.append("return 1.0 / math.sqrt(total)")
-    return text
+def lines() -> Iterator[str]:
+    """Yield the body of the function."""
+    low, high = range(HALF), range(HALF, SIZE)
+    for columns, rows in ((low, low), (low, high), (high, high)):
+        first = [(i, j) for i in rows for j in columns if j <= i]
+        yield f"{', '.join(f'g{i}{j}' for i, j in first)} = {', '.join('0.0' for _ in first)}"
+        yield "for c in range(jacobian.shape[1]):"
+        yield from (f"    a{i} = jacobian[{i}, c]" for i in sorted({i for pair in first for i in pair}))
+        yield from (f"    g{i}{j} += a{i} * a{j}" for i, j in first)
+    yield f"shift = max(least * least, _ROUNDING * ({' + '.join(f'g{i}{i}' for i in range(SIZE))}))"
+    yield from (f"g{i}{i} -= shift" for i in range(SIZE))
+    for k in range(SIZE - 1):
+        yield f"if not g{k}{k} > 0.0:"
+        yield "    return False"
+        for i in range(k + 1, SIZE):
+            yield from (f"g{i}{j} = g{k}{k} * g{i}{j} - g{i}{k} * g{j}{k}" for j in range(k + 1, i + 1))
+    yield f"return g{SIZE - 1}{SIZE - 1} > 0.0"
 
 
 def source() -> str:

@@ -1,5 +1,7 @@
 /* Step times of exported controllers and of CasADi's kinematics, in turns; calls of malloc meanwhile.
  *
+ * Kinematics are asked at configurations drawn from ±2 rad: at a start with angles of 0 libm's sine has nothing to do.
+ *
  * Compiled with -DWITH_CASADI if there is casadi.c, which has a function "kinematics" of q. malloc, calloc and realloc
  * are wrapped by the linker. */
 #define _POSIX_C_SOURCE 200809L
@@ -23,7 +25,7 @@ void *__wrap_calloc(size_t count, size_t size) { return allocations++, __real_ca
 void *__wrap_realloc(void *old, size_t size) { return allocations++, __real_realloc(old, size); }
 
 static dqc_controller controller;
-static double ours[SPELLS], kinematics_time[SPELLS], theirs[SPELLS], row[8 + 14 * DQC_INPUTS];
+static double ours[SPELLS], kinematics_time[SPELLS], theirs[SPELLS], row[8 + 14 * DQC_INPUTS], drawn[SPELL][DQC_COORDINATES];
 
 static double now(void) {
   struct timespec time;
@@ -58,6 +60,9 @@ static double floor_of(const double *spells) {
 
 int main(void) {
   double u[DQC_INPUTS];
+  srand(20261122);
+  for (int k = 0; k < SPELL; k++)
+    for (int i = 0; i < DQC_COORDINATES; i++) drawn[k][i] = 4.0 * rand() / RAND_MAX - 2.0;
   for (int spell = 0; spell < SPELLS; spell++) {
     dqc_init(&controller, 0);
     double begin = now();
@@ -67,13 +72,13 @@ int main(void) {
     void *raised;
     begin = now();
     for (int k = 0; k < SPELL; k++)
-      dqc_kernel_full(&result, &raised, ROWS(controller.memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS), NUMBERS(vector[k] + 5, DQC_COORDINATES),
+      dqc_kernel_full(&result, &raised, ROWS(controller.memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS), NUMBERS(drawn[k], DQC_COORDINATES),
                       NUMBERS(row, 8 + 14 * DQC_INPUTS));
     kinematics_time[spell] = (now() - begin) / SPELL;
 #ifdef WITH_CASADI
     begin = now();
     for (int k = 0; k < SPELL; k++) {
-      arg[0] = vector[k] + 5;
+      arg[0] = drawn[k];
       res[0] = pose, res[1] = pose_jacobian, res[2] = twist_jacobian;
       kinematics(arg, res, iwork, work, 0);
     }

@@ -80,10 +80,7 @@ OF_BODIES = {
     "guided-proportional": {"law": {"kind": "guided-proportional", "gain": 1}, "reference": DRIVE_TO},
     "best-heading": {"law": K | {"null_space": {"kind": "best-heading"}}, "reference": SET_POINT},
 }
-CONSTRAINED = {
-    "margin": 0.01,
-    "obstacles": {"ball": {"kind": "sphere", "center": [0.5, 0.1, 0.9], "radius": 0.05}},
-}
+KEEP_OUT = Path(__file__).parents[2] / "examples/keep-out.yaml"
 SPECS = (
     {name: SPEC | {"law": law, "supervisor": False} for name, law in LAWS.items()}
     | {
@@ -92,8 +89,7 @@ SPECS = (
     }
     | {name: SPEC | {"law": K, "limits": one, "supervisor": False} for name, one in LIMITS.items()}
     | {name: SPEC | MOBILE | {"duration": 4} | one for name, one in OF_BODIES.items()}
-    | {"constraints": SPEC | {"law": K | {"constraints": CONSTRAINED}, "supervisor": False}}
-    | {"constraints": Path(__file__).parents[2] / "examples/keep-out.yaml"}
+    | {"constraints": KEEP_OUT}
     | {"integrated clamping": SPEC | {"law": K, "limits": LIMITS["modified-clamping"]}}
 )
 
@@ -115,6 +111,23 @@ def test_it_answers_as_in_python(name, tmp_path, monkeypatch):
     done = export_controller(SPECS[name], tmp_path / "c")
     assert "largest difference to Python 0 (bits compared)" in make(done.folder, "test")
     assert undefined_symbols(done.folder / "dqc_code.o") <= OF_C
+
+
+@needs_c
+@pytest.mark.slow
+def test_constraints_hold_in_c_as_in_python_with_a_supervisor_behind_them(tmp_path):
+    """A ball comes onto the way of a Panda, after a start with faults, an emergency stop and a new start."""
+    data = yaml.safe_load(KEEP_OUT.read_text(encoding="utf-8")) | {"supervisor": WIDE}
+    done, parts = export_controller(data, tmp_path / "c"), controller_parts(data)
+    text = vector_header(parts, target_named("native"), whole=True)
+    (done.folder / "test_vector.h").write_text(text, encoding="utf-8")
+    said = make(done.folder, "test")
+    assert "largest difference to Python 0 (bits compared)" in said
+    steps = re.search(r"(\d+) steps", said)
+    assert steps
+    assert int(steps[1]) > len(parts.samples)
+    unconstrained = {key: value for key, value in data.items() if key != "constraints"}
+    assert text != vector_header(controller_parts(unconstrained), target_named("native"), whole=True)
 
 
 @needs_c

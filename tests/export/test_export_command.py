@@ -2,12 +2,14 @@
 
 import shlex
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
-from exported import SPEC
+from exported import SPEC, make, needs_c
 
 from dqcontrol import cli
+from dqcontrol.export.controller_folder import _BUILT
 
 
 @pytest.fixture
@@ -40,6 +42,28 @@ def test_a_controller_is_exported_once(call):
         "dqcontrol: c: exists; choose another folder, or replace it with --force (force=True)\n",
     )
     assert call("spec.yaml --out c --force")[0] == 0
+    for built in _BUILT:  # by make
+        Path("c", built).touch()
+    assert call("spec.yaml --out c --force")[0] == 0
+    Path("c/notes.txt").touch()
+    assert call("spec.yaml --out c --force") == (
+        2,
+        "dqcontrol: c: holds 'notes.txt', which no run wrote; it is not replaced\n",
+    )
+
+
+@needs_c
+@pytest.mark.slow
+def test_what_make_leaves_is_known(call):
+    assert call("spec.yaml --out c")[0] == 0
+    before = {path for path in Path("c").rglob("*") if path.is_file()}
+    make("c", "all", "test", "bench", "run", "hosts")
+    made = {str(path.relative_to("c")) for path in Path("c").rglob("*") if path.is_file()} - {
+        str(path.relative_to("c")) for path in before
+    }
+    assert made == set(_BUILT)
+    make("c", "clean")
+    assert {path for path in Path("c").rglob("*") if path.is_file()} == before
 
 
 @pytest.mark.parametrize(

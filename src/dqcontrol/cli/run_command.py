@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 RealTime = Annotated[bool, Parameter(negative=())]
 Compiled = Annotated[bool, Parameter(negative=())]
+Over = Literal["udp", "shared-memory"]
 
 
 def run(
@@ -29,6 +30,7 @@ def run(
     figures: bool | None = None,
     real_time: RealTime = False,
     compiled: Compiled = False,
+    over: Over | None = None,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
@@ -48,6 +50,8 @@ def run(
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     compiled
         In real time: law, supervisor and plant step in a thread of C, built now; Python only watches.
+    over
+        With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
     """
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.working_folder import working_folder
@@ -55,8 +59,11 @@ def run(
     folder = out or Path("results") / read_spec(spec)[0].name
     if compiled and not real_time:
         raise ShapeError("compiled: only with --real-time; other runs are compiled anyway")
+    if over and not compiled:
+        raise ShapeError("over: only with --real-time --compiled")
     if real_time:
-        _in_real_time(spec, folder, force=force, compiled=compiled, figures=figures is not False)
+        options = {"over": over} if compiled else None
+        _in_real_time(spec, folder, force=force, compiled=options, figures=figures is not False)
         return
     try:
         with progress_bar() as progress:
@@ -86,7 +93,10 @@ def _show(study: Study) -> None:
     sys.stdout.flush()
 
 
-def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool, figures: bool) -> None:
+def _in_real_time(
+    spec: Path, folder: Path, *, force: bool, compiled: dict[str, Any] | None, figures: bool
+) -> None:
+    """Run in real time, in Python or with these options ``compiled``."""
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
     from dqcontrol.figures import timing_table
@@ -94,8 +104,10 @@ def _in_real_time(spec: Path, folder: Path, *, force: bool, compiled: bool, figu
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
-    run_now = run_compiled_in_real_time if compiled else run_in_real_time
-    done = run_now(spec, folder, force=force, figures=figures, watch=watch)
+    if compiled is None:
+        done = run_in_real_time(spec, folder, force=force, figures=figures, watch=watch)
+    else:
+        done = run_compiled_in_real_time(spec, folder, force=force, figures=figures, watch=watch, **compiled)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))

@@ -41,6 +41,7 @@ def inline(
     fastmath: set[str] | bool = FAST,
     *,
     everywhere: bool = True,
+    apart: bool = False,
     called: Any = None,
 ) -> Any:
     """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python.
@@ -50,7 +51,7 @@ def inline(
     options: Any = {
         "fastmath": fastmath,
         "error_model": "numpy",
-        **numba_used.part_options(everywhere=everywhere),
+        **numba_used.part_options(everywhere=everywhere, apart=apart),
     }
     overload(called or function, jit_options=options, strict=False)(lambda *arguments, **named: function)
     return function
@@ -59,6 +60,11 @@ def inline(
 def shared(function: Callable[..., Any]) -> Any:
     """Mark a large function that kernels call seldom: each has it once, however often it calls, and compiles fast."""
     return inline(function, everywhere=False)
+
+
+def apart(function: Callable[..., Any]) -> Any:
+    """Mark a large function that kernels call on few samples: what it needs is not prepared on the others."""
+    return inline(function, everywhere=False, apart=True)
 
 
 def inline_ieee(function: Callable[..., Any]) -> Any:

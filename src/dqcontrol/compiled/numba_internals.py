@@ -101,19 +101,35 @@ class _KernelPart(JITCodeLibrary):
         self._final_module = code
 
 
+class _KernelPartApart(_KernelPart):
+    """The same of a function that stays one."""
+
+    def add_ir_module(self, ir_module: Any) -> None:
+        for function in ir_module.functions:
+            if not function.is_declaration:
+                function.attributes.add("noinline")
+        super().add_ir_module(ir_module)
+
+
 class _PartCompiler(Compiler):
     """Compile a function into a `_KernelPart`; otherwise every caller would optimise all below it again."""
 
+    part = _KernelPart
+
     def define_pipelines(self) -> list[Any]:
-        self.state.library = _KernelPart(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        self.state.library = self.part(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
 
-def part_options(*, everywhere: bool) -> dict[str, Any]:
+class _ApartCompiler(_PartCompiler):
+    part = _KernelPartApart
+
+
+def part_options(*, everywhere: bool, apart: bool = False) -> dict[str, Any]:
     """Return the options of a function that becomes part of kernels, of each call of it if ``everywhere``."""
     return {
         "_nrt": False,
-        "pipeline_class": _PartCompiler,
+        "pipeline_class": _ApartCompiler if apart else _PartCompiler,
         "no_cfunc_wrapper": True,
         "forceinline": everywhere,  # between functions every array is seven numbers on the stack
     }

@@ -1,69 +1,34 @@
-"""A run in real time whose law and supervisor step in a thread of C; Python only watches and records."""
+"""A run in real time whose law and supervisor step in C; Python only watches and records."""
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
 import tempfile
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dqcontrol.arrays import Array
-from dqcontrol.compiled.object_code import target_named
-from dqcontrol.errors import Error, MissingExtraError, ValueRangeError
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
-from dqcontrol.export.controller_folder import write_controller
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
+from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 from dqcontrol.loop import Record, Timing
+from dqcontrol.loop.black_box import SECONDS
 from dqcontrol.loop.interrupts import first_interrupt
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant
-from dqcontrol.recording import RecordStream
-from dqcontrol.references.sample import SAMPLE_SIZE, TIME
+from dqcontrol.references.sample import TIME
 
-_EVERY = 0.05  # s between looks at what the thread has done
-_PRIORITY = 50  # of SCHED_FIFO, as ros2_control has it
-_TO_REST = 10.0  # s at most after the reference
-_END, _STOP = 1, 2  # requests of dqc_loop.h
+_EVERY = 0.05  # s between looks at what the loop has done
 _ENDED, _STOPPED = 3, 2  # of dqc_controller.h
-_SOURCES = ("hosts/realtime/thread_host.c", "hosts/realtime/dqc_loop.c", "dqc_controller.c", "dqc_data.c")
-_OBJECTS = ("dqc_plant.c", "dqc_code.o", "dqc_numbers.o", "dqc_plant_code.o", "dqc_plant_numbers.o")
-
-
-@dataclass(frozen=True)
-class LoopRows:
-    """What the thread noted, one row a step, as ``dqc_row`` of ``dqc_loop.h`` has it."""
-
-    numbers: Array
-    coordinates: int
-    inputs: int
-
-    @staticmethod
-    def columns(coordinates: int, inputs: int) -> int:
-        """Return how many numbers a row has."""
-        return 5 + SAMPLE_SIZE + 2 * coordinates + inputs + 2
-
-    def __getattr__(self, name: str) -> Array:
-        n, m = self.coordinates, self.inputs
-        sizes = {"time": 1, "begin": 1, "computation": 1, "idle": 1, "late": 1, "sample": SAMPLE_SIZE}
-        sizes |= {"q": n, "measured": n, "command": m, "interventions": 1, "status": 1}
-        if name not in sizes:
-            raise AttributeError(name)
-        first = sum(list(sizes.values())[: list(sizes).index(name)])
-        part = self.numbers[:, first : first + sizes[name]]
-        return part[:, 0] if sizes[name] == 1 else part
 
 
 def run_compiled_in_real_time(
@@ -72,11 +37,12 @@ def run_compiled_in_real_time(
     *,
     force: bool = False,
     figures: bool = True,
+    over: Over | None = None,
     watch: Watch | None = None,
 ) -> Run:
-    """Do what `experiments.run_in_real_time` does, with law, supervisor and plant in a thread of C.
+    """Do what `experiments.run_in_real_time` does, with law and supervisor in a loop of C.
 
-    The thread has real-time scheduling (SCHED_FIFO) if the system allows it.
+    The loop has real-time scheduling (SCHED_FIFO) if the system allows it.
 
     Parameters
     ----------
@@ -88,6 +54,9 @@ def run_compiled_in_real_time(
         Replace it, if it holds an earlier run.
     figures
         Draw the figures of the report.
+    over
+        None: a thread, which moves the plant too. ``"udp"`` or ``"shared-memory"``: a process, which reaches the plant
+        in another process that way; the plant then has no noise.
     watch
         Called with time (s) and reasons whenever what the supervisor does changes.
 
@@ -104,11 +73,18 @@ def run_compiled_in_real_time(
     (expected,) = warn_unstable(setting, stacklevel=2)
     streamed = StreamedRun(folder, parts.robot, setting.single_text(case, 0), force=force)
     with tempfile.TemporaryDirectory() as build:
-        host = _built_host(parts, Path(build))
+        host = _host(parts, plant, Path(build), over)
         with streamed.record() as recording:
-            rows = _watched(host, parts, plant, recording, watch)
+            try:
+                _watched(host, recording, watch)
+            except BaseException as error:
+                _keep_last_seconds(parts, streamed, host, f"broken off: {error or type(error).__name__}")
+                raise
+            rows = host.rows[: host.written]
             record = _record(parts, rows)
             recording.close(record.stopped)
+        if record.stopped.startswith("halted"):
+            _keep_last_seconds(parts, streamed, host, record.stopped)
     timing = Timing(parts.period, rows.begin, rows.computation, rows.idle, rows.late != 0.0)
     done = replace(as_run(setting, case, 0, record), timing=timing, expected=expected)
     streamed.complete(done, figures=figures)
@@ -132,82 +108,59 @@ def _startable_plant(parts: ControllerParts) -> CompiledPlant:
     return plant
 
 
-def _built_host(parts: ControllerParts, build: Path) -> Any:
-    """Return the loop and all that it calls as a library of this process."""
-    folder, library = build / "c", build / "host.so"
-    write_controller(parts, folder, target_named("native"))
-    files = [str(folder / name) for name in (*_SOURCES, *_OBJECTS)]
-    command = ["cc", "-std=gnu99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}", *files]
-    try:
-        done = subprocess.run(
-            [*command, "-lm", "-lpthread", "-o", str(library)], capture_output=True, text=True, check=False
-        )
-    except FileNotFoundError:
-        raise MissingExtraError("compiled: needs a C compiler: apt-get install gcc") from None
-    if done.returncode:
-        raise Error(f"compiled: the C compiler failed: {done.stderr.strip()[:300]}")
-    host = ctypes.CDLL(str(library))
-    host.host_written.restype = ctypes.c_int64
-    return host
+def _host(parts: ControllerParts, plant: CompiledPlant, build: Path, over: Over | None) -> LoopHost:
+    return ProcessHost(parts, plant, build, over) if over else ThreadHost(parts, plant, build)
 
 
-def _watched(
-    host: Any, parts: ControllerParts, plant: CompiledPlant, recording: RecordStream, watch: Watch | None
-) -> LoopRows:
-    """Start the thread, record what it does, and return all of it when it has ended."""
-    n, m = parts.robot.configuration_size, parts.robot.input_size
-    capacity = len(parts.samples) + round(_TO_REST / parts.period)
-    numbers, noise = np.zeros((capacity, LoopRows.columns(n, m))), np.ascontiguousarray(plant.noise)
+def _watched(host: LoopHost, recording: SampleSink, watch: Watch | None) -> None:
+    """Start a loop, and record what it does until it has ended."""
     seen, code = 0, 0
 
-    def look() -> None:
+    def look(told: Watch | None) -> None:
         nonlocal seen, code
-        count = host.host_written()
-        new = LoopRows(numbers[seen:count], n, m)
-        for k in range(count - seen):
+        new = host.rows[seen : host.written]
+        for k in range(len(new.numbers)):
             sample = new.sample[k].copy()
             sample[TIME] = new.time[k]
             recording.take(sample, new.q[k], new.measured[k], new.command[k], new.interventions[k])
-            if watch and new.interventions[k] != code:
+            seen += 1
+            if told and new.interventions[k] != code:
                 code = new.interventions[k]
-                watch(float(new.time[k]), reasons(code))
-        seen = count
+                told(float(new.time[k]), reasons(code))
         if recording.failure:
-            host.host_request(_STOP)
+            host.ask(STOP)
 
-    with first_interrupt(lambda: host.host_request(_END)):
-        failed = host.host_start(
-            _pointer(numbers),
-            ctypes.c_int64(capacity),
-            _pointer(noise),
-            ctypes.c_int64(len(noise)),
-            _PRIORITY,
-        )
-        if failed:
-            raise Error(f"compiled: the system gave no thread (error {failed})")
+    with first_interrupt(lambda: host.ask(END)):
+        host.start()
         try:
-            while not host.host_is_done():
+            while not host.is_done:
                 time.sleep(_EVERY)
-                look()
+                look(watch)
         except BaseException:
-            host.host_request(_STOP)
+            host.ask(STOP)
+            watch = None  # it may be what failed
             raise
         finally:
-            host.host_join()
-            look()
-    return LoopRows(numbers[:seen], n, m)
+            try:
+                host.join()
+            finally:
+                look(watch)
 
 
-def _pointer(array: NDArray[np.float64]) -> Any:
-    return ctypes.c_void_p(array.ctypes.data)
+def _keep_last_seconds(parts: ControllerParts, streamed: StreamedRun, host: LoopHost, why: str) -> None:
+    """Write what a black box would hold, of a supervised robot that has moved."""
+    count = host.written
+    if parts.supervisor and count:
+        rows = host.rows[max(count - round(SECONDS / parts.period), 0) : count]
+        streamed.keep(replace(_record(parts, rows), stopped=why))
 
 
 def _record(parts: ControllerParts, rows: LoopRows) -> Record:
     """Return what the thread noted as the record of a run."""
     desired = rows.sample.copy()
     desired[:, TIME] = rows.time
-    last, robot = rows.numbers[-1:], parts.robot
-    status = int(LoopRows(last, rows.coordinates, rows.inputs).status[0])
+    robot = parts.robot
+    status = int(rows[-1:].status[0])
     stopped = {_ENDED: "duration", _STOPPED: ""}.get(status, "room for samples")
     if not stopped:
         stopped = f"halted at {rows.time[-1]:g} s: {describe_stop(rows.interventions[-1])}"

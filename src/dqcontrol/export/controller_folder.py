@@ -23,6 +23,7 @@ from dqcontrol.experiments.results_folder import check_new, new_folder
 from dqcontrol.export.changeable import Changeable, changeable_parameters
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts, stage_symbol
 from dqcontrol.export.expected_answers import c_number, vector_rows
+from dqcontrol.laws.command_kernel import prepared_memory
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import START_TOLERANCE
@@ -33,7 +34,12 @@ VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
 _PLACES = ("good", "sent", "sent_rate", "position", "sent_then", "usual_effort")  # of a supervisor's state
-_ON_PLANT = ("thread_host.c", "udp_robot.c")  # hosts that move it
+_BUILT = (  # by `make` in the folder, as its target "clean" has it
+    *("dqc_controller.o", "dqc_data.o", "dqc_plant.o", "libdqc_controller.a", "libdqc_controller.so"),
+    *("test_controller", "bench_controller", "example"),
+    *(f"hosts/realtime/{kind}_{each}" for kind in ("udp", "shared") for each in ("loop", "robot")),
+)
+_ON_PLANT = ("thread_host.c", "robot_process.c")  # hosts that move it
 
 
 @dataclass(frozen=True)
@@ -104,10 +110,19 @@ def export_controller(
     ['dqc_controller.h', 'dqc_kernels.h', 'dqc_plant.h', 'test_vector.h']
     """
     processor = target_named(target)
+    if force:
+        _remove_built(Path(out))
     check_new(out, force=force)
     return write_controller(
         controller_parts(source, law, computes=processor.is_bare), out, processor, force=force
     )
+
+
+def _remove_built(folder: Path) -> None:
+    """Remove from a folder of an export what its Makefile made: nobody wrote that, so it may be replaced."""
+    if (folder / "dqc_kernels.h").is_file():
+        for name in _BUILT:
+            (folder / name).unlink(missing_ok=True)
 
 
 def write_controller(
@@ -253,6 +268,8 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_TABLE_ROWS {parts.plan_field('table_rows')}",
         f"#define DQC_TABLE_COLUMNS {parts.plan_field('table_columns')}",
         f"#define DQC_MOMENT {len(layout.Moment._fields)}",
+        f"#define DQC_SHARES_KINEMATICS {int(parts.shares_kinematics)}",
+        *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
             f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0)}"
             for name in ("lower", "upper")
@@ -268,11 +285,32 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_SOFT_STOP {SOFT_STOP}u",
     ]
     symbols = {i: stage_symbol(name) for i, name in enumerate(parts.law.stages)}
+    if parts.shares_kinematics:
+        symbols[0] = "dqc_kernel_given"
     calls = (
         f"(plan)[{i}] = (int64_t)(intptr_t)&{each};" for i, each in symbols.items() if each in parts.kernels
     )
     lines += ["", "/* What a step calls. */", " \\\n  ".join(["#define LINK_STAGES(plan)", *calls])]
     return "\n".join(lines) + "\n"
+
+
+def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
+    """Return where law and supervisor take kinematics from, and how many numbers they are."""
+    if not parts.shares_kinematics or parts.supervisor is None:
+        return {}
+    n, m = parts.robot.configuration_size, parts.robot.input_size
+    head = parts.supervisor[1].bounds.head
+    sizes = n, m, int(head[layout.DRIVES]), int(head[layout.POINTS])
+    scratch = layout.supervisor_memory.place("scratch", *sizes)
+    return {
+        "CHAIN": layout.supervisor_memory.place("chain", *sizes),
+        "BUFFER": scratch + layout.scratch_layout.place("buffer", n, m),
+        "LAW_KINEMATICS": prepared_memory.place(
+            "kinematics", *(parts.plan_field(name) for name in prepared_memory.sizes)
+        ),
+        "TWIST_JACOBIAN": 8 + 8 * m,
+        "KINEMATICS": 8 + 14 * m,
+    }
 
 
 def _data_source(parts: ControllerParts, parameters: list[Changeable]) -> str:

@@ -24,6 +24,7 @@ from dqcontrol.extensions import user_code
 from dqcontrol.laws import Law, OwnLaw, PreparedLaw
 from dqcontrol.laws.command_kernel import Plan, sent, step
 from dqcontrol.limits import PreparedSupervisor, Supervisor
+from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
@@ -32,6 +33,7 @@ from dqcontrol.plants.plant import CompiledPlant, command_mode
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
+from dqcontrol.robots.kinematics_kernels import given, twist_kinematics
 
 
 def stage_symbol(name: str) -> str:
@@ -85,6 +87,13 @@ class ControllerParts:
         return len(self.law.parameters) == 1
 
     @property
+    def shares_kinematics(self) -> bool:
+        """Whether kinematics are found once for law and supervisor; constraints ask for them elsewhere too."""
+        stages = self.law.stages
+        is_chain = stages["kinematics"] is twist_kinematics and stages["constraint"] is None
+        return is_chain and self.supervisor is not None and self.supervisor[1].bounds.head[layout.SLOW] > 0.0
+
+    @property
     def is_at_rest(self) -> bool:
         """Whether all samples of the reference are the same but for their time."""
         return bool((self.samples[:, :TIME] == self.samples[0, :TIME]).all())
@@ -117,6 +126,8 @@ class ControllerParts:
             found["dqc_kernel_law"] = own_law_kernel(self.law_spec)
         if self.supervisor:
             found["dqc_kernel_supervise"] = supervise
+        if self.shares_kinematics:
+            found["dqc_kernel_given"] = given
         if self.path is not None and not self.is_at_rest:
             found["dqc_kernel_reference"] = computed_path
         if self.takes_streams:

@@ -150,7 +150,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
             memory=supervision.supervisor.memory if supervision else empty,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO)
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0)
             if supervision
             else empty,
             state=supervision.state if supervision else empty,

@@ -142,11 +142,11 @@ static int ask(dqc_controller *controller, const dqc_target *target) {
 }
 
 /* Write the desired motion now into the controller's sample; return whether the reference is over. */
-static int is_over(const dqc_controller *controller) {
-  return controller->config_.source == DQC_FROM_SPEC && row_of(controller->time) >= DQC_SAMPLES;
+static int is_over(const dqc_controller *controller, int64_t row) {
+  return controller->config_.source == DQC_FROM_SPEC && row >= DQC_SAMPLES;
 }
 
-static void desire(dqc_controller *controller) {
+static void desire(dqc_controller *controller, int64_t row) {
 #if DQC_STREAMED
   if (controller->config_.source != DQC_FROM_SPEC) {
     int64_t result;
@@ -168,7 +168,6 @@ static void desire(dqc_controller *controller) {
     return;
   }
 #endif
-  int64_t row = row_of(controller->time);
   if (row >= DQC_SAMPLES) row = DQC_SAMPLES - 1;
 #if DQC_REFERENCE_RESTS
   memcpy(controller->sample, dqc_reference, sizeof controller->sample);
@@ -183,16 +182,35 @@ static void desire(dqc_controller *controller) {
 #endif
 }
 
-/* Write what the law wants; NaN if it cannot say. */
-static int ask_law(dqc_controller *controller) {
+/* Law and supervisor need kinematics at the same q: find them once, where no law writes. Return 0, or why not. */
+static int64_t find_kinematics(dqc_controller *controller) {
+#if DQC_SHARES_KINEMATICS
+  int64_t status;
+  void *raised;
+  double *found = controller->supervisor_ + DQC_BUFFER, *of_law = controller->memory_ + DQC_LAW_KINEMATICS;
+  dqc_kernel_kinematics(&status, &raised, ROWS(controller->supervisor_ + DQC_CHAIN, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS),
+                        NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(found, DQC_KINEMATICS));
+  memcpy(of_law, found, 8 * sizeof(double)); /* the pose, and the twist Jacobian; room for another is between them */
+  memcpy(of_law + DQC_TWIST_JACOBIAN, found + DQC_TWIST_JACOBIAN, (DQC_KINEMATICS - DQC_TWIST_JACOBIAN) * sizeof(double));
+  return status;
+#else
+  (void)controller;
+  return 0;
+#endif
+}
+
+/* Write what the law wants, NaN if it cannot say, and whether the supervisor has the kinematics. */
+static int ask_law(dqc_controller *controller, int64_t row, int *known) {
   int64_t status = 1;
   void *raised;
   if (is_finite(controller->measured, DQC_COORDINATES)) {
-    desire(controller);
-    dqc_kernel_step(&status, &raised, NUMBERS(controller->plan_, DQC_PLAN), NUMBERS(controller->memory_, DQC_MEMORY),
-                    NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(controller->sample, 21),
-                    row_of(controller->time), DQC_PERIOD, NUMBERS(controller->state_, DQC_STATE),
-                    NUMBERS(controller->wanted, DQC_INPUTS));
+    desire(controller, row);
+    status = find_kinematics(controller);
+    *known = DQC_SHARES_KINEMATICS && !status;
+    if (!status)
+      dqc_kernel_step(&status, &raised, NUMBERS(controller->plan_, DQC_PLAN), NUMBERS(controller->memory_, DQC_MEMORY),
+                      NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(controller->sample, 21), row, DQC_PERIOD,
+                      NUMBERS(controller->state_, DQC_STATE), NUMBERS(controller->wanted, DQC_INPUTS));
   }
   for (int i = 0; status && i < DQC_INPUTS; i++) controller->wanted[i] = NAN;
   return status == 0;
@@ -201,13 +219,14 @@ static int ask_law(dqc_controller *controller) {
 #if DQC_SUPERVISED
 static const double NOTHING[1] = {0};
 
-static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked) {
+static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked,
+                     int known) {
   int64_t result;
   void *raised;
   double *state = controller->supervisor_state_;
   const double *effort = measured->effort ? measured->effort : NOTHING;
   const double *wrench = measured->wrench ? measured->wrench : NOTHING;
-  const double moment[DQC_MOMENT] = {age, elapsed, (double)controller->request_};
+  const double moment[DQC_MOMENT] = {age, elapsed, (double)controller->request_, (double)known};
   (void)law_asked;
   controller->request_ = GO;
   dqc_kernel_supervise(&result, &raised, (int64_t)(intptr_t)&dqc_kernel_kinematics,
@@ -226,8 +245,9 @@ static int supervise(dqc_controller *controller, const dqc_measured *measured, d
   return controller->phase_ == ACTIVE ? DQC_OK : controller->phase_ == STOPPED ? DQC_STOPPED : DQC_STOPPING;
 }
 #else
-static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked) {
-  (void)measured, (void)age, (void)elapsed;
+static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked,
+                     int known) {
+  (void)measured, (void)age, (void)elapsed, (void)known;
   if (controller->request_ != GO || !law_asked) {
     write_zeros(controller->command);
     int failed = controller->request_ == GO;
@@ -268,22 +288,24 @@ int dqc_step_measured(dqc_controller *controller, const dqc_measured *measured, 
   double since = time - controller->origin_;
   double passed = controller->stamp_ != 0.0 || since != 0.0 ? since - controller->stamp_ : DQC_PERIOD;
   controller->stamp_ = since;
-  if (since != 0.0 && passed > 0.0) controller->time += fmin(passed, FASTEST_REFERENCE * DQC_PERIOD);
+  const double farthest = FASTEST_REFERENCE * DQC_PERIOD;
+  if (since != 0.0 && passed > 0.0) controller->time += passed < farthest ? passed : farthest;
+  int64_t row = row_of(controller->time);
   double elapsed = passed >= 0.0 && measured->elapsed > passed ? measured->elapsed : passed;
-  if (controller->phase_ == ACTIVE && is_over(controller)) {
+  if (controller->phase_ == ACTIVE && is_over(controller, row)) {
     controller->request_ = controller->request_ == GO ? END : controller->request_;
     controller->phase_ = STOPPING;
   }
   double age = measured->age;
-  int law_asked = 0;
+  int law_asked = 0, known = 0;
   if (measured->q) {
     memcpy(controller->measured, measured->q, sizeof controller->measured);
     controller->seen_ = since;
-    law_asked = ask_law(controller);
+    law_asked = ask_law(controller, row, &known);
   } else if (!(age > since - controller->seen_)) {
     age = since - controller->seen_;
   }
-  status = supervise(controller, measured, age, elapsed, law_asked);
+  status = supervise(controller, measured, age, elapsed, law_asked, known);
   memcpy(u, controller->command, sizeof controller->command);
   if (controller->phase_ == ENDED && DQC_SUPERVISED) status = DQC_ENDED;
   return controller->status = status < 0 ? status : refused ? refused : status;

@@ -1,14 +1,24 @@
-"""What a supervisor keeps of the hand: its distance from singularities, its box, its speed and acceleration."""
+"""What a supervisor keeps of the hand: its distance from singularities, its box, its speed and acceleration.
+
+What only some supervisors do, or only near a limit, is a function `apart`, which takes the two arrays as they are.
+"""
 
 from __future__ import annotations
 
 import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import translation
-from dqcontrol.compiled.compile import OK, inline
+from dqcontrol.compiled.compile import OK, apart, inline
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.limits.supervisor.braking import braked
-from dqcontrol.limits.supervisor.interventions import HAND_ACCELERATION, HELD, SLOWED
+from dqcontrol.limits.supervisor.interventions import (
+    HAND_ACCELERATION,
+    HAND_SPEED,
+    HELD,
+    IMPOSSIBLE,
+    SLOWED,
+    WORKSPACE,
+)
 from dqcontrol.limits.supervisor.supervisor_layout import (
     BOX,
     BOXED,
@@ -16,52 +26,78 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     HAND_ACCELERATION_LIMIT,
     HAND_BEFORE,
     HAND_SPEED_LIMIT,
+    HAND_TOLERANCE,
     HOLD,
     HOLDING,
     INDEX,
+    PAYLOAD_CENTER,
+    PAYLOAD_WEIGHT,
     SLOW,
+    STARTED,
     WINDOW,
+    taken_apart,
 )
 from dqcontrol.robots.dexterity_step import smallest_singular_value
 from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, joint_frames
+from dqcontrol.robots.singular_bound import exceeds
 
+_FAR = 1.1  # share of the singular value that slows: further away it is not computed
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 _ROUNDING = 1e-9  # share of a limit
 _BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
 
 
 @inline
-def avoid_singularity(kinematics, chain, bounds, memory, scratch):
+def _write_hand_jacobian(scratch):
+    """Write the Jacobian of the hand's [ω ; ṗ], from what kinematics wrote."""
+    buffer, hand, m = scratch.buffer, scratch.hand, scratch.rates.shape[0]
+    translation(buffer[0:8], hand)
+    twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
+    hand_jacobian((hand[0], hand[1], hand[2]), twist_jacobian, scratch.jacobian)
+
+
+@inline
+def avoid_singularity(kinematics, known, memory, state, parts):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
-    good, rates, input_coordinates, is_joint = memory.good, scratch.rates, bounds.coordinate, bounds.is_joint
-    n, m = good.shape[0], rates.shape[0]
-    buffer, jacobian, config = scratch.buffer, scratch.jacobian, scratch.config
-    hand = scratch.hand
+    kept, scratch = parts.memory, parts.scratch
+    if known == 0.0 and call_chain(kinematics, parts.chain, kept.good, scratch.buffer) != OK:
+        return 0
+    _write_hand_jacobian(scratch)
+    if exceeds(scratch.jacobian, _FAR * parts.bounds.head[SLOW]):
+        kept.numbers[HOLDING] = 0.0
+        return 0
+    return _slow_down(kinematics, memory, state)
+
+
+@apart
+def _slow_down(kinematics, memory, state):
+    """Do what `avoid_singularity` does where a singularity may be near."""
+    chain, bounds, kept, scratch = taken_apart(memory, state)
+    good, rates, input_coordinates, is_joint = kept.good, scratch.rates, bounds.coordinate, bounds.is_joint
+    n, m, config = good.shape[0], rates.shape[0], scratch.config
     slow, hold = bounds.head[SLOW], bounds.head[HOLD]
-    fastest = 0.0
-    for i in range(m):
-        if is_joint[i] != 0.0:
-            fastest = max(fastest, abs(rates[i]))
     here, ahead = 0.0, 0.0
     for look in range(2):
-        for i in range(n):
-            config[i] = good[i]
         if look == 1:
+            fastest = 0.0
+            for i in range(m):
+                if is_joint[i] != 0.0:
+                    fastest = max(fastest, abs(rates[i]))
             if fastest == 0.0:
                 return 0
+            for i in range(n):
+                config[i] = good[i]
             for i in range(m):
                 if is_joint[i] != 0.0:
                     config[int(input_coordinates[i])] += 1e-3 * rates[i] / fastest
-        if call_chain(kinematics, chain, config, buffer) != OK:
-            return 0
-        twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
-        translation(buffer[0:8], hand)
-        hand_jacobian((hand[0], hand[1], hand[2]), twist_jacobian, jacobian)
-        value = smallest_singular_value(jacobian, 2.0 * slow, scratch.gram, scratch.vectors, scratch.column)
+            if call_chain(kinematics, chain, config, scratch.buffer) != OK:
+                return 0
+            _write_hand_jacobian(scratch)
+        value = smallest_singular_value(scratch.jacobian, scratch.gram, scratch.vectors)
         if look == 0:
             here = value
             if here > 0.5 * (slow + hold):
-                memory.numbers[HOLDING] = 0.0
+                kept.numbers[HOLDING] = 0.0
             if here >= slow:
                 return 0
         else:
@@ -69,17 +105,22 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
     if ahead >= here:
         return 0
     if here <= hold:
-        memory.numbers[HOLDING] = 1.0
-    scale = (here - hold) / (slow - hold) if slow > hold and memory.numbers[HOLDING] == 0.0 else 0.0
+        kept.numbers[HOLDING] = 1.0
+    scale = (here - hold) / (slow - hold) if slow > hold and kept.numbers[HOLDING] == 0.0 else 0.0
     for i in range(m):
         rates[i] *= scale
     return SLOWED if scale > 0.0 else HELD
 
 
+@apart
+def _write_frames(chain, config, frames):
+    return joint_frames(chain, config, frames)
+
+
 @inline
 def is_inside(chain, config, bounds, tolerance, frames, hand):
     """Write where the hand is, m; return whether it and all points to be kept inside are in the box."""
-    if joint_frames(chain, config, frames) != OK:
+    if _write_frames(chain, config, frames) != OK:
         return False
     head, points = bounds.head, bounds.points
     inside = True
@@ -101,16 +142,48 @@ def is_inside(chain, config, bounds, tolerance, frames, hand):
     return inside or head[BOXED] == 0.0
 
 
-@inline
-def commanded_hand(chain, bounds, memory, scratch, ahead, hand):
-    """Write where the hand is commanded, m, ``ahead`` s later at the rates; return whether all is in the box."""
+@apart
+def measured_outside(memory, state):
+    """Return whether the hand or a point of a link is measured outside the box, by more than is tolerated."""
+    chain, bounds, kept, scratch = taken_apart(memory, state)
+    tolerance = bounds.head[HAND_TOLERANCE]
+    return not is_inside(chain, kept.good, bounds, tolerance, scratch.frames, scratch.ahead)
+
+
+@apart
+def take_off_payload(memory, state):
+    """Take off a wrench at the hand, in its axes, what gravity exerts there on the payload; the column holds it.
+
+    With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
+    """
+    chain, bounds, kept, scratch = taken_apart(memory, state)
+    frames, contact = scratch.frames, scratch.column
+    _write_frames(chain, kept.good, frames)
+    hand, head = frames[frames.shape[0] - 8 :], bounds.head
+    w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
+    a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
+    fx = -2.0 * weight * (x * z - w * y)
+    fy = -2.0 * weight * (y * z + w * x)
+    fz = -weight * (1.0 - 2.0 * (x * x + y * y))
+    contact[0] -= fx
+    contact[1] -= fy
+    contact[2] -= fz
+    contact[3] -= b * fz - c * fy
+    contact[4] -= c * fx - a * fz
+    contact[5] -= a * fy - b * fx
+
+
+@apart
+def _commanded_hand(memory, state, ahead, hand):
+    """Write where the hand is commanded, m, ``ahead`` s later at the rates."""
+    chain, bounds, kept, scratch = taken_apart(memory, state)
     config = scratch.config
     for i in range(config.shape[0]):
-        config[i] = memory.good[i]
+        config[i] = kept.good[i]
     for i in range(scratch.rates.shape[0]):
         if bounds.is_joint[i] != 0.0:
-            config[int(bounds.coordinate[i])] = memory.sent[i] + ahead * scratch.rates[i]
-    return is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
+            config[int(bounds.coordinate[i])] = kept.sent[i] + ahead * scratch.rates[i]
+    is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
 
 
 @inline
@@ -118,38 +191,49 @@ def _distance(a, b):
     return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@inline
-def scale_hand_speed(chain, bounds, memory, scratch):
-    """Scale the rates so that the commanded hand, at ``hand`` now, keeps its speed; return whether it did not."""
-    dt = bounds.head[DT]
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
-    speed = _distance(scratch.ahead, scratch.hand) / dt
-    limit = bounds.head[HAND_SPEED_LIMIT]
+@apart
+def limit_hand_speed(memory, state, is_bounded):
+    """Write where the hand is commanded; if it ``is_bounded``, scale the rates so that it keeps its speed.
+
+    Return what was done.
+    """
+    _, bounds, kept, scratch = taken_apart(memory, state)
+    numbers, hand, ahead, rates = kept.numbers, scratch.hand, scratch.ahead, scratch.rates
+    _commanded_hand(memory, state, 0.0, hand)
+    if numbers[STARTED] == 0.0:
+        for i in range(3):
+            numbers[HAND_BEFORE + i] = hand[i]
+    limit, dt = bounds.head[HAND_SPEED_LIMIT], bounds.head[DT]
+    if not is_bounded or not limit < math.inf:
+        return 0
+    _commanded_hand(memory, state, dt, ahead)
+    speed = _distance(ahead, hand) / dt
     if not speed > limit:
-        return False
-    for i in range(scratch.rates.shape[0]):
-        scratch.rates[i] *= limit / speed
-    return True
+        return 0
+    for i in range(rates.shape[0]):
+        rates[i] *= limit / speed
+    return HAND_SPEED
 
 
-@inline
-def limit_hand_acceleration(chain, bounds, memory, scratch):
+@apart
+def limit_hand_acceleration(memory, state):
     """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
 
     With the share s of the change the hand's acceleration is c + s d to first order in T: the largest s in 0 … 1 with
     |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast).
     """
+    _, bounds, kept, scratch = taken_apart(memory, state)
     m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
-    rates, rate, trial = scratch.rates, memory.rate, scratch.trial
+    rates, rate, trial = scratch.rates, kept.rate, scratch.trial
     cc, cd, dd = 0.0, 0.0, 0.0
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
+    _commanded_hand(memory, state, dt, scratch.ahead)
     for i in range(3):  # the column holds x with all of the change, as it is overwritten below
         scratch.column[i] = scratch.ahead[i]
     for i in range(m):
         trial[i], rates[i] = rates[i], rate[i]
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
+    _commanded_hand(memory, state, dt, scratch.ahead)
     for i in range(3):
-        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.numbers[HAND_BEFORE + i]) / (dt * dt)
+        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (dt * dt)
         d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
         cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
     share = 1.0
@@ -170,7 +254,7 @@ def _decayed(rate, change):
 
 
 @inline
-def stays_safe(chain, bounds, memory, scratch, share):
+def _stays_safe(chain, bounds, memory, scratch, share):
     """Return whether the commanded hand keeps box and speed after these rates, and in each period of braking from them.
 
     The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
@@ -220,3 +304,23 @@ def stays_safe(chain, bounds, memory, scratch, share):
         if quiet >= window:
             return True
     return False
+
+
+@apart
+def keep_safe(memory, state):
+    """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
+    chain, bounds, kept, scratch = taken_apart(memory, state)
+    share = 1.0
+    while True:
+        is_safe = _stays_safe(chain, bounds, kept, scratch, share)
+        if is_safe or share == 0.0:
+            break
+        share = 0.5 * share if share > 0.2 else 0.0
+    if share == 1.0:
+        return 0
+    for i in range(scratch.rates.shape[0]):
+        safe = braked(kept.rate[i], bounds.acceleration[i] * bounds.head[DT])
+        scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
+    if not is_safe:
+        return WORKSPACE | IMPOSSIBLE
+    return WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.robots.driving import DRIVE_COLUMNS
 
@@ -55,11 +56,14 @@ class Moment(NamedTuple):
         Of the measurement, and since the last step, s.
     request
         See above.
+    known
+        1 if the scratch buffer holds what kinematics writes for this measurement: who asked the law has it. Else 0.
     """
 
     age: float
     elapsed: float
     request: float
+    known: float
 
 
 class Bounds(NamedTuple):
@@ -157,3 +161,26 @@ class SupervisorMemory(NamedTuple):
 
 
 supervisor_memory = MemoryLayout(SupervisorMemory, "coordinates", "inputs", "drives", "points")
+
+
+class Parts(NamedTuple):
+    """All that a supervisor's two arrays hold, by name."""
+
+    chain: Array
+    bounds: Bounds
+    memory: Memory
+    scratch: Scratch
+
+
+@inline
+def taken_apart(memory, state):
+    """Return the parts of what a supervisor was prepared with, and of its state."""
+    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
+    drives, points = int(memory[DRIVES]), int(memory[POINTS])
+    prepared = supervisor_memory(memory, n, m, drives, points)
+    return Parts(
+        prepared.chain,
+        bounds_layout(prepared.bounds, m, drives, points),
+        state_layout(state, n, m),
+        scratch_layout(prepared.scratch, n, m),
+    )

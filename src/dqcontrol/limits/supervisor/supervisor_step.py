@@ -6,29 +6,25 @@ import math
 
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.limits.supervisor.braking import braked, fastest_stoppable
+from dqcontrol.limits.supervisor.braking import fastest_stoppable, surely_stops
 from dqcontrol.limits.supervisor.interventions import (
     ACCELERATION,
-    HAND_SPEED,
     IMPOSSIBLE,
     POSITION,
     REJOINING,
     SOFT_STOP,
     VELOCITY,
-    WORKSPACE,
 )
 from dqcontrol.limits.supervisor.supervisor_geometry import (
     avoid_singularity,
-    commanded_hand,
+    keep_safe,
     limit_hand_acceleration,
-    scale_hand_speed,
-    stays_safe,
+    limit_hand_speed,
 )
 from dqcontrol.limits.supervisor.supervisor_layout import (
     AT_REST,
     BOXED,
     COORDINATES,
-    DRIVES,
     DT,
     ENDING,
     FAULT,
@@ -40,7 +36,6 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     INPUTS,
     MODE,
     NOW,
-    POINTS,
     RAMP,
     RETURNING,
     RUNNING,
@@ -49,11 +44,8 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     STARTED,
     STOPPED,
     WINDOW,
-    bounds_layout,
     moment_layout,
-    scratch_layout,
-    state_layout,
-    supervisor_memory,
+    taken_apart,
 )
 from dqcontrol.limits.supervisor.supervisor_watch import judge
 from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down
@@ -114,8 +106,10 @@ def _keep(bounds, memory, rates, inwards):
     for i in range(rates.shape[0]):
         rate, step = memory.rate[i], bounds.acceleration[i] * dt
         low, high = -bounds.velocity[i], bounds.velocity[i]
-        if bounds.is_joint[i] != 0.0:
-            below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
+        below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
+        fastest = max(bounds.velocity[i], abs(rates[i]))
+        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], dt)
+        if bounds.is_joint[i] != 0.0 and not is_free:
             least = -fastest_stoppable(below, bounds.acceleration[i], dt)
             most = fastest_stoppable(above, bounds.acceleration[i], dt)
             if below < 0.0:
@@ -141,11 +135,11 @@ def _breaks_bounds(bounds, memory):
     found = False
     m, n = memory.sent.shape[0], memory.good.shape[0]
     for i in range(m):
-        sent = memory.sent[i]
-        slack = _ROUNDING * max(1.0, abs(sent))
+        sent, lower, upper = memory.sent[i], bounds.lower[i], bounds.upper[i]
         found = found or abs(memory.sent_rate[i]) > bounds.velocity[i] * (1.0 + _ROUNDING)
-        if bounds.is_joint[i] != 0.0:
-            found = found or sent < bounds.lower[i] - slack or sent > bounds.upper[i] + slack
+        if bounds.is_joint[i] != 0.0 and not lower <= sent <= upper:
+            slack = _ROUNDING * max(1.0, abs(sent))
+            found = found or sent < lower - slack or sent > upper + slack
     for k in range(bounds.drives.shape[0]):
         v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
         fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
@@ -157,6 +151,8 @@ def _breaks_bounds(bounds, memory):
 def _moved(position, way, lower, upper):
     """Return a position after a way; what ends beyond a limit by rounding alone ends on it."""
     after = position + way
+    if lower <= after <= upper:
+        return after
     slack = _ROUNDING * max(1.0, abs(after))
     if position <= upper < after <= upper + slack:
         return upper
@@ -191,31 +187,14 @@ def _commit(bounds, memory, rates):
     return still
 
 
-@inline
-def _keep_safe(chain, bounds, memory, scratch):
-    """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
-    share = 1.0
-    while share > 0.0 and not stays_safe(chain, bounds, memory, scratch, share):
-        share = 0.5 * share if share > 0.2 else 0.0
-    if share == 1.0:
-        return 0
-    for i in range(scratch.rates.shape[0]):
-        safe = braked(memory.rate[i], bounds.acceleration[i] * bounds.head[DT])
-        scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
-    if share == 0.0 and not stays_safe(chain, bounds, memory, scratch, 0.0):
-        return WORKSPACE | IMPOSSIBLE
-    return WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
-
-
 @kernel(SUPERVISOR)
 def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, state, out):
     """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped.
 
     Effort and wrench are arrays of their own, as the robot's driver hands them over: to copy them takes longer.
     """
-    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
-    drives, points = int(memory[DRIVES]), int(memory[POINTS])
-    prepared, kept = supervisor_memory(memory, n, m, drives, points), state_layout(state, n, m)
+    n, m, parts = int(memory[COORDINATES]), int(memory[INPUTS]), taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     if (
         measured.shape[0] != n
         or wanted.shape[0] != m
@@ -225,16 +204,13 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
     ):
         return WRONG_SIZE
-    chain, bounds = prepared.chain, bounds_layout(prepared.bounds, m, drives, points)
-    scratch = scratch_layout(prepared.scratch, n, m)
     head, numbers, rates = bounds.head, kept.numbers, scratch.rates
 
     at_rest = True
     for i in range(m):
         at_rest = at_rest and kept.sent_rate[i] == 0.0
-    wrong = judge(
-        chain, moment_layout(moment), measured, wanted, effort, wrench, at_rest, bounds, kept, scratch
-    )
+    said = moment_layout(moment)
+    wrong = judge(memory, state, parts, said, measured, wanted, effort, wrench, at_rest)
     now = wrong
     aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
     numbers[SCALE] = min(max(aim, numbers[SCALE] - head[RAMP]), numbers[SCALE] + head[RAMP])
@@ -247,7 +223,9 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     if numbers[MODE] == RETURNING:
         now |= REJOINING
     if following and head[SLOW] > 0.0:
-        now |= avoid_singularity(kinematics, chain, bounds, kept, scratch)
+        now |= avoid_singularity(
+            kinematics, said.known, memory, state, parts
+        )  # good is measured: nothing was wrong
     for i in range(m):
         scratch.asked[i] = rates[i]
     scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
@@ -259,16 +237,10 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
     )
     if looks_at_hand:
-        commanded_hand(chain, bounds, kept, scratch, 0.0, scratch.hand)
-        if numbers[STARTED] == 0.0:
-            for i in range(3):
-                numbers[HAND_BEFORE + i] = scratch.hand[i]
-        bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
-        if bounded and scale_hand_speed(chain, bounds, kept, scratch):
-            now |= HAND_SPEED
+        now |= limit_hand_speed(memory, state, following or returning)
     done = _accelerate(bounds, kept, rates)
     if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
-        now |= limit_hand_acceleration(chain, bounds, kept, scratch)
+        now |= limit_hand_acceleration(memory, state)
     inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, kept, rates, inwards)
     if m < n:
@@ -276,7 +248,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     if following:
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
-        now |= _keep_safe(chain, bounds, kept, scratch)
+        now |= keep_safe(memory, state)
     if looks_at_hand:
         numbers[STARTED] = 1.0
         for i in range(3):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.compile import apart, inline
 from dqcontrol.limits.supervisor.interventions import (
     BASE_JUMP,
     COMMAND,
@@ -22,7 +22,7 @@ from dqcontrol.limits.supervisor.interventions import (
     SOFT_STOP,
     TRACKING,
 )
-from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
+from dqcontrol.limits.supervisor.supervisor_geometry import measured_outside, take_off_payload
 from dqcontrol.limits.supervisor.supervisor_layout import (
     BAD,
     BOXED,
@@ -35,14 +35,12 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     FAULT,
     FINISH,
     FROZEN_AFTER,
-    HAND_TOLERANCE,
     HOLDING,
     JOINT_TOLERANCE,
     LATENESS,
     LONGEST_BASE_JUMP,
     LONGEST_STEP,
     MODE,
-    PAYLOAD_CENTER,
     PAYLOAD_WEIGHT,
     RESET,
     RETURNING,
@@ -52,10 +50,10 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     STALE,
     STOP_NOW,
     STOPPED,
+    taken_apart,
 )
 from dqcontrol.limits.supervisor.supervisor_layout import JUMP as JUMP_LIMIT
 from dqcontrol.limits.supervisor.supervisor_layout import OVERSPEED as OVERSPEED_SHARE
-from dqcontrol.robots.kinematics_kernels import joint_frames
 
 _FAR = 1e6  # rad or m: no measurement says so
 _LONG = 1e3  # s: no gap counts as more
@@ -106,7 +104,7 @@ def _watch_ways(measured, passed, bounds, memory):
 
 
 @inline
-def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
+def _watch_joints(measured, age, passed, bounds, memory):
     """Keep a good measurement; return what is wrong with where the joints are and how they move.
 
     A joint is frozen by what was measured: time since the last measurement, of this age, says nothing of that.
@@ -141,45 +139,22 @@ def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
     for j in range(good.shape[0]):
         good[j] = measured[j]
     numbers[SILENT] = 0.0
-    tolerance = head[HAND_TOLERANCE]
-    if head[BOXED] != 0.0 and not is_inside(chain, good, bounds, tolerance, scratch.frames, scratch.ahead):
-        fault |= MEASURED_WORKSPACE
     return fault
 
 
-@inline
-def _take_off_payload(chain, bounds, memory, frames, contact):
-    """Take off a wrench at the hand, in its axes, what gravity exerts there on the payload.
-
-    With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
-    """
-    joint_frames(chain, memory.good, frames)
-    hand, head = frames[frames.shape[0] - 8 :], bounds.head
-    w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
-    a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
-    fx = -2.0 * weight * (x * z - w * y)
-    fy = -2.0 * weight * (y * z + w * x)
-    fz = -weight * (1.0 - 2.0 * (x * x + y * y))
-    contact[0] -= fx
-    contact[1] -= fy
-    contact[2] -= fz
-    contact[3] -= b * fz - c * fy
-    contact[4] -= c * fx - a * fz
-    contact[5] -= a * fy - b * fx
-
-
-@inline
-def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
+@apart
+def _watch_efforts(memory, state, effort, wrench, passed):
     """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
+    _, bounds, kept, scratch = taken_apart(memory, state)
     head, fault = bounds.head, 0
     share = min(passed / _EFFORT_TIME, 1.0)
     for i in range(effort.shape[0]):
         if abs(effort[i]) > bounds.effort[i]:
             fault |= EFFORT
-        if not math.isfinite(memory.usual_effort[i]):
-            memory.usual_effort[i] = effort[i]
-        away = effort[i] - memory.usual_effort[i]
-        memory.usual_effort[i] += share * away
+        if not math.isfinite(kept.usual_effort[i]):
+            kept.usual_effort[i] = effort[i]
+        away = effort[i] - kept.usual_effort[i]
+        kept.usual_effort[i] += share * away
         if abs(away) > head[CONTACT_EFFORT]:
             fault |= CONTACT
     if wrench.shape[0] == 6:
@@ -187,7 +162,7 @@ def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
         for i in range(6):
             contact[i] = wrench[i]
         if head[PAYLOAD_WEIGHT] != 0.0:
-            _take_off_payload(chain, bounds, memory, scratch.frames, contact)
+            take_off_payload(memory, state)
         force = math.sqrt(contact[0] ** 2 + contact[1] ** 2 + contact[2] ** 2)
         torque = math.sqrt(contact[3] ** 2 + contact[4] ** 2 + contact[5] ** 2)
         if force > head[CONTACT_FORCE] or torque > head[CONTACT_TORQUE]:
@@ -196,13 +171,14 @@ def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
 
 
 @inline
-def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memory, scratch):
+def judge(memory, state, parts, moment, measured, wanted, effort, wrench, at_rest):
     """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
 
     Two samples in a row with something wrong stop; what else is seen stops at once.
     """
-    numbers, good, age, request = memory.numbers, memory.good, moment.age, int(moment.request)
-    fault, passed = _watch_time(moment.elapsed, bounds, memory)
+    bounds, kept = parts.bounds, parts.memory
+    numbers, good, age, request = kept.numbers, kept.good, moment.age, int(moment.request)
+    fault, passed = _watch_time(moment.elapsed, bounds, kept)
     seen = age <= bounds.head[STALE]
     for i in range(measured.shape[0]):
         seen = seen and abs(measured[i]) < _FAR
@@ -211,15 +187,18 @@ def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memo
     for i in range(wrench.shape[0]):
         seen = seen and math.isfinite(wrench[i])
     wrong = 0
-    jumped = _watch_ways(measured, passed, bounds, memory) if seen else 0
+    jumped = _watch_ways(measured, passed, bounds, kept) if seen else 0
     if not seen:
         numbers[SILENT] += passed
         wrong = MEASUREMENT
     elif jumped:
         wrong = jumped
     else:
-        fault |= _watch_joints(chain, measured, age, passed, bounds, memory, scratch)
-        fault |= _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch)
+        fault |= _watch_joints(measured, age, passed, bounds, kept)
+        if bounds.head[BOXED] != 0.0 and measured_outside(memory, state):
+            fault |= MEASURED_WORKSPACE
+        if effort.shape[0] != 0 or wrench.shape[0] != 0:
+            fault |= _watch_efforts(memory, state, effort, wrench, passed)
         for i in range(wanted.shape[0]):
             if not math.isfinite(wanted[i]):
                 wrong = COMMAND
@@ -229,7 +208,7 @@ def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memo
     far, near = False, True
     for i in range(wanted.shape[0]):
         if bounds.is_joint[i] != 0.0:
-            distance = abs(good[int(bounds.coordinate[i])] - memory.sent[i])
+            distance = abs(good[int(bounds.coordinate[i])] - kept.sent[i])
             far = far or not distance <= bounds.tracking[i]
             near = near and distance <= 0.5 * bounds.tracking[i]
     if seen and far and numbers[MODE] == RUNNING:

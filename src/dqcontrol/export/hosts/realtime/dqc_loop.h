@@ -22,29 +22,39 @@ typedef struct {
   double interventions, status;
 } dqc_row;
 
-/* Send u to the robot (null before the first step) and read where it is; return 0, or 1 if no measurement came. It may
- * not wait: what it waits for is late. */
-typedef int (*dqc_exchange)(void *robot, const double *u, double *q, double *measured);
+/* A robot, by two functions that may not wait: what they wait for is late. */
+typedef struct {
+  void *robot;                                              /* handed to both */
+  int (*measure)(void *robot, double *q, double *measured); /* where it is; return whether a measurement came */
+  void (*command)(void *robot, const double *u);
+} dqc_robot;
+
+/* What others see of a loop and ask of it, also from other threads and processes. */
+typedef struct {
+  int64_t written;   /* steps noted so far; read it with dqc_loop_written */
+  int64_t request;   /* set it with dqc_loop_request */
+  int64_t is_done;   /* whether it has ended */
+  int64_t status;    /* the controller's last one */
+  int64_t real_time; /* whether the system gave SCHED_FIFO */
+  int64_t missed;    /* periods that passed without a step */
+  int64_t late;      /* steps that began late because of the work before them */
+} dqc_watch;
 
 typedef struct {
   dqc_controller controller;
-  dqc_row *rows;     /* room for steps */
-  int64_t capacity;  /* of rows: the loop ends when they are full */
-  int64_t written;   /* steps noted so far; read it with dqc_loop_written */
-  int32_t request;   /* set it with dqc_loop_request */
-  int32_t real_time; /* whether the system gave SCHED_FIFO */
-  int64_t missed;    /* periods that passed without a step */
-  int64_t late;      /* steps that began late because of the work before them */
+  dqc_watch *watch;
+  dqc_row *rows;    /* room for steps */
+  int64_t capacity; /* of rows: the loop ends when they are full */
 } dqc_loop;
 
 enum { DQC_LOOP_GO, DQC_LOOP_END, DQC_LOOP_STOP };
 
 /* Run until the controller has ended or stopped, or there is no more room; priority: of SCHED_FIFO, 0 for none.
  * Return the controller's last status. Pages that a loop writes should be locked and written to before. */
-int dqc_loop_run(dqc_loop *loop, const dqc_config *config, dqc_exchange exchange, void *robot, int priority);
+int dqc_loop_run(dqc_loop *loop, const dqc_config *config, const dqc_robot *robot, int priority);
 
-int64_t dqc_loop_written(const dqc_loop *loop);
-void dqc_loop_request(dqc_loop *loop, int request);
+int64_t dqc_loop_written(const dqc_watch *watch);
+void dqc_loop_request(dqc_watch *watch, int request);
 
 #ifdef __cplusplus
 }

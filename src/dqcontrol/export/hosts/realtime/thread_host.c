@@ -6,27 +6,30 @@
 #include "dqc_plant.h"
 
 static dqc_loop loop;
+static dqc_watch watch;
 static dqc_plant plant;
 static const double *noise;
 static int64_t noise_rows, step;
-static int priority, last_status, is_done;
+static int priority, has_failed;
 static pthread_t thread;
 
-static int move_plant(void *robot, const double *u, double *q, double *measured) {
+static int measure(void *robot, double *q, double *measured) {
   (void)robot;
-  if (u) {
-    if (dqc_plant_step(&plant, u, noise + (step % noise_rows) * DQC_PLANT_NOISE)) return 1;
-    step++;
-  }
   memcpy(q, plant.q, sizeof plant.q);
   memcpy(measured, plant.measured, sizeof plant.measured);
-  return 0;
+  return !has_failed;
+}
+
+static void command(void *robot, const double *u) {
+  (void)robot;
+  has_failed |= dqc_plant_step(&plant, u, noise + (step % noise_rows) * DQC_PLANT_NOISE);
+  step++;
 }
 
 static void *run(void *argument) {
   (void)argument;
-  last_status = dqc_loop_run(&loop, 0, move_plant, 0, priority);
-  __atomic_store_n(&is_done, 1, __ATOMIC_RELEASE);
+  const dqc_robot robot = {0, measure, command};
+  dqc_loop_run(&loop, 0, &robot, priority);
   return 0;
 }
 
@@ -34,23 +37,21 @@ int host_start(dqc_row *rows, int64_t capacity, const double *drawn, int64_t dra
   memset(rows, 0, (size_t)capacity * sizeof *rows);
   loop.rows = rows;
   loop.capacity = capacity;
-  loop.request = DQC_LOOP_GO;
+  loop.watch = &watch;
+  memset(&watch, 0, sizeof watch);
   noise = drawn;
   noise_rows = drawn_rows;
   priority = chosen_priority;
-  step = 0;
-  is_done = 0;
+  step = has_failed = 0;
   dqc_plant_init(&plant);
   return pthread_create(&thread, 0, run, 0);
 }
 
 int host_join(void) {
   pthread_join(thread, 0);
-  return last_status;
+  return (int)watch.status;
 }
 
-int64_t host_written(void) { return dqc_loop_written(&loop); }
-int64_t host_row_size(void) { return sizeof(dqc_row); }
-void host_request(int request) { dqc_loop_request(&loop, request); }
-int host_is_real_time(void) { return loop.real_time; }
-int host_is_done(void) { return __atomic_load_n(&is_done, __ATOMIC_ACQUIRE); }
+int64_t host_written(void) { return dqc_loop_written(&watch); }
+void host_request(int request) { dqc_loop_request(&watch, request); }
+int host_is_done(void) { return (int)__atomic_load_n(&watch.is_done, __ATOMIC_ACQUIRE); }

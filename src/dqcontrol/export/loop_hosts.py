@@ -1,0 +1,286 @@
+"""Loops in C that step a controller: in a thread of this process, or in a process that reaches the robot's process."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import subprocess
+import tempfile
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.object_code import target_named
+from dqcontrol.errors import Error, MissingExtraError, NoteWarning
+from dqcontrol.export.controller_folder import write_controller
+from dqcontrol.export.controller_parts import ControllerParts
+from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.references.sample import SAMPLE_SIZE
+
+Over = Literal["udp", "shared-memory"]
+
+END, STOP = 1, 2  # requests of dqc_loop.h
+_WRITTEN, _REQUEST, _IS_DONE, _WATCH = 0, 1, 2, 7  # of its dqc_watch
+_PRIORITY = 50  # of SCHED_FIFO, as ros2_control has it
+_TO_REST = 10.0  # s at most after the reference
+_PATIENCE = 10.0  # s for a process to begin, and to end
+_SOURCES = ("hosts/realtime/thread_host.c", "hosts/realtime/dqc_loop.c", "dqc_controller.c", "dqc_data.c")
+_OBJECTS = ("dqc_plant.c", "dqc_code.o", "dqc_numbers.o", "dqc_plant_code.o", "dqc_plant_numbers.o")
+_FAST = Path("/dev/shm")  # files that no disk is waited for
+
+
+@dataclass(frozen=True)
+class LoopRows:
+    """What a loop noted, one row a step, as ``dqc_row`` of ``dqc_loop.h`` has it."""
+
+    numbers: Array
+    coordinates: int
+    inputs: int
+
+    @staticmethod
+    def columns(coordinates: int, inputs: int) -> int:
+        """Return how many numbers a row has."""
+        return 5 + SAMPLE_SIZE + 2 * coordinates + inputs + 2
+
+    def __getitem__(self, rows: slice) -> LoopRows:
+        return LoopRows(self.numbers[rows], self.coordinates, self.inputs)
+
+    def __getattr__(self, name: str) -> Array:
+        n, m = self.coordinates, self.inputs
+        sizes = {"time": 1, "begin": 1, "computation": 1, "idle": 1, "late": 1, "sample": SAMPLE_SIZE}
+        sizes |= {"q": n, "measured": n, "command": m, "interventions": 1, "status": 1}
+        if name not in sizes:
+            raise AttributeError(name)
+        first = sum(list(sizes.values())[: list(sizes).index(name)])
+        part = self.numbers[:, first : first + sizes[name]]
+        return part[:, 0] if sizes[name] == 1 else part
+
+
+class LoopHost(Protocol):
+    """A loop in C, and what it noted.
+
+    Attributes
+    ----------
+    rows
+        Room for all steps.
+    """
+
+    rows: LoopRows
+
+    def start(self) -> None:
+        """Let it begin."""
+
+    @property
+    def written(self) -> int:
+        """How many steps it has noted."""
+        ...
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended."""
+        ...
+
+    def ask(self, request: int) -> None:
+        """Ask it to `END` or to `STOP`."""
+
+    def join(self) -> None:
+        """Wait for its end.
+
+        Raises
+        ------
+        Error
+            If it did not end as loops do.
+        """
+
+
+class ThreadHost:
+    """A loop in a thread, which moves the plant too.
+
+    Parameters
+    ----------
+    parts, plant
+        Controller and plant.
+    build
+        Where it is built.
+
+    Raises
+    ------
+    Error
+        If there is no C compiler, or it fails.
+    """
+
+    def __init__(self, parts: ControllerParts, plant: CompiledPlant, build: Path) -> None:
+        folder, library = build / "c", build / "host.so"
+        write_controller(parts, folder, target_named("native"))
+        files = [str(folder / name) for name in (*_SOURCES, *_OBJECTS)]
+        command = ["cc", "-std=gnu99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}", *files]
+        _build([*command, "-lm", "-lpthread", "-o", str(library)])
+        self._library: Any = ctypes.CDLL(str(library))
+        self._library.host_written.restype = ctypes.c_int64
+        self._noise = np.ascontiguousarray(plant.noise)
+        self.rows: LoopRows = _room(parts, np.zeros(_capacity(parts) * _columns(parts)))
+
+    def start(self) -> None:
+        """Let it begin."""
+        numbers = self.rows.numbers
+        failed = self._library.host_start(
+            _pointer(numbers),
+            ctypes.c_int64(len(numbers)),
+            _pointer(self._noise),
+            ctypes.c_int64(len(self._noise)),
+            _PRIORITY,
+        )
+        if failed:
+            raise Error(f"compiled: the system gave no thread (error {failed})")
+
+    @property
+    def written(self) -> int:
+        """How many steps it has noted."""
+        return self._library.host_written()
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended."""
+        return bool(self._library.host_is_done())
+
+    def ask(self, request: int) -> None:
+        """Ask it to `END` or to `STOP`."""
+        self._library.host_request(request)
+
+    def join(self) -> None:
+        """Wait for its end."""
+        self._library.host_join()
+
+
+class ProcessHost:
+    """A loop in a process, and the plant, without its noise, in another one: each ends if the other one does.
+
+    Parameters
+    ----------
+    parts, plant
+        Controller and plant.
+    build
+        Where it is built.
+    over
+        How the two reach each other.
+
+    Raises
+    ------
+    Error
+        If there is no C compiler or make, or it fails.
+    """
+
+    def __init__(self, parts: ControllerParts, plant: CompiledPlant, build: Path, over: Over) -> None:
+        if plant.noise.any():
+            warnings.warn("plant: in a process of its own it moves without noise", NoteWarning, stacklevel=4)
+        folder, kind = build / "c", over.partition("-")[0]
+        write_controller(parts, folder, target_named("native"))
+        programs = [f"hosts/realtime/{kind}_{each}" for each in ("robot", "loop")]
+        _build(["make", "-s", "-C", str(folder), *programs])
+        self._robot, self._loop = (str(folder / program) for program in programs)
+        self._place = f"/dqcontrol-{os.getpid()}" if over == "shared-memory" else str(_free_port())
+        self._processes: list[subprocess.Popen[str]] = []
+        place = _FAST if _FAST.is_dir() else build
+        self._file = tempfile.NamedTemporaryFile(dir=place, prefix="dqcontrol-")  # noqa: SIM115 — closed by `join`
+        self._file.truncate(8 * (_WATCH + _capacity(parts) * _columns(parts)))
+        self._watch = np.memmap(self._file.name, dtype=np.int64, mode="r+", shape=_WATCH)
+        noted = np.memmap(self._file.name, dtype=np.float64, mode="r+", offset=8 * _WATCH)
+        self.rows: LoopRows = _room(parts, noted)
+
+    def start(self) -> None:
+        """Let it begin.
+
+        Raises
+        ------
+        Error
+            If a process does not.
+        """
+        robot = self._run(self._robot, self._place)
+        assert robot.stdout is not None
+        if robot.stdout.readline() != "ready\n":
+            self.join()
+        self._run(self._loop, self._place, str(_PRIORITY), self._file.name)
+
+    def _run(self, *command: str) -> subprocess.Popen[str]:
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        # An interrupt is for this process, which then asks the loop to end.
+        process = subprocess.Popen(command, **pipes, start_new_session=True)  # type: ignore[call-overload]
+        self._processes.append(process)
+        return process
+
+    @property
+    def written(self) -> int:
+        """How many steps it has noted."""
+        return int(self._watch[_WRITTEN])
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it has ended."""
+        return bool(self._watch[_IS_DONE]) or self._processes[-1].poll() is not None
+
+    def ask(self, request: int) -> None:
+        """Ask it to `END` or to `STOP`."""
+        self._watch[_REQUEST] = request
+
+    def join(self) -> None:
+        """Wait for its end.
+
+        Raises
+        ------
+        Error
+            If a process failed.
+        """
+        failures = []
+        for process in reversed(self._processes):
+            try:
+                words = "".join(process.communicate(timeout=_PATIENCE)).strip()
+            except subprocess.TimeoutExpired:
+                process.kill()
+                words = "did not end"
+            if process.returncode != 0:
+                name = Path(process.args[0]).name  # type: ignore[index]
+                failures.append(words or f"{name} ended with {process.returncode}")
+        self._file.close()
+        if failures:
+            raise Error(f"compiled: {'; '.join(failures)}")
+
+
+def _build(command: list[str]) -> None:
+    own = {
+        name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    }
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
+    except FileNotFoundError:
+        raise MissingExtraError("compiled: needs a C compiler and make: apt-get install gcc make") from None
+    if done.returncode:
+        raise Error(f"compiled: the C compiler failed: {done.stderr.strip()[:300]}")
+
+
+def _capacity(parts: ControllerParts) -> int:
+    return len(parts.samples) + round(_TO_REST / parts.period)
+
+
+def _columns(parts: ControllerParts) -> int:
+    return LoopRows.columns(parts.robot.configuration_size, parts.robot.input_size)
+
+
+def _room(parts: ControllerParts, numbers: Array) -> LoopRows:
+    n, m = parts.robot.configuration_size, parts.robot.input_size
+    return LoopRows(numbers.reshape(-1, _columns(parts)), n, m)
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
+        any_socket.bind(("127.0.0.1", 0))
+        return any_socket.getsockname()[1]
+
+
+def _pointer(array: NDArray[np.float64]) -> Any:
+    return ctypes.c_void_p(array.ctypes.data)
