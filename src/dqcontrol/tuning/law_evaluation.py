@@ -14,7 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
 from dqcontrol.laws import Law, PreparedLaw
-from dqcontrol.loop.repeated_loop import RepeatedLoop
+from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
@@ -114,6 +114,7 @@ class LawEvaluation:
             ]
             for each in family.plants
         ]
+        share_records([loop for loops in self._loops for loop in loops])
 
     @property
     def runs(self) -> int:
