@@ -35,6 +35,7 @@ BASE: dict[str, Any] = {
     "law": {"kind": "proportional-feedforward", "gain": 5, "integral_gain": 2},
     "plant": SERVO,
 }
+SQUARE = {"kind": "square", "side": 0.06, "duration": 3, "corner_stops": 0.3}
 EVALUATIONS = {"pymoo": 400, "Optuna": 400, "ours": 52}
 SEEDS = 1
 
@@ -237,7 +238,8 @@ def winners(count: int = 50) -> None:
             spec,
             jobs=1,
             budget=24,
-            references=[{"kind": "square", "side": 0.06, "duration": 3, "corner_stops": 0.3}],
+            references=[SQUARE],
+            held_out={"references": [{"plane": "xz"} | each for each in (spec["reference"], SQUARE)]},
         )
         (row,) = check(found.best_spec)
         failed = row.verdict == "unstable" or not np.isfinite(found.best.result.held_out_total)
