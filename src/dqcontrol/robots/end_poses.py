@@ -20,10 +20,10 @@ _HALF, _LARGEST, _POSE = 7 * LANES, 8 * LANES, 9 * LANES
 @inline
 def all_turn(chain):
     """Return whether all joints of a chain turn."""
+    turning = True
     for i in range(chain.shape[0] - 1):
-        if chain[i, 7] != REVOLUTE:
-            return False
-    return True
+        turning = turning and chain[i, 7] == REVOLUTE
+    return turning
 
 
 @inline
@@ -43,7 +43,9 @@ def end_poses(chain, turning, q, first, work):
             tx, ty, tz = chain[i, 4], chain[i, 5], chain[i, 6]
             for lane in range(LANES):
                 work[_HALF + lane] = 0.5 * q[min(first + lane, last), i] if i < n else 0.0
-            for lane in range(LANES):  # `compose_fixed` and `move_joint`, written out so that they are vectorised
+            for lane in range(
+                LANES
+            ):  # `compose_fixed` and `move_joint`, written out so that they are vectorised
                 w, x = work[lane], work[LANES + lane]
                 y, z = work[2 * LANES + lane], work[3 * LANES + lane]
                 half = work[_HALF + lane]

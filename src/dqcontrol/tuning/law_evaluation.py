@@ -228,9 +228,9 @@ def held_out_seeds(problem: TuneProblem) -> range:
 
 
 def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
-    """Give all searched motions from other starts, as far as the robot can do them there; from its own, if nowhere else.
+    """Give all searched motions from other starts where the robot can do them; from its own, if nowhere else.
 
-    The same motions, so that errors here are comparable with those of the search.
+    They are the same motions, so that errors here are comparable with those of the search.
     """
     spec = problem.spec
     references = [spec.reference, *problem.block.references]

@@ -60,9 +60,7 @@ def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
     return -factor if -factor >= max(_SURE * math.sqrt(max(covariance[-1, -1], 0.0)), least) else 0.0
 
 
-def fit_with_play(
-    segments: list[Segment], found: Fit, half_width: float
-) -> tuple[Fit, list[Segment], float]:
+def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tuple[Fit, list[Segment], float]:
     """Return the best servo with a play behind it, the segments without that play, and half its width.
 
     Parameters

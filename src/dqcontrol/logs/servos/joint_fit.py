@@ -26,7 +26,10 @@ _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3
 _ITERATIONS = 60
-_ROUGH, _PRECISE = 1e-5, 1e-9  # of the sum of squares, a gain that is none: for choosing among minima, and at the end
+_ROUGH, _PRECISE = (
+    1e-5,
+    1e-9,
+)  # of the sum of squares, a gain that is none: for choosing among minima, and at the end
 _CLOSE = 1.02  # times the least sum of squares of a part of the samples, one that may be less of all
 _SHARES = (
     0.3,

@@ -337,9 +337,7 @@ def _chosen(
     return (first, played, friction) if elsewhere[1] > _BETTER_ELSEWHERE * elsewhere[0] else other
 
 
-def _with_play(
-    segments: list[Segment], found: Fit, resolution: float
-) -> tuple[Fit, list[Segment], float]:
+def _with_play(segments: list[Segment], found: Fit, resolution: float) -> tuple[Fit, list[Segment], float]:
     """Return a fit with play if there is some, the segments without it, and its half width."""
     half_width = half_play(segments, found, resolution)
     return fit_with_play(segments, found, half_width) if half_width else (found, segments, 0.0)

@@ -49,7 +49,7 @@ def _response_slopes(h, bandwidth, damping, first, second):
 
 @kernel(types.void(READ, READ, READ, types.float64, types.float64, types.float64, READ, WRITE2))
 def _respond(begins, values, slopes, delay, bandwidth, damping, times, out):
-    """Write y of y'' + 2ζω y' + ω² (y − v(t − delay)) = 0 at each time, its slopes and transients; y begins at rest at v.
+    """Write y of y'' + 2ζω y' + ω² (y − v(t − delay)) = 0 at each time, its slopes and transients; y rests at v first.
 
     With v + m t from some event on, y − (v + m t − 2ζ m/ω) answers as without a target.
     """
@@ -79,11 +79,7 @@ def _respond(begins, values, slopes, delay, bandwidth, damping, times, out):
                 moved = 2.0 * damping * m / square
                 apart = by_bandwidth - moved
                 next_slope = (
-                    moved
-                    + slope[0] * away
-                    + slope[1] * faster
-                    + first * apart
-                    + second * speed_by_bandwidth
+                    moved + slope[0] * away + slope[1] * faster + first * apart + second * speed_by_bandwidth
                 )
                 speed_by_bandwidth = (
                     -(2.0 * bandwidth * second + square * slope[1]) * away
@@ -96,11 +92,7 @@ def _respond(begins, values, slopes, delay, bandwidth, damping, times, out):
                 moved = -2.0 * m / bandwidth
                 apart = by_damping - moved
                 next_slope = (
-                    moved
-                    + slope[2] * away
-                    + slope[3] * faster
-                    + first * apart
-                    + second * speed_by_damping
+                    moved + slope[2] * away + slope[3] * faster + first * apart + second * speed_by_damping
                 )
                 speed_by_damping = (
                     -square * slope[3] * away
