@@ -138,10 +138,10 @@ def fronts() -> None:
 
         pair((0.5,) * size)
         found = {}
-        for name, method in (("pymoo", _pymoo), ("Optuna", _optuna), ("ours", None)):
+        for name, method in (("pymoo", _pymoo), ("Optuna", _optuna), ("ours", _ours)):
             seconds = SHARE * min((seconds for _, seconds in found.values()), default=1.0)
             begun = time.process_time()
-            points = method(pair, size) if name != "ours" else _ours(pair, size, begun + seconds)
+            points = method(pair, size, begun + seconds)
             if points is not None:
                 found[name] = points, time.process_time() - begun
         every = np.log(np.vstack([np.array(points) for points, _ in found.values()]))
@@ -180,7 +180,7 @@ def _ours(pair: Pair, size: int, until: float) -> list[tuple[float, float]]:
     return seen
 
 
-def _pymoo(pair: Pair, size: int) -> list[tuple[float, float]] | None:
+def _pymoo(pair: Pair, size: int, _: float) -> list[tuple[float, float]] | None:
     try:
         from pymoo.algorithms.moo.nsga2 import NSGA2  # pyright: ignore[reportMissingImports]
         from pymoo.core.problem import ElementwiseProblem  # pyright: ignore[reportMissingImports]
@@ -203,7 +203,7 @@ def _pymoo(pair: Pair, size: int) -> list[tuple[float, float]] | None:
     return seen
 
 
-def _optuna(pair: Pair, size: int) -> list[tuple[float, float]] | None:
+def _optuna(pair: Pair, size: int, _: float) -> list[tuple[float, float]] | None:
     try:
         import optuna  # pyright: ignore[reportMissingImports]
     except ImportError:

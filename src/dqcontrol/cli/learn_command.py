@@ -47,18 +47,18 @@ def learn(
     from dqcontrol.tuning import learn_to
     from dqcontrol.tuning.learning.learn_spec import read_learn
 
+    folder = out or Path("results") / f"{read_learn(spec).spec.name}-learnt"
     runner = None
     if ros2 is not None:
         from dqcontrol.ros2 import middleware
 
         middleware.check_installed()
         from dqcontrol.ros2.repeated_motion import RobotBehindTopics
-    elif network or ros_arguments:
-        raise ValueRangeError("network: is for --ros2; leave it out")
-    folder = out or Path("results") / f"{read_learn(spec).spec.name}-learnt"
-    if ros2 is not None:
+
         repeated = folder.with_name(f"{folder.name}-repeats")
         runner = RobotBehindTopics(repeated, ros2, network=network, ros_arguments=ros_arguments)
+    elif network or ros_arguments:
+        raise ValueRangeError("network: is for --ros2; leave it out")
     with progress_bar() as progress:
         found = learn_to(
             spec,

@@ -91,8 +91,8 @@ class RobotBehindTopics:
         setting = prepare(problem.data)
         robot, start, period = setting.scene.robot, setting.scene.start, problem.spec.period
         duration = max(slow_time(robot, now, start), problem.block.return_time or 0.0)
-        time = period * np.arange(int(np.ceil((duration + _REST) / period)) + 1)
-        share = np.clip(time / duration, 0.0, 1.0)[:, None]
+        time = period * np.arange(int(np.ceil((duration + _REST) / period)) + 1, dtype=np.float64)
+        share: Array = np.clip(time / duration, 0.0, 1.0)[:, None]
         positions = now + share**3 * (10 - 15 * share + 6 * share**2) * (start - now)
         more: dict[str, Any] = {key: problem.data[key] for key in ("supervisor",) if key in problem.data}
         plant = problem.data.get("plant") or {"kind": "servo"}

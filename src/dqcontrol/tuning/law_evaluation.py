@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -235,7 +235,7 @@ def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
     spec = problem.spec
     references = [spec.reference, *problem.block.references]
 
-    def scenes(start: list[float] | None) -> list[PreparedRobot]:
+    def scenes(start: Any) -> list[PreparedRobot]:
         return [_scene(problem, changed(spec, start=start, reference=each), "") for each in references]
 
     home = scenes(spec.start)

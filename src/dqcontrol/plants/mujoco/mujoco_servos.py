@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
-_Positive, _Ratio = Annotated[float, Meta(gt=0)], Annotated[float, Meta(ge=0)]
+_Positive: TypeAlias = Annotated[float, Meta(gt=0)]
+_Ratio: TypeAlias = Annotated[float, Meta(ge=0)]
 
 _NOT_NEGATIVE = (
     "damping_ratio",
