@@ -284,6 +284,10 @@ def learn(
     True
     """
     problem = read_learn(source, repeats=repeats, **block)
+    if runner is not None and problem.block.measured_by == "tracker":
+        raise ValueRangeError(
+            f"{problem.where}: learn.measured_by: of a robot behind a runner the joints are measured; give encoders"
+        )
     if runner is not None and real_time:
         raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
     return _Session(problem, real_time=real_time, runner=runner).run(progress or (lambda done, total: None))
