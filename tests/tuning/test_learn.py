@@ -256,5 +256,7 @@ def test_a_robot_behind_a_runner_learns_as_a_simulated_one():
     assert [each.position for each in behind.repeats] == pytest.approx(expected, rel=1e-6)
     with pytest.raises(Error, match="real_time: a robot behind a runner is always in real time"):
         dqc.learn(problem_of, runner=run, real_time=True)
-    with pytest.raises(Error, match=r"learn\.measured_by: of a robot behind a runner the joints are measured"):
+    with pytest.raises(
+        Error, match=r"learn\.measured_by: of a robot behind a runner the joints are measured"
+    ):
         dqc.learn(problem_of, runner=run, measured_by="tracker")

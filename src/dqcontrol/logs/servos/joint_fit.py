@@ -317,12 +317,14 @@ def thinned(segments: list[Segment], most: int) -> list[Segment]:
 
 
 def _descend(
-    segments: list[Segment], kind: ServoOrder, start: Array, progress: float = _PRECISE
+    segments: list[Segment], kind: ServoOrder, start: Array, progress: float | None = None
 ) -> tuple[float, Array]:
     """Return the sum of squares and the numbers of the minimum near a start."""
     lower, upper = kind.lower, kind.upper
     values = np.clip(start, lower + 1e-3 * kind.scale, upper - 1e-3 * kind.scale)
     found, damping = solved(segments, kind, values), 1e-3
+    if progress is None:
+        progress = _PRECISE / len(found.residual)
     for _ in range(_ITERATIONS):
         slopes = (found.slopes - found.basis @ (found.basis.T @ found.slopes)) * kind.scale
         normal, gradient = slopes.T @ slopes, slopes.T @ found.residual
