@@ -260,3 +260,13 @@ def test_a_robot_behind_a_runner_learns_as_a_simulated_one():
         Error, match=r"learn\.measured_by: of a robot behind a runner the joints are measured"
     ):
         dqc.learn(problem_of, runner=run, measured_by="tracker")
+
+
+def test_what_is_for_ros_is_refused_without_it(tmp_path):
+    from dqcontrol.cli.learn_command import learn
+
+    (tmp_path / "learn.yaml").write_text(yaml.safe_dump(spec()))
+    with pytest.raises(Error, match="^--network: is for a robot behind topics; give --ros2 velocity"):
+        learn(tmp_path / "learn.yaml", network=True)
+    with pytest.raises(Error, match="^again: is for a robot behind topics"):
+        learn(tmp_path / "learn.yaml", "again")

@@ -58,7 +58,10 @@ def learn(
         repeated = folder.with_name(f"{folder.name}-repeats")
         runner = RobotBehindTopics(repeated, ros2, network=network, ros_arguments=ros_arguments)
     elif network or ros_arguments:
-        raise ValueRangeError("network: is for --ros2; leave it out")
+        what = "--network" if network else ros_arguments[0]
+        raise ValueRangeError(
+            f"{what}: is for a robot behind topics; give --ros2 velocity, too, or leave it out"
+        )
     with progress_bar() as progress:
         found = learn_to(
             spec,
