@@ -266,7 +266,7 @@ def test_what_is_for_ros_is_refused_without_it(tmp_path):
     from dqcontrol.cli.learn_command import learn
 
     (tmp_path / "learn.yaml").write_text(yaml.safe_dump(spec()))
-    with pytest.raises(Error, match="^--network: is for a robot behind topics; give --ros2 velocity"):
+    with pytest.raises(Error, match=r"^--network: is for a robot behind topics; give --ros2 velocity"):
         learn(tmp_path / "learn.yaml", network=True)
-    with pytest.raises(Error, match="^again: is for a robot behind topics"):
+    with pytest.raises(Error, match=r"^again: is for a robot behind topics"):
         learn(tmp_path / "learn.yaml", "again")
