@@ -28,6 +28,7 @@ NOT_RUN = {  # patterns of whole commands
     "ros2 .*": "needs a ROS 2 installation",
     "ssh .*": "needs another computer",
     "dqcontrol ros2 .*": "goes on until it is stopped: tests/ros2",
+    "dqcontrol learn .* --ros2 .*": "needs a robot behind topics: tests/ros2/test_repeated_motions.py",
     "dqcontrol jog .*": "waits for keys: tests/cli/test_cli_jog.py",
     "dqcontrol robots view .*": "waits for a browser: tests/browser/test_robot_page.py",
     "dqcontrol view .*": "waits for a browser: tests/browser/test_browser_page.py",

@@ -122,3 +122,17 @@ def test_joint_motions_that_cannot_be_read_are_said(tmp_path, text, message):
     arm = dqc.load_robot("iiwa7")
     with pytest.raises(Error, match=message):
         dqc.laws.JointMotion(file=str(tmp_path / "m.csv")).prepare(arm, None, 0.01)
+
+
+@pytest.mark.slow
+def test_the_motion_runs_on_the_clock_and_tells_as_much(tmp_path):
+    from dqcontrol.experiments import run_in_real_time
+
+    motion = dqc.excite("iiwa7", START, duration=20, period=0.01, lag=0.06, delay=0.018, noise=1e-4)
+    motion.save(tmp_path / "excite")
+    run_in_real_time(tmp_path / "excite" / "excite.yaml", tmp_path / "run", figures=False)
+    found = dqc.identify(tmp_path / "run" / "record.mcap", "iiwa7")
+    assert [each.status for each in found.joints] == ["fitted"] * 7, str(found)
+    for each, said in zip(found.joints, motion.expected, strict=True):
+        assert each.lag == pytest.approx(0.06, abs=max(2 * said.lag, 0.006))
+        assert each.delay == pytest.approx(0.018, abs=max(2 * said.delay, 0.005))

@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import yaml
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.tuning import Convergence, learn_to
 from dqcontrol.tuning.learning.learnt_motion import hand_error, motion_of, shifted_poses
 from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
@@ -41,6 +43,8 @@ def test_errors_shrink_and_never_come_back(kind, factor):
     found = dqc.learn(noisy(kind), repeats=4)
     assert found.gain > factor
     first, best = found.repeats[0], found.repeats[found.best]
+    assert (best.outcome, found.stopped) == ("repeated", "what is left is the sensors' noise")
+    assert best.position != found.repeats[-2].position  # the same motion with other noise
     assert best.position < first.position / factor
     again = dqc.run(found.problem.data | {"seed": 99})  # the same loop unlearnt: nothing else has changed
     assert again.metrics.position.rms == pytest.approx(first.position, rel=0.05)
@@ -228,3 +232,41 @@ def test_the_block_may_stand_in_a_file(tmp_path):
     assert len(dqc.learn(file).repeats) == 2
     with pytest.raises(Error, match="run it with 'dqcontrol learn'"):
         dqc.run(file)
+
+
+def test_a_robot_behind_a_runner_learns_as_a_simulated_one():
+    """The runner gives what was measured, over the reference's time; its stamps and samples are its own."""
+    problem_of = spec()
+    simulated = dqc.learn(problem_of, repeats=2)
+
+    def run(problem, motion, number):
+        setting = prepare(problem.data)
+        (case,) = setting.cases
+        samples = case.scene.samples
+        if motion is not None:
+            samples = motion.samples(np.minimum(samples[:, 20], motion.duration))
+        samples[:, 20] = setting.scene.samples[:, 20]
+        record = simulate_prepared(
+            case.prepare_law(setting.spec), case.plant, case.scene.start, samples, seed=number
+        )
+        return replace(record, time=record.time + 5.0)
+
+    behind = dqc.learn(problem_of, repeats=2, runner=run)
+    expected = [each.position for each in simulated.repeats]
+    assert [each.position for each in behind.repeats] == pytest.approx(expected, rel=1e-6)
+    with pytest.raises(Error, match="real_time: a robot behind a runner is always in real time"):
+        dqc.learn(problem_of, runner=run, real_time=True)
+    with pytest.raises(
+        Error, match=r"learn\.measured_by: of a robot behind a runner the joints are measured"
+    ):
+        dqc.learn(problem_of, runner=run, measured_by="tracker")
+
+
+def test_what_is_for_ros_is_refused_without_it(tmp_path):
+    from dqcontrol.cli.learn_command import learn
+
+    (tmp_path / "learn.yaml").write_text(yaml.safe_dump(spec()))
+    with pytest.raises(Error, match=r"^--network: is for a robot behind topics; give --ros2 velocity"):
+        learn(tmp_path / "learn.yaml", network=True)
+    with pytest.raises(Error, match=r"^again: is for a robot behind topics"):
+        learn(tmp_path / "learn.yaml", "again")

@@ -98,6 +98,8 @@ class MemoryLayout(Generic[Fields]):
             value = np.asarray(values[name], dtype=np.float64)
             rows = value.shape[: value.ndim - len(shape)]
             parts.append(value.reshape(*rows, prod(value.shape[len(rows) :])))
+        if all(part.ndim == 1 for part in parts):
+            return np.concatenate(parts)
         rows = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
         return np.concatenate([np.broadcast_to(part, (*rows, part.shape[-1])) for part in parts], axis=-1)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ _NOTHING: Array = np.zeros(0)
 
 
 class Passed(NamedTuple):
-    """What a loop saw, valid until it runs again.
+    """What a loop saw, valid until it, or one with which it shares its records, runs again.
 
     Attributes
     ----------
@@ -127,14 +128,16 @@ class RepeatedLoop:
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
         )
-        self._kept_reports: Array = np.empty((count, 0))
+        self._written: dict[int, compiled.Records] = {}
 
-    def _written(self, report: int) -> compiled.Records:
+    def _records_of(self, report: int) -> compiled.Records:
         """Return where a run is written whose law reports that many numbers a sample."""
-        if self._kept_reports.shape[1] != report:
-            self._kept_reports = np.empty((len(self.samples), report))
-        written = *self._records, self._kept_reports
-        return compiled.records(**dict(zip(compiled.Records._fields, written, strict=True)))
+        if report not in self._written:
+            arrays = *self._records, np.empty((len(self.samples), report))
+            self._written[report] = compiled.records(
+                **dict(zip(compiled.Records._fields, arrays, strict=True))
+            )
+        return self._written[report]
 
     def run(self, law: PreparedLaw) -> Passed:
         """Run the loop with a law that was prepared for this robot and period."""
@@ -150,7 +153,7 @@ class RepeatedLoop:
             self._disturbing,
             self._moved,
             self._course,
-            self._written(law.report.size),
+            self._records_of(law.report.size),
         )
         done = int(self._done[0])
         q, measured, command = (record[:done] for record in self._records)
@@ -175,3 +178,15 @@ class RepeatedLoop:
             empty = np.zeros((0, self.robot.configuration_size))
             return Passed(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
         return Passed(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
+
+
+def share_records(loops: Sequence[RepeatedLoop]) -> None:
+    """Let loops of one robot that run one after the other write into the same memory, which then stays in caches."""
+    loops = [loop for loop in loops if loop._compiled is not None]
+    if not loops:
+        return
+    longest = max(loops, key=lambda loop: len(loop.samples))._records
+    for loop in loops:
+        q, measured, command = (each[: len(loop.samples)] for each in longest)
+        loop._records = q, measured, command
+        loop._written = {}

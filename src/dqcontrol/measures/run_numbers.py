@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
-from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.errors import ShapeError
@@ -19,7 +19,7 @@ from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.measures.metrics import SETTLED_FRACTION
 from dqcontrol.measures.table_cells import Column
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kinematics_kernels import joint_frames
+from dqcontrol.robots.end_poses import LANES, WORK, all_turn, end_poses
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 
@@ -86,45 +86,86 @@ def _write_norms(sums, duration, out):
     out[3] = sums.peak
 
 
-# samples, joints, commands, chain, joints' lower and upper ends and inputs' speeds, samples left out, scratch, numbers
+# samples, joints, commands, chain, joints' lower and upper ends, one over inputs' speeds, samples left out, scratch,
+# numbers
 MEASURE = STATUS(READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
-_WORK = 16
+
+
+_DESIRED = WORK  # scratch behind that of `end_poses`: the desired poses, and what the errors are
+_DISTANCE, _TURN, _ERROR = WORK + 7 * LANES, WORK + 8 * LANES, WORK + 9 * LANES
+_DEGREES = 16.0 * 180.0 / math.pi
+
+
+@inline
+def _write_errors(samples, first, work):
+    """Write distances (mm), turns (degrees) and norms of 1 − x* x_d of the poses that `end_poses` wrote."""
+    last = samples.shape[0] - 1
+    for lane in range(LANES):
+        desired = samples[min(first + lane, last)]
+        for part in range(4):
+            work[_DESIRED + part * LANES + lane] = desired[part]
+        x, y, z = position(desired)
+        work[_DESIRED + 4 * LANES + lane] = x
+        work[_DESIRED + 5 * LANES + lane] = y
+        work[_DESIRED + 6 * LANES + lane] = z
+    for lane in range(LANES):
+        w, x, y, z = work[lane], work[LANES + lane], work[2 * LANES + lane], work[3 * LANES + lane]
+        dw, dx = work[_DESIRED + lane], work[_DESIRED + LANES + lane]
+        dy, dz = work[_DESIRED + 2 * LANES + lane], work[_DESIRED + 3 * LANES + lane]
+        real = abs(w * dw + x * dx + y * dy + z * dz)
+        ix = w * dx - x * dw - y * dz + z * dy
+        iy = w * dy - y * dw - z * dx + x * dz
+        iz = w * dz - z * dw - x * dy + y * dx
+        imaginary = ix * ix + iy * iy + iz * iz
+        away = (
+            (work[_DESIRED + 4 * LANES + lane] - work[4 * LANES + lane]) ** 2
+            + (work[_DESIRED + 5 * LANES + lane] - work[5 * LANES + lane]) ** 2
+            + (work[_DESIRED + 6 * LANES + lane] - work[6 * LANES + lane]) ** 2
+        )
+        work[_DISTANCE + lane] = 1e3 * math.sqrt(away)
+        work[_ERROR + lane] = math.sqrt((1.0 - real) ** 2 + imaginary + 0.25 * away)
+        # The turn is 16 atan t, after three halvings of the angle t ≤ 0.2: so far its series is short.
+        t = math.sqrt(imaginary) / (1.0 + real)
+        t = t / (1.0 + math.sqrt(1.0 + t * t))
+        t = t / (1.0 + math.sqrt(1.0 + t * t))
+        u = t * t
+        series = 1.0 / 17.0 - u / 19.0
+        series = 1.0 / 15.0 - u * series
+        series = 1.0 / 13.0 - u * series
+        series = 1.0 / 11.0 - u * series
+        series = 1.0 / 9.0 - u * series
+        series = 1.0 / 7.0 - u * series
+        series = 1.0 / 5.0 - u * series
+        series = 1.0 / 3.0 - u * series
+        work[_TURN + lane] = _DEGREES * t * (1.0 - u * series)
 
 
 @kernel(MEASURE)
-def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, work, out):
+def measure_kernel(samples, q, command, chain, lower, upper, per_speed, skipped, work, out):
     """Write all `NUMBERS` of a run; NaN where one does not exist."""
     count, n, m = q.shape[0], q.shape[1], command.shape[1]
-    pose, relative = work[0:8], work[8:16]
+    turning = all_turn(chain)
     zero = Sums(0.0, 0.0, 0.0)
     distance, turn, error = zero, zero, zero
     settled_distance, settled_turn, settled_error = zero, zero, zero
     control, step, speed, acceleration = zero, zero, zero, zero
     last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
     x0, y0, z0 = 0.0, 0.0, 0.0
-    vx0, vy0, vz0, last_interval = 0.0, 0.0, 0.0, 0.0
+    vx0, vy0, vz0, last_interval, last_rate = 0.0, 0.0, 0.0, 0.0, 0.0
     margin, share, saturated, jerk, path = math.inf, 0.0, 0.0, 0.0, 0.0
     last_outside, is_bounded = -1, False
     for i in range(m):
-        is_bounded = is_bounded or velocity[i] < math.inf
+        is_bounded = is_bounded or per_speed[i] > 0.0
     for k in range(count):
-        status = joint_frames(chain, q[k], pose)
-        if status != OK:
-            return status
-        conjugate_multiply(pose, samples[k], relative)
-        sign = -1.0 if relative[0] < 0.0 else 1.0
-        real = 1.0 - sign * relative[0]
-        square = real * real
-        imaginary = 0.0
-        for i in range(1, 4):
-            imaginary += relative[i] * relative[i]
-        for i in range(1, 8):
-            square += relative[i] * relative[i]
-        x, y, z = position(pose)
-        xd, yd, zd = position(samples[k])
-        now_distance = 1e3 * math.sqrt((xd - x) ** 2 + (yd - y) ** 2 + (zd - z) ** 2)
-        now_turn = math.degrees(2.0 * math.atan2(math.sqrt(imaginary), sign * relative[0]))
-        now_error = math.sqrt(square)
+        lane = k % LANES
+        if lane == 0:
+            status = end_poses(chain, turning, q, k, work)
+            if status != OK:
+                return status
+            _write_errors(samples, k, work)
+        x, y, z = work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane]
+        now_distance, now_turn = work[_DISTANCE + lane], work[_TURN + lane]
+        now_error = work[_ERROR + lane]
         for i in range(n):
             margin = min(margin, q[k, i] - lower[i], upper[i] - q[k, i])
         if k == 0:
@@ -140,6 +181,7 @@ def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, 
             last_outside = k
         if k > 0:
             interval = samples[k, TIME] - samples[k - 1, TIME]
+            rate = 1.0 / interval
             distance = _joined(distance, last_distance, now_distance, interval)
             turn = _joined(turn, last_turn, now_turn, interval)
             error = _joined(error, last_error, now_error, interval)
@@ -152,25 +194,27 @@ def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, 
                 moved += (q[k, i] - q[k - 1, i]) ** 2
             for i in range(m):
                 asked += command[k - 1, i] ** 2
-                largest = max(largest, abs(command[k - 1, i]) / velocity[i])
+                largest = max(largest, abs(command[k - 1, i]) * per_speed[i])
             share = max(share, largest)
             saturated += 1.0 if largest >= 1.0 - _ROUNDING else 0.0
             moved = math.sqrt(moved)
             path += moved
             step = _held(step, moved, interval)
             control = _held(control, math.sqrt(asked), interval)
-            vx, vy, vz = (x - x0) / interval, (y - y0) / interval, (z - z0) / interval
+            vx, vy, vz = (x - x0) * rate, (y - y0) * rate, (z - z0) * rate
             speed = _held(speed, math.sqrt(vx * vx + vy * vy + vz * vz), interval)
             if k > 1:
                 between = 0.5 * (interval + last_interval)
-                ax, ay, az = (vx - vx0) / between, (vy - vy0) / between, (vz - vz0) / between
-                acceleration = _held(acceleration, math.sqrt(ax * ax + ay * ay + az * az), between)
+                faster = math.sqrt((vx - vx0) ** 2 + (vy - vy0) ** 2 + (vz - vz0) ** 2) / between
+                acceleration = _held(acceleration, faster, between)
             if 1 < k < count - 1:  # the last command moves nothing
+                bent = 0.0
                 for i in range(m):
-                    ahead = (command[k, i] - command[k - 1, i]) / interval
-                    behind = (command[k - 1, i] - command[k - 2, i]) / last_interval
-                    jerk += ((ahead - behind) / interval) ** 2 * interval
-            vx0, vy0, vz0, last_interval = vx, vy, vz, interval
+                    ahead = (command[k, i] - command[k - 1, i]) * rate
+                    behind = (command[k - 1, i] - command[k - 2, i]) * last_rate
+                    bent += (ahead - behind) ** 2
+                jerk += bent * rate
+            vx0, vy0, vz0, last_interval, last_rate = vx, vy, vz, interval, rate
         x0, y0, z0 = x, y, z
         last_distance, last_turn, last_error = now_distance, now_turn, now_error
     duration = samples[count - 1, TIME] - samples[0, TIME]
@@ -237,8 +281,8 @@ class RunMeasure:
             raise ShapeError(f"robot: {robot.name} branches, and numbers are found of single chains only")
         self._chain = robot.chain
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
-        self._velocity = np.ascontiguousarray(limits.velocity)
-        self._work = np.zeros(_WORK)
+        self._per_speed = 1.0 / np.asarray(limits.velocity, dtype=np.float64)
+        self._work = np.zeros(WORK + 10 * LANES)
 
     def __call__(self, samples: Array, q: Array, command: Array, skipped: int) -> Array:
         """Return all `NUMBERS` of a run of two samples or more; NaN where one does not exist.
@@ -260,7 +304,7 @@ class RunMeasure:
             self._chain,
             self._lower,
             self._upper,
-            self._velocity,
+            self._per_speed,
             min(skipped, len(q) - 1),
             self._work,
             out,

@@ -60,7 +60,7 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
             subprocess.Popen(
                 [sys.executable, "-m", "dqcontrol", "ros2", *words],
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
             )
             for words in lines
         ]
@@ -82,7 +82,7 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
         return code if code >= 0 else 128 - code
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Ask for SIGTERM when the launching process is killed, on Linux: no robot moves on with nobody to stop it."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # a C library without it

@@ -16,8 +16,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.tuning.simplex_search import Point, sobol_points
 
 _FIRST = 16
-_AT_ONCE = 6
-_CANDIDATES = 256
+_AT_ONCE = 8
+_CANDIDATES = 128
 _NEAR = (0.1, 0.03)  # spreads of candidates about the front
 _SAME = 1e-6  # of the cube's side: points nearer than that are one
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -14,7 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
 from dqcontrol.laws import Law, PreparedLaw
-from dqcontrol.loop.repeated_loop import RepeatedLoop
+from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
@@ -114,6 +114,7 @@ class LawEvaluation:
             ]
             for each in family.plants
         ]
+        share_records([loop for loops in self._loops for loop in loops])
 
     @property
     def runs(self) -> int:
@@ -197,7 +198,7 @@ def searched_scenes(problem: TuneProblem) -> list[PreparedRobot]:
 
 
 def held_out_scenes(problem: TuneProblem) -> list[PreparedRobot]:
-    """Return what winners are judged on: as the spec says, or its motion from two other starts nearby.
+    """Return what winners are judged on: as the spec says, or the searched motions from two other starts nearby.
 
     Raises
     ------
@@ -227,22 +228,30 @@ def held_out_seeds(problem: TuneProblem) -> range:
 
 
 def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
-    """Give the motion from other starts, as far as the robot can do it there; from its own, if nowhere else."""
+    """Give all searched motions from other starts where the robot can do them; from its own, if nowhere else.
+
+    They are the same motions, so that errors here are comparable with those of the search.
+    """
     spec = problem.spec
-    home = _scene(problem, spec, "")
-    limits, draw, found = home.robot.limits, np.random.default_rng(spec.seed), 0
+    references = [spec.reference, *problem.block.references]
+
+    def scenes(start: Any) -> list[PreparedRobot]:
+        return [_scene(problem, changed(spec, start=start, reference=each), "") for each in references]
+
+    home = scenes(spec.start)
+    limits, draw, found = home[0].robot.limits, np.random.default_rng(spec.seed), 0
     for _ in range(_TRIES):
-        moved = home.start + draw.uniform(-_OTHER_START, _OTHER_START, len(home.start))
+        moved = home[0].start + draw.uniform(-_OTHER_START, _OTHER_START, len(home[0].start))
         moved = np.clip(moved, limits.lower, limits.upper)
         try:
-            yield _scene(problem, changed(spec, start=moved.tolist()), "")
+            yield from scenes(moved.tolist())
         except Error:
             continue
         found += 1
         if found == _HELD_OUT_STARTS:
             return
     if not found:
-        yield home
+        yield from home
 
 
 def _scene(problem: TuneProblem, spec: object, place: str) -> PreparedRobot:

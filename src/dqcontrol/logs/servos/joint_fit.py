@@ -26,6 +26,10 @@ _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3
 _ITERATIONS = 60
+_ROUGH, _PRECISE = (
+    1e-5,
+    1e-9,
+)  # of the sum of squares, a gain that is none: for choosing among minima, and at the end
 _CLOSE = 1.02  # times the least sum of squares of a part of the samples, one that may be less of all
 _SHARES = (
     0.3,
@@ -266,21 +270,35 @@ def solved(segments: list[Segment], kind: ServoOrder, values: Array) -> Columns:
 def _searched(segments: list[Segment]) -> Array:
     """Return the lag and delay of the best minimum that a grid leads to."""
     coarse, middle = thinned(segments, _GRID_SAMPLES), thinned(segments, _START_SAMPLES)
-    costs = [
-        (solved(coarse, FIRST_ORDER, np.array([lag, delay])).squares, lag, delay)
-        for lag in _GRID_LAGS
-        for delay in _GRID_DELAYS
+    costs = np.array([_squares_by_delay(coarse, lag) for lag in _GRID_LAGS])
+    best = np.argsort(costs, axis=None, kind="stable")[:_STARTS]
+    starts = [
+        np.array([_GRID_LAGS[i], _GRID_DELAYS[k]])
+        for i, k in zip(*np.unravel_index(best, costs.shape), strict=True)
     ]
-    starts = [np.array([lag, delay]) for _, lag, delay in sorted(costs)[:_STARTS]]
-    return min((_descend(middle, FIRST_ORDER, each) for each in starts), key=lambda each: each[0])[1]
+    return min((_descend(middle, FIRST_ORDER, each, _ROUGH) for each in starts), key=lambda each: each[0])[1]
+
+
+def _squares_by_delay(segments: list[Segment], lag: float) -> Array:
+    """Return the least sum of squares that a lag leaves with each delay of the grid: of one answer, shifted."""
+    columns = columns_at(segments, FIRST_ORDER, np.array([lag, 0.0]))[0]
+    shifted = np.tile(columns, (len(_GRID_DELAYS), 1, 1))
+    first = 0
+    for each in segments:
+        seen, places = np.unique(each.times - _GRID_DELAYS[:, None], return_inverse=True)
+        answer = FIRST_ORDER.answer(each.target, np.array([lag, 0.0]), seen).output
+        shifted[:, first : first + len(each.times), 0] = answer[places].reshape(len(_GRID_DELAYS), -1)
+        first += len(each.times)
+    positions = np.concatenate([each.positions for each in segments])
+    basis = np.linalg.qr(shifted)[0]
+    left = positions - np.einsum("dnp,dp->dn", basis, np.einsum("dnp,n->dp", basis, positions))
+    return np.asarray(np.sum(left**2, axis=1), dtype=np.float64)
 
 
 def _descended(segments: list[Segment], kind: ServoOrder, starts: list[Array]) -> Array:
     """Return the numbers of the best minimum near some starts: first of a part of the samples, then of all."""
     middle = thinned(segments, _START_SAMPLES)
-    found = sorted((_descend(middle, kind, each) for each in starts), key=lambda each: each[0])
-    if middle is segments:
-        return found[0][1]
+    found = sorted((_descend(middle, kind, each, _ROUGH) for each in starts), key=lambda each: each[0])
     good = [values for squares, values in found if squares <= _CLOSE * found[0][0]]
     different = [good[0]]
     for values in good[1:]:
@@ -298,11 +316,15 @@ def thinned(segments: list[Segment], most: int) -> list[Segment]:
     return [each.chosen(np.arange(0, len(each.times), step)) for each in segments]
 
 
-def _descend(segments: list[Segment], kind: ServoOrder, start: Array) -> tuple[float, Array]:
+def _descend(
+    segments: list[Segment], kind: ServoOrder, start: Array, progress: float | None = None
+) -> tuple[float, Array]:
     """Return the sum of squares and the numbers of the minimum near a start."""
     lower, upper = kind.lower, kind.upper
     values = np.clip(start, lower + 1e-3 * kind.scale, upper - 1e-3 * kind.scale)
     found, damping = solved(segments, kind, values), 1e-3
+    if progress is None:
+        progress = _PRECISE / len(found.residual)
     for _ in range(_ITERATIONS):
         slopes = (found.slopes - found.basis @ (found.basis.T @ found.slopes)) * kind.scale
         normal, gradient = slopes.T @ slopes, slopes.T @ found.residual
@@ -319,7 +341,7 @@ def _descend(segments: list[Segment], kind: ServoOrder, start: Array) -> tuple[f
         moved = float(np.abs((tried - values) / kind.scale).max())
         gained = found.squares - trial.squares
         values, found, damping = tried, trial, max(damping / 10, 1e-9)
-        if moved < 1e-7 or gained < 1e-11 * found.squares:
+        if moved < 1e-7 or gained < progress * found.squares:
             break
     return found.squares, values
 
@@ -346,9 +368,11 @@ def sandwich(jacobian: Array, residual: Array, scores: Array | None = None) -> A
     along = min(max(along, -0.97), 0.97)
     ratio = 4 * along**2 / ((1 - along) ** 2 * (1 + along) ** 2)
     width = int(min(math.ceil(1.1447 * (ratio * count) ** (1 / 3)), count // 4))
-    middle = pulled.T @ pulled
-    for late in range(1, width + 1):
-        part = pulled[:-late].T @ pulled[late:]
-        middle += (1 - late / (width + 1)) * (part + part.T)
+    # Bartlett's weights are those of sums over windows of width + 1 samples, which go one by one over the log.
+    sums = np.zeros((count + 2 * width + 1, pulled.shape[1]))
+    sums[width + 1 : width + 1 + count] = np.cumsum(pulled, axis=0)
+    sums[width + 1 + count :] = sums[width + count]
+    windows = sums[width + 1 :] - sums[: -width - 1]
+    middle = windows.T @ windows / (width + 1)
     covariance = inverse @ middle @ inverse * count / max(count - jacobian.shape[1], 1)
     return covariance / np.outer(sizes, sizes)

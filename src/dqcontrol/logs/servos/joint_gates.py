@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.logs.servos.encoder_cells import refined
 from dqcontrol.logs.servos.encoder_noise import QUANTUM, noise_of, resolution_of
-from dqcontrol.logs.servos.hysteresis import hysteresis
+from dqcontrol.logs.servos.hysteresis import fit_with_play, half_play
 from dqcontrol.logs.servos.joint_fit import (
     NORMAL_95,
     Fit,
@@ -47,7 +47,6 @@ _BETTER, _BETTER_ELSEWHERE = (
     0.8,
     0.95,
 )  # of the sum of squares, and of the RMS not fitted, that second order leaves
-_PLAY_ROUNDS = 3
 _QUICKEST = 15.0  # times as fast as the motion changes, a bandwidth that it can tell
 _LIKELIER = 8.0  # logarithm of how much likelier second order is
 _COARSE = 0.45  # of the encoder's step, a residual that is mostly its rounding
@@ -316,12 +315,12 @@ def _chosen(
     segments: list[Segment], found: Fit, floor: float, resolution: float, period: float
 ) -> tuple[Fit, list[Segment], float]:
     """Return a fit with play and of second order where the data ask for it, the segments without play, and that."""
-    first, played, friction = _with_play(segments, found, resolution, period)
+    first, played, friction = _with_play(segments, found, resolution)
     residual, is_coarse = first.residual, _is_coarse(first, resolution)
     along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
     if not is_coarse and first.rms < _REGULAR * floor and along < _ALONG:
         return first, played, friction
-    second = second_order_fit(segments, found)
+    second = second_order_fit(played if is_coarse else segments, found)
     if second.values[0] > _QUICKEST * _rapidity(segments, second):
         return first, played, friction
     if is_coarse:
@@ -331,25 +330,17 @@ def _chosen(
             if likelihoods[1] > likelihoods[0] + _LIKELIER
             else (first, played, friction)
         )
-    other = _with_play(segments, second, resolution, period)
+    other = _with_play(segments, second, resolution)
     if other[0].residual @ other[0].residual > _BETTER * (residual @ residual):
         return first, played, friction
     elsewhere = _checked(played, first, period)[0], _checked(other[1], other[0], period)[0]
     return (first, played, friction) if elsewhere[1] > _BETTER_ELSEWHERE * elsewhere[0] else other
 
 
-def _with_play(
-    segments: list[Segment], found: Fit, resolution: float, period: float
-) -> tuple[Fit, list[Segment], float]:
+def _with_play(segments: list[Segment], found: Fit, resolution: float) -> tuple[Fit, list[Segment], float]:
     """Return a fit with play if there is some, the segments without it, and its half width."""
-    friction, played = 0.0, segments
-    for _ in range(_PLAY_ROUNDS):
-        again, mended = hysteresis(segments, found, resolution, friction)
-        if not again:
-            break
-        friction, played = again, mended
-        found = fit(played, period, near=found)
-    return found, played, friction
+    half_width = half_play(segments, found, resolution)
+    return fit_with_play(segments, found, half_width) if half_width else (found, segments, 0.0)
 
 
 def _rapidity(segments: list[Segment], found: Fit) -> float:

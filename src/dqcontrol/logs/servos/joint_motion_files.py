@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,15 @@ _HAND_STEP = 0.02  # s between the poses of the hand's reference
 
 
 def write_joint_motion(
-    spec: Path, robot: Robot, time: Array, positions: Array, start: Array, plant: dict[str, Any], note: str
+    spec: Path,
+    robot: Robot,
+    time: Array,
+    positions: Array,
+    start: Array,
+    plant: dict[str, Any],
+    note: str,
+    gain: float = 0.0,
+    more: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a spec, and beside it the joint positions and the poses of the hand that it names.
 
@@ -37,6 +46,10 @@ def write_joint_motion(
         As the spec says it.
     note
         First line of the spec.
+    gain
+        Of the law, 1/s.
+    more
+        Further keys of the spec.
     """
     period, folder = float(time[1] - time[0]), spec.parent
     _write_table(folder / MOTION, ["time", *robot.joint_names], np.column_stack([time, positions]))
@@ -53,8 +66,9 @@ def write_joint_motion(
         "start": [round(float(value), 9) for value in start],
         "period": round(period, 9),
         "reference": {"kind": "points", "file": HAND},
-        "law": {"kind": "joint-motion", "file": MOTION},
+        "law": {"kind": "joint-motion", "file": MOTION} | ({"gain": gain} if gain else {}),
         "plant": plant,
+        **(more or {}),
     }
     text = yaml_text(data)
     spec.write_text(f"# {note}\n{text}", encoding="utf-8")

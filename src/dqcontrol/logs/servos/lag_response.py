@@ -37,7 +37,7 @@ def _respond(begins, values, slopes, delay, lag, times, out):
     while last + 1 < count and begins[last + 1] + delay <= time:
         last += 1
     x = values[0] if last < 0 else values[last] + slopes[last] * (time - delay - begins[last])
-    by_lag, by_delay = 0.0, 0.0
+    by_lag, by_delay, transient = 0.0, 0.0, 1.0
     for j in range(times.shape[0]):
         while True:
             is_step = last + 1 < count and begins[last + 1] + delay <= times[j]
@@ -51,6 +51,7 @@ def _respond(begins, values, slopes, delay, lag, times, out):
                 by_lag = by_lag * decay - m * (1.0 - decay) - (rate - m) * (h / lag) * decay
                 by_delay = -m + (by_delay + m) * decay
                 x = v + m * h - m * lag + (x - v + m * lag) * decay
+                transient *= decay
                 time = until
             if not is_step:
                 break
@@ -58,7 +59,7 @@ def _respond(begins, values, slopes, delay, lag, times, out):
             last += 1
             by_delay += (before - values[last]) / lag
         out[j, OUTPUT], out[j, BY_LAG], out[j, BY_DELAY] = x, by_lag, by_delay
-        out[j, TRANSIENT] = math.exp(-(times[j] - times[0]) / lag)
+        out[j, TRANSIENT] = transient
 
 
 def lag_response(signal: PiecewiseLinear, delay: float, lag: float, times: Array) -> Array:

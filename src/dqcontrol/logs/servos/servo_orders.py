@@ -15,7 +15,6 @@ from dqcontrol.logs.servos.second_order_response import second_order_response
 LEAST_LAG, MOST_LAG, MOST_DELAY = 2e-4, 2.0, 0.3  # s
 _MOST_BANDWIDTH, _LEAST_BANDWIDTH = 2000.0, 0.5  # rad/s
 _DAMPINGS = (0.05, 5.0)
-_STEPS = (1e-6, 1e-6, 1e-8)  # of bandwidth (of its size), damping and delay (s), for slopes
 
 
 class Answer(NamedTuple):
@@ -86,13 +85,9 @@ class _SecondOrderServo:
         bandwidth, damping, delay = (float(value) for value in values)
         delay = delay if delayed else 0.0
         found = second_order_response(signal, delay, bandwidth, damping, times)
-        slopes = np.zeros((len(times), 3))
-        for k, step in enumerate((_STEPS[0] * bandwidth, *_STEPS[1:])):
-            if k < 2 or delayed:
-                moved = [bandwidth, damping, delay]
-                moved[k] += step
-                beside = second_order_response(signal, moved[2], moved[0], moved[1], times)
-                slopes[:, k] = (beside[:, second.OUTPUT] - found[:, second.OUTPUT]) / step
+        slopes = found[:, second.BY_BANDWIDTH : second.BY_DELAY + 1]
+        if not delayed:
+            slopes[:, -1] = 0.0
         return Answer(found[:, second.OUTPUT], slopes, found[:, second.POSITION_TRANSIENT :])
 
     def lag(self, values: Array) -> tuple[float, Array]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
@@ -18,6 +20,7 @@ from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import JointControl
 from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
+from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_live import LiveCompliant
@@ -137,6 +140,21 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     wrist_fault: WristFault | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
 
+    @classmethod
+    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        """Return what a spec says of such a plant, with what fits of a plant file of servos in the place of ``file``.
+
+        Its lags follow from motors, springs and gains, so that only the encoders and the command mode are taken.
+        """
+        if not isinstance(data.get("file"), str):
+            return super().complete(data, folder)
+        servo = load_servo(folder / data["file"])
+        found = {key: _largest(value) for key, value in encoders_and_mode(servo).items()}
+        left_out = ("lags", "gain", "delay", "friction", "sag")
+        say_what_is_left_out(folder / data["file"], servo, "a compliant arm", left_out)
+        own = {key: value for key, value in data.items() if key != "file"}
+        return super().complete(found | own, folder)
+
     def __post_init__(self) -> None:
         if self.mode not in MODES:
             raise unknown_name("plant.mode", str(self.mode), MODES)
@@ -222,6 +240,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return (
             compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
         )
+
+
+def _largest(value: Any) -> Any:
+    return max(value) if isinstance(value, list) else value
 
 
 def _of_kind(field: str, value: Any, *kinds: type) -> None:

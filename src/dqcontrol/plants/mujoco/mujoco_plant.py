@@ -40,9 +40,10 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         gives way to whatever part of gravity is not compensated.
     bandwidth
         Hz; k_p = M (2π bandwidth)² for each joint, M the diagonal of the joint-space inertia at the start,
-        armature included.
+        armature included: one number, or one a joint. In specs ``file`` names a plant file of `dqcontrol identify`,
+        of which bandwidths, damping ratios, encoders and the command mode are taken.
     damping_ratio
-        ζ; k_d = 2 ζ √(k_p M).
+        ζ; k_d = 2 ζ √(k_p M): one number, or one a joint.
     stiffness, damping
         k_p (N·m/rad or N/m) and k_d (N·m·s/rad or N·s/m) in place of those: one number, or one a joint.
     timestep

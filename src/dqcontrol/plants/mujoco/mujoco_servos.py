@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -13,12 +15,22 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
+from dqcontrol.plants.servo.servo_file import (
+    encoders_and_mode,
+    fitting_lags,
+    load_servo,
+    say_what_is_left_out,
+)
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
+_Positive: TypeAlias = Annotated[float, Meta(gt=0)]
+_Ratio: TypeAlias = Annotated[float, Meta(ge=0)]
+
 _NOT_NEGATIVE = (
+    "damping_ratio",
     "damping",
     "armature",
     "viscous_friction",
@@ -33,8 +45,8 @@ class JointServos(Plant, frozen=True, kw_only=True):
 
     has_velocity_limits: ClassVar[bool] = True
     command_mode: CommandMode = "integrated"
-    bandwidth: Annotated[float, Meta(gt=0, description="Hz")] = 10.0
-    damping_ratio: Annotated[float, Meta(ge=0, description="ζ")] = 1.0
+    bandwidth: Annotated[_Positive | list[_Positive], Meta(description="Hz")] = 10.0
+    damping_ratio: Annotated[_Ratio | list[_Ratio], Meta(description="ζ")] = 1.0
     stiffness: Annotated[float | list[float] | None, Meta(description="k_p, N·m/rad or N/m")] = None
     damping: Annotated[float | list[float] | None, Meta(description="k_d, N·m·s/rad or N·s/m")] = None
     timestep: Annotated[float, Meta(gt=0, description="s")] = 1e-3
@@ -50,9 +62,12 @@ class JointServos(Plant, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        as_positive("plant.bandwidth", self.bandwidth)
+        if isinstance(self.bandwidth, list):
+            if (as_array("plant.bandwidth", self.bandwidth) <= 0).any():
+                raise ValueRangeError(f"plant.bandwidth: must be > 0, got {self.bandwidth}")
+        else:
+            as_positive("plant.bandwidth", self.bandwidth)
         as_positive("plant.timestep", self.timestep)
-        as_positive("plant.damping_ratio", self.damping_ratio, zero_allowed=True)
         as_array("plant.gravity", self.gravity, (3,))
         if not 0 <= as_array("plant.gravity_compensation", self.gravity_compensation, ()) <= 1:
             raise ValueRangeError(
@@ -64,6 +79,25 @@ class JointServos(Plant, frozen=True, kw_only=True):
             value = getattr(self, field)
             if value is not None and (as_array(f"plant.{field}", value) < 0).any():
                 raise ValueRangeError(f"plant.{field}: must be ≥ 0, got {value}")
+
+    @classmethod
+    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+        """Return what a spec says of such a plant, with what fits of a plant file of servos in the place of ``file``.
+
+        Those of second order keep ω and ζ at the inertia of the start; those of first order become critically damped
+        ones that are as late for slow motions, ω = 2/τ.
+        """
+        if not isinstance(data.get("file"), str):
+            return super().complete(data, folder)
+        servo = load_servo(folder / data["file"])
+        lags = fitting_lags(servo)
+        found: dict[str, Any] = {
+            "bandwidth": [round(bandwidth / (2 * math.pi), 9) for bandwidth, _ in lags],
+            "damping_ratio": [ratio for _, ratio in lags],
+            **encoders_and_mode(servo),
+        }
+        say_what_is_left_out(folder / data["file"], servo, "physics", ("gain", "delay", "friction", "sag"))
+        return found | {key: value for key, value in data.items() if key != "file"}
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
@@ -122,11 +156,12 @@ class JointServos(Plant, frozen=True, kw_only=True):
         inertia = mass_matrix(model, data).diagonal()[dofs]
         load = data.qfrc_bias[dofs]
         if self.stiffness is None:
-            stiffness = inertia * (2 * math.pi * self.bandwidth) ** 2
+            stiffness = inertia * (2 * math.pi * as_each("plant.bandwidth", self.bandwidth, n)) ** 2
         else:
             stiffness = as_each("plant.stiffness", self.stiffness, n)
         if self.damping is None:
-            damping = 2 * self.damping_ratio * np.sqrt(stiffness * inertia)
+            ratio = as_each("plant.damping_ratio", self.damping_ratio, n)
+            damping = 2 * ratio * np.sqrt(stiffness * inertia)
         else:
             damping = as_each("plant.damping", self.damping, n)
         model.actuator_gainprm[:n, 0] = stiffness

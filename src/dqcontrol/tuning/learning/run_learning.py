@@ -50,13 +50,18 @@ from dqcontrol.tuning.plant_family import plant_family
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
+MotionRunner = Callable[["LearnProblem", Points | None, int], Record]
+"""Runs a motion on a robot that is no simulation, and takes the robot back to the start: the problem, the motion (None:
+that of the spec), the number of the run. Its record has the measured joints, over the reference's own time."""
 _CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where it starts
 _JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
 _GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
 _NARROWER = 0.6
 _AT_NOISE = 1.5
 _MOST_FLAT = 2
+_MISSING = 2.5  # periods at the end that a robot's record may lack
 _HIDDEN = 1.3  # times what encoders see: less is not worth a word
+_NOISE = "what is left is the sensors' noise"
 _TRUSTED = 3  # accepted repeats from which on increments are averaged
 
 
@@ -83,7 +88,8 @@ class LearningRun:
     peak_command
         Largest input, rad/s or m/s.
     outcome
-        ``"first"``, ``"accepted"``, ``"flat"`` or ``"grown"``.
+        ``"first"``, ``"accepted"``, ``"flat"``, ``"grown"``; or ``"repeated"``: the motion that is kept, once more, as
+        an error that was chosen among several is smaller than what is to be expected.
     """
 
     number: int
@@ -238,6 +244,7 @@ def learn(
     repeats: int | None = None,
     *,
     real_time: bool = False,
+    runner: MotionRunner | None = None,
     progress: LearnProgress | None = None,
     **block: Any,
 ) -> Learning:
@@ -252,6 +259,8 @@ def learn(
         Most repeats after the first run; default: that of the block, 5.
     real_time
         True: each run on the clock.
+    runner
+        What runs motions in place of the spec's plant, as `dqcontrol.ros2.repeated_motion.RobotBehindTopics`.
     progress
         Called with runs done, and at most.
     **block
@@ -275,7 +284,13 @@ def learn(
     True
     """
     problem = read_learn(source, repeats=repeats, **block)
-    return _Session(problem, real_time=real_time).run(progress or (lambda done, total: None))
+    if runner is not None and problem.block.measured_by == "tracker":
+        raise ValueRangeError(
+            f"{problem.where}: learn.measured_by: of a robot behind a runner the joints are measured; give encoders"
+        )
+    if runner is not None and real_time:
+        raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
+    return _Session(problem, real_time=real_time, runner=runner).run(progress or (lambda done, total: None))
 
 
 def learn_to(
@@ -285,11 +300,12 @@ def learn_to(
     *,
     force: bool = False,
     real_time: bool = False,
+    runner: MotionRunner | None = None,
     progress: LearnProgress | None = None,
 ) -> Learning:
     """Do the same, and write a folder of results; see `Learning.save`."""
     check_new(folder, force=force)
-    found = learn(source, repeats, real_time=real_time, progress=progress)
+    found = learn(source, repeats, real_time=real_time, runner=runner, progress=progress)
     found.save(folder, force=force)
     return found
 
@@ -297,8 +313,8 @@ def learn_to(
 class _Session:
     """A motion that is repeated: made ready and checked before anything moves."""
 
-    def __init__(self, problem: LearnProblem, *, real_time: bool) -> None:
-        self.problem, self.real_time = problem, real_time
+    def __init__(self, problem: LearnProblem, *, real_time: bool, runner: MotionRunner | None) -> None:
+        self.problem, self.real_time, self._runner = problem, real_time, runner
         self.setting: PreparedExperiment = prepare_spec(problem.spec, problem.folder, {})
         (self.case,) = self.setting.cases
         self.samples = self.case.scene.samples
@@ -376,8 +392,7 @@ class _Session:
         motion = motion_of(self.samples, shift)
         progress(0, block.repeats + 1)
         for number in range(block.repeats + 1):
-            samples = self.samples if number == 0 else self._sampled(motion_of(self.samples, shift))
-            record = self._execute(samples, number)
+            record = self._execute(motion_of(self.samples, shift) if number else None, number)
             progress(number + 1, block.repeats + 1)
             if has_failed(record.stopped) or len(record) < count:
                 if number == 0:
@@ -400,7 +415,7 @@ class _Session:
             repeats.append(self._repeat(record, number, error, size, noise, convergence.cutoff, outcome))
             first = first or record
             if best_size < _AT_NOISE * noise:
-                stopped = "what is left is the sensors' noise"
+                stopped = _NOISE
                 break
             if flat >= _MOST_FLAT:
                 stopped = "two repeats brought less than 10 %"
@@ -409,6 +424,13 @@ class _Session:
             shift = best_shift + step * increment(convergence, self.time, self.weights * best_error)
         assert first is not None
         assert last is not None
+        if best and stopped == _NOISE and len(repeats) <= block.repeats:
+            record = self._execute(motion, len(repeats))
+            progress(len(repeats) + 1, block.repeats + 1)
+            if not has_failed(record.stopped) and len(record) >= count:
+                best, last, error = len(repeats), record, self._seen(record, len(repeats))
+                sizes = self._sizes(error, convergence.cutoff)
+                repeats.append(self._repeat(record, best, error, *sizes, convergence.cutoff, "repeated"))
         self._say_what_is_hidden(repeats[best])
         return Learning(
             self.problem,
@@ -427,8 +449,12 @@ class _Session:
         samples[:, TIME] = self.time
         return samples
 
-    def _execute(self, samples: Array, number: int) -> Record:
+    def _execute(self, motion: Points | None, number: int) -> Record:
+        """Run a motion, or that of the spec."""
         spec, case = self.problem.spec, self.case
+        samples = self.samples if motion is None else self._sampled(motion)
+        if self._runner is not None:
+            return self._aligned(self._runner(self.problem, motion, number), samples)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NoteWarning)
             return simulate_prepared(
@@ -441,6 +467,31 @@ class _Session:
                 seed=spec.seed + number,
                 clock=Clock() if self.real_time else None,
             )
+
+    def _aligned(self, record: Record, samples: Array) -> Record:
+        """Return what a robot measured at the times of the samples, up to where it stopped."""
+        begin = record.desired[0, TIME]
+        seen = record.desired[:, TIME] - begin  # the reference's time, which waits where messages are late
+        rows = np.concatenate([[0], 1 + np.flatnonzero(np.diff(np.maximum.accumulate(seen)) > 0)])
+        time = self.time - self.time[0]
+        count = (
+            len(time)
+            if seen[-1] > time[-1] - _MISSING * self.problem.spec.period
+            else np.searchsorted(time, seen[-1])
+        )
+        q = np.column_stack([np.interp(time[:count], seen[rows], each) for each in record.measured[rows].T])
+        held = rows[np.searchsorted(seen[rows], time[:count] + 1e-9, side="right") - 1]
+        return replace(
+            record,
+            time=self.time[:count],
+            q=q,
+            measured=q,
+            command=record.command[held],
+            pose=self.case.scene.robot.fkm(q),
+            desired=samples[:count],
+            disturbance=None,
+            readings={},
+        )
 
     def _seen(self, record: Record, number: int) -> Array:
         """Return the error of the hand as the sensors see it, shape (N, 6), against the motion that was asked for."""

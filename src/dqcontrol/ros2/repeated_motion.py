@@ -1,0 +1,131 @@
+"""Motions on the robot behind ROS 2 topics, one after the other, with a slow way back to the start after each."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error
+from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
+from dqcontrol.loop import Record
+from dqcontrol.loop.record import has_failed
+from dqcontrol.recording import load_record
+from dqcontrol.robots import Robot
+from dqcontrol.ros2.launch import end_with_parent
+from dqcontrol.tuning.learning.learnt_motion import write_motion
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Points
+    from dqcontrol.tuning.learning.learn_spec import LearnProblem
+
+Interface = Literal["velocity", "position", "trajectory"]
+
+_SLOW = 0.15  # of the joints' speed limits, at most, on the way back
+_LEAST, _REST = 2.0, 1.0  # s of the way back, and of the rest behind it
+_GAIN = 2.0  # 1/s, towards the start
+_PEAK = 1.875  # times its mean is the largest speed of a minimum-jerk motion
+_UNKNOWN_SPEED = 1.0  # rad/s or m/s of joints without a limit
+
+
+class RobotBehindTopics:
+    """What `dqcontrol.learn` takes as its ``runner``: controllers in processes of their own drive the robot.
+
+    Each motion is one `dqcontrol ros2 controller` with the spec's law and supervisor; a last one takes the joints back
+    to the spec's start on minimum-jerk motions, at most at 0.15 of their speed limits.
+
+    Parameters
+    ----------
+    folder
+        Takes a folder for each motion, with its spec and recording.
+    interface
+        What commands are: ``"velocity"``, ``"position"`` or ``"trajectory"``.
+    network
+        Do not keep to the loopback.
+    ros_arguments
+        What follows ``--`` on the command line, for all controllers.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        interface: Interface = "velocity",
+        *,
+        network: bool = False,
+        ros_arguments: Sequence[str] = (),
+    ) -> None:
+        self._folder = folder.resolve()
+        self._options = ["--interface", interface, *(["--network"] if network else [])]
+        self._last = ["--", *ros_arguments] if ros_arguments else []
+
+    def __call__(self, problem: LearnProblem, motion: Points | None, number: int) -> Record:
+        """Run a motion and go back; return what the controller recorded.
+
+        Raises
+        ------
+        Error
+            If a controller stopped the robot, or found none.
+        """
+        folder = self._folder / f"repeat-{number}"
+        folder.mkdir(parents=True, exist_ok=True)
+        data = dict(problem.data)
+        if motion is not None:
+            write_motion(folder / "motion.csv", motion, ())
+            data["reference"] = {"kind": "points", "file": str(folder / "motion.csv")}
+        spec = folder / "spec.yaml"
+        spec.write_text(yaml_text(data), encoding="utf-8")
+        record = self._driven(spec, folder / "run")
+        if not has_failed(record.stopped):
+            self._go_back(problem, record.measured[-1], folder)
+        return record
+
+    def _go_back(self, problem: LearnProblem, now: Array, folder: Path) -> None:
+        """Take the joints from where they are to the spec's start, slowly."""
+        setting = prepare(problem.data)
+        robot, start, period = setting.scene.robot, setting.scene.start, problem.spec.period
+        duration = max(slow_time(robot, now, start), problem.block.return_time or 0.0)
+        time = period * np.arange(int(np.ceil((duration + _REST) / period)) + 1, dtype=np.float64)
+        share: Array = np.clip(time / duration, 0.0, 1.0)[:, None]
+        positions = now + share**3 * (10 - 15 * share + 6 * share**2) * (start - now)
+        more: dict[str, Any] = {key: problem.data[key] for key in ("supervisor",) if key in problem.data}
+        plant = problem.data.get("plant") or {"kind": "servo"}
+        back = folder / "back"
+        back.mkdir(exist_ok=True)
+        note = "Back to where the next repeat starts."
+        write_joint_motion(back / "back.yaml", robot, time, positions, now, plant, note, _GAIN, more)
+        self._driven(back / "back.yaml", back / "run")
+
+    def _driven(self, spec: Path, folder: Path) -> Record:
+        """Let a controller drive the robot as a spec says, and return its recording."""
+        words = ["controller", str(spec), *self._options, "--autostart", "--out", str(folder), "--force"]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dqcontrol", "ros2", *words, *self._last],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            preexec_fn=end_with_parent,
+        )
+        try:
+            log, _ = process.communicate()
+        finally:
+            if process.poll() is None:  # interrupted: it stops the robot softly first
+                process.terminate()
+                process.wait()
+        if process.returncode:
+            last = next((line for line in reversed(log.splitlines()) if line.strip()), "it said nothing")
+            raise Error(f"ros2 controller {spec.name}: {last}")
+        return load_record(folder / "record.mcap")
+
+
+def slow_time(robot: Robot, begin: Array, end: Array) -> float:
+    """Return in which time a minimum-jerk motion of the joints keeps well below their speed limits, s."""
+    speeds = robot.limits.velocity
+    speeds = np.where(np.isfinite(speeds), speeds, _UNKNOWN_SPEED)
+    return max(float(np.max(_PEAK * np.abs(end - begin) / (_SLOW * speeds))), _LEAST)
