@@ -31,7 +31,9 @@ def add_packages(folders: Iterable[str]) -> None:
     found = []
     for folder in folders:
         if not Path(folder).is_dir():
-            raise FileFormatError(f"--package: '{folder}' is no folder; give that of a package, or one that holds packages")
+            raise FileFormatError(
+                f"--package: '{folder}' is no folder; give that of a package, or one that holds packages"
+            )
         found.append(str(Path(folder).resolve()))
     if found:
         os.environ[PACKAGES] = os.pathsep.join([*found, *filter(None, [os.environ.get(PACKAGES)])])

@@ -35,6 +35,7 @@ from dqcontrol.compiled.compile import (
     WRONG_SIZE,
     inline,
     kernel,
+    shared,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.kinematics_kernels import (
@@ -364,8 +365,8 @@ def hand_kinematics(task, q, out):
     return status
 
 
-@kernel(CHAIN)
-def tree_frames(tree, q, out):
+@shared
+def place_tree(tree, q, out):
     """Write the pose of each row of a tree, after its screw: 8 numbers a row."""
     if q.shape[0] != int(tree[0, COORDINATES]):
         return WRONG_SIZE
@@ -389,3 +390,9 @@ def tree_frames(tree, q, out):
             )
         store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def tree_frames(tree, q, out):
+    """Write what `place_tree` does."""
+    return place_tree(tree, q, out)

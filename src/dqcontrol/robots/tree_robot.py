@@ -226,6 +226,11 @@ class TreeRobot(Robot):
         return self._tree[1:, PARENT].astype(np.intp)
 
     @property
+    def joint_table(self) -> Array:
+        """The rows of all joints as compiled code reads them, after a first one; see `pose_task_kernels`."""
+        return self._tree[: 1 + len(self.joints.kind)]
+
+    @property
     def row_coordinates(self) -> NDArray[np.intp]:
         """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
         return self.joints.coordinate
