@@ -49,6 +49,10 @@ from dqcontrol.robots.tree_robot import PoseTask, TreeRobot
 
 TaskPart = Literal["pose", "position", "orientation"]
 
+_BEFORE, _AFTER = (
+    1e4,
+    1e-2,
+)  # weights of tasks before and after the law's where constraints make something give way
 _THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
 
 # q, pose and twist Jacobian of the law's task, number of the sample, parameters, work, command
@@ -118,7 +122,10 @@ class TaskLevels(NamedTuple):
 
 
 class LevelWork(NamedTuple):
-    """Scratch for m inputs and the most rows of a level."""
+    """Scratch for m inputs and the most rows of a level; the rest is m × m numbers, or none.
+
+    These are Σ w Jᵀ J of the further tasks, by which constraints reckon what a change of the command costs.
+    """
 
     left: Annotated[Array, "m", "m"]
     jacobian: Annotated[Array, "rows", "m"]
@@ -133,6 +140,7 @@ class LevelWork(NamedTuple):
     twist: Annotated[Array, 6, "m"]
     hand: Annotated[Array, 6, "m"]
     scratch: Annotated[Array, "8 * m"]
+    metric: Annotated[Array, ...]
 
 
 task_row, task_levels = MemoryLayout(TaskRow), MemoryLayout(TaskLevels)
@@ -154,6 +162,19 @@ def _add_rows(count, hand, y, turns, moves, out, own):
         own.residual[count] = weight * missing
         count += 1
     return count
+
+
+@inline
+def _add_metric(begin, count, level, own):
+    """Add what the rows of a task weigh where constraints must choose what gives way."""
+    m = own.change.shape[0]
+    if own.metric.shape[0] == 0:
+        return
+    scale = _BEFORE if level == 0 else 1.0 if level == 1 else _AFTER
+    for i in range(begin, count):
+        for j in range(m):
+            for k in range(m):
+                own.metric[m * j + k] += scale * own.jacobian[i, j] * own.jacobian[i, k]
 
 
 @inline
@@ -230,6 +251,8 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
         own.change[i] = 0.0
         for j in range(m):
             own.left[i, j] = 1.0 if i == j else 0.0
+    for i in range(own.metric.shape[0]):
+        own.metric[i] = 0.0
     for level in range(int(given.first), int(given.last) + 1):
         count = 0
         if level == 1:
@@ -243,15 +266,16 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
             task = task_row(data[_ROW * t : _ROW * (t + 1)])
             if int(task.level) != level:
                 continue
-            begin, rows = int(task.table), int(task.table_rows)
-            table = as_matrix(data[begin : begin + COLUMNS * rows], rows, COLUMNS)
+            at, rows = int(task.table), int(task.table_rows)
+            table = as_matrix(data[at : at + COLUMNS * rows], rows, COLUMNS)
             status = task_twist_kinematics(table, q, own.pose, own.twist, own.scratch)
             if status != OK:
                 return status
             at = int(task.samples) + SAMPLE_SIZE * min(k, int(task.sample_rows) - 1)
             _asked(task, data[at : at + SAMPLE_SIZE], own)
             hand_jacobian(position(own.pose), own.twist, own.hand)
-            count = _add_rows(count, own.hand, own.error, task.turns, task.moves, out, own)
+            begin, count = count, _add_rows(count, own.hand, own.error, task.turns, task.moves, out, own)
+            _add_metric(begin, count, level, own)
         if count > 0:
             _do_level(count, out, own)
     check = 0.0

@@ -58,7 +58,7 @@ def mjcf_tree(path: str | Path) -> LinkTree:
     FileFormatError
         If MuJoCo cannot read it, or it has something that a tree of hinges and slides cannot hold: it is named.
     """
-    return _Reader(path).tree()
+    return MjcfFile(path).tree()
 
 
 def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
@@ -69,7 +69,7 @@ def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
     MissingExtraError, FileFormatError
         As for `mjcf_tree`.
     """
-    reader = _Reader(path)
+    reader = MjcfFile(path)
     model, found = reader.model, {}
     for i in range(model.nu):
         kp, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
@@ -85,7 +85,7 @@ def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
     return found
 
 
-class _Reader:
+class MjcfFile:
     """A compiled MJCF file, and where in it everything is."""
 
     def __init__(self, path: str | Path) -> None:
@@ -105,6 +105,11 @@ class _Reader:
         found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return found or f"{kind.lower()}_{index}"
 
+    @property
+    def body_names(self) -> list[str]:
+        """Names of the bodies, by their numbers."""
+        return ["world", *(self.name("BODY", b) for b in range(1, self.model.nbody))]
+
     def joint_name(self, index: int) -> str:
         return self.name("JOINT", index)
 
@@ -116,7 +121,7 @@ class _Reader:
     def tree(self) -> LinkTree:
         model = self.model
         follows = self._equalities()
-        names = ["world", *(self.name("BODY", b) for b in range(1, model.nbody))]
+        names = self.body_names
         joints: list[LinkJoint] = []
         for body in range(1, model.nbody):
             joints += self._body_joints(body, names, follows)

@@ -44,7 +44,7 @@ from dqcontrol.robots.pose_task_kernels import (
     SIGN,
 )
 from dqcontrol.robots.poses import positions, unit_poses
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import NamedFrame, Robot
 from dqcontrol.robots.tree_inverse_kernels import solve_tasks, task_solver_work
 
 Root: TypeAlias = Literal["midpoint", "screw"]
@@ -132,13 +132,6 @@ class TreeJoints(NamedTuple):
             rows.append(joint)
             joint = int(self.parent[joint])
         return rows[::-1]
-
-
-class NamedFrame(NamedTuple):
-    """A frame that is fixed to a joint (−1: to the base): the pose (7,) in the frame of the joint after its screw."""
-
-    joint: int
-    pose: Array
 
 
 class TreeRobot(Robot):

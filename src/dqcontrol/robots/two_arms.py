@@ -9,10 +9,12 @@ from typing import Any, Literal, TypeAlias, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.chains import joined_inertia, joined_limits
 from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, Root, TaskKind, TreeJoints, TreeRobot
 
@@ -103,6 +105,7 @@ class TwoArms(TreeRobot):
             inertia=joined_inertia([robot.inertia for robot in robots]),
             name=name or "+".join(robot.name for robot in robots),
         )
+        self.shapes = _joined_shapes(known)
         self.input_names = tuple(_distinct({label: robot.input_names for label, robot in known.items()}))
         self._relative = self.table_of(self._named_task("relative", "midpoint"))
         self._short, self._positive, self._negative = (
@@ -158,10 +161,10 @@ class TwoArms(TreeRobot):
         if sign is None and root in self._short:
             return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])
 
-        def pose(rows: ArrayLike, table: Array) -> Array:
+        def absolute(rows: ArrayLike, table: Array) -> Array:
             return self._map(self.kernels.forward, rows, self.configuration_size, 8, table)
 
-        return self._by_sign(pose, q, root, sign)
+        return self._by_sign(absolute, q, root, sign)
 
     def relative_pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J with vec8(ẋ_r) = J u, shape (…, 8, m)."""
@@ -247,6 +250,27 @@ def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]
     names = tuple(_distinct({label: part.joint_names for label, part in parts.items()}))
     poses, kinds, parents, moved, driven, multipliers, offsets = map(np.array, zip(*rows, strict=True))
     return TreeJoints(poses, kinds, parents, moved, driven, multipliers, offsets, names), frames
+
+
+def _joined_shapes(parts: dict[str, Robot]) -> LinkShapes | None:
+    """Return the shapes of all parts, ``left/NAME``; those of one arm are kept apart from those of the other."""
+    found, owners, pairs = [], [], []
+    first, start, mount = 0, 0, shift()
+    for label, part in parts.items():
+        own, count = part.shapes or LinkShapes(()), len(found)
+        move = pose(mount[:4], mount[4:])
+        for each in own.shapes:
+            frame = each.frame + first if each.frame else start
+            shape = each.shape if each.frame else each.shape.moved(move)
+            found.append(LinkShape(f"{label}/{each.name}", frame, shape))
+            owners.append(label)
+        pairs += [(a + count, b + count) for a, b in own.pairs]
+        first += part.configuration_size
+        if label == "base":
+            start, mount = first, part.chain[-1, :7]
+    sides = [[i for i, owner in enumerate(owners) if owner == label] for label in (_LEFT, _RIGHT)]
+    pairs += [(a, b) for a in sides[0] for b in sides[1] if max(found[a].frame, found[b].frame) > start]
+    return LinkShapes(tuple(found), tuple(pairs)) if found else None
 
 
 def _distinct(names: dict[str, Sequence[str]]) -> list[str]:

@@ -3,7 +3,8 @@
     min (u − u₀)ᵀ H (u − u₀),  H = Jᵀ W J + ρ² 1,   low ≤ u ≤ high,   ∇d·u ≥ −η (d − kept) − ∂d/∂t  for every row
 
 u₀ is what the law asks; where it keeps everything it leaves bit for bit. J is that of the hand's [ω ; ṗ],
-W = diag(l², l², l², 1, 1, 1): what is given up is given up in the motion of the hand. The box of each joint always
+W = diag(l², l², l², 1, 1, 1): what is given up is given up in the motion of the hand. Further tasks add their own
+JᵀJ, those before the law's by a weight that lets them give way last. The box of each joint always
 holds a command from which it can still brake.
 
 A row is a linear picture of a distance. Where it may be wrong by its curvature, what the command leads to is computed,
@@ -81,8 +82,9 @@ _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 
-# kinematics, chain, q, sample, its number, twist Jacobian, state (its end is the memory), parameters, work, command
-CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, WRITE, READ, WRITE, WRITE)
+# kinematics, chain, q, sample, its number, twist Jacobian, what further tasks add to H (m × m numbers, or none), state
+# (its end is the memory), parameters, work, command
+CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, READ, WRITE, READ, WRITE, WRITE)
 
 
 @shared
@@ -322,10 +324,12 @@ def _hand_speed(work, u, angular):
 
 
 @shared
-def _write_objective(work, settings, m):
+def _write_objective(work, settings, metric, m):
     for i in range(m):
         for j in range(i + 1):
             value = settings.free if i == j else 0.0
+            if metric.shape[0] > 0:
+                value += metric[m * i + j]
             for k in range(6):
                 value += work.hand[k, i] * work.hand[k, j] * (settings.angular if k < 3 else 1.0)
             work.hessian[i, j] = value
@@ -361,11 +365,13 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
 
 
 @shared
-def _constrain(kinematics, chain, given, work, settings, report, chosen, levels, count, u, time, sample):
+def _constrain(
+    kinematics, chain, given, work, settings, metric, report, chosen, levels, count, u, time, sample
+):
     """Replace a wish that does not keep everything by the nearest command that does."""
     m, drives, originals = u.shape[0], given.drives.shape[0], count
     soft, is_violated, worst = False, False, 0.0
-    _write_objective(work, settings, m)
+    _write_objective(work, settings, metric, m)
     for i in range(ROUNDS):
         report.numbers[1] = i + 1.0
         status = _solve(given, work, chosen, count, u, m, drives, soft)
@@ -450,7 +456,7 @@ def _parts(parameters, scratch, settings, n, m):
 
 
 @kernel(CONSTRAINT)
-def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, parameters, scratch, u):
+def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, state, parameters, scratch, u):
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
     settings = head(parameters)
@@ -512,7 +518,19 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
         sets = work.sets.view(np.intp)
         rows = capacity + 2 * m + 4 * drives
         count = _constrain(
-            kinematics, chain, given, work, settings, report, sets[rows:], sets[0:rows], count, u, time, k
+            kinematics,
+            chain,
+            given,
+            work,
+            settings,
+            metric,
+            report,
+            sets[rows:],
+            sets[0:rows],
+            count,
+            u,
+            time,
+            k,
         )
     _report(given, memory, work, report, settings, originals, count, u)
     return OK

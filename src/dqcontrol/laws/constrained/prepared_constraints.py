@@ -103,6 +103,7 @@ class PreparedConstraints:
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
+        self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, KeepOut | None]] = []
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
@@ -233,15 +234,18 @@ class PreparedConstraints:
     def _chosen(self, field: str, names: list[str] | None) -> list[int]:
         """Return the numbers of shapes by their names, of all that move without."""
         if names is None:
-            points = (HAND, *self._frames.point_names())
-            found = [i for i, each in enumerate(self._bodies) if each.frame > 0 and each.name not in points]
+            found = [
+                i
+                for i, each in enumerate(self._bodies)
+                if each.frame > 0 and each.name != HAND and i not in self._points
+            ]
             if not found:
                 raise ValueRangeError(
                     f"{field}: {self.robot.name} has no shapes that could keep away; give it some "
                     "('dqcontrol robots shapes' fits them to meshes), or links: [hand] for its point alone"
                 )
             return found
-        known = {each.name: i for i, each in enumerate(self._bodies)}
+        known = {each.name: i for i, each in enumerate(self._bodies) if i not in self._points}
         numbers, points = [], self._frames.point_names()
         for name in names:
             if name in known:
@@ -268,11 +272,12 @@ class PreparedConstraints:
 
     def _ball_at(self, hand: HandFrame, radius: float) -> int:
         name = hand.name if radius == 0.0 else f"{hand.name} ({1000 * radius:g} mm)"
-        for i, each in enumerate(self._bodies):
-            if each.name == name:
+        for i in self._points:
+            if self._bodies[i].name == name:
                 return i
         self._bodies.append(LinkShape(name, hand.frame, Sphere(hand.pose[4:7], radius)))
-        return len(self._bodies) - 1
+        self._points.append(len(self._bodies) - 1)
+        return self._points[-1]
 
     def _end_balls(self, body: int) -> list[int]:
         """Return a ball at each end of a capsule in place of it: against planes each end has a smooth distance."""
