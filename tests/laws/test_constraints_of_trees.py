@@ -33,13 +33,21 @@ def test_a_chain_and_the_tree_of_it_are_kept_alike():
     q = np.array([0, 0.418, 1.716, 0, 1.007, 0])
     hand = dqc.DualQuaternion(chain.fkm(q)).translation
     given = dqc.laws.Constraints(
-        obstacles={"ball": dqc.laws.SphereObstacle(center=tuple(hand + [0, 0.15, 0]), radius=0.05, links=["arm", "hand"])},
+        obstacles={
+            "ball": dqc.laws.SphereObstacle(
+                center=tuple(hand + np.array([0, 0.15, 0])), radius=0.05, links=["arm", "hand"]
+            )
+        },
         zones={"room": dqc.laws.BoxZone(position=tuple(hand), size=(0.5, 0.5, 0.2))},
-        angles={"cone": dqc.laws.Angle(direction=tuple(dqc.algebra.matrix_from_pose(chain.fkm(q))[:3, 2]), at_most=0.3)},
+        angles={
+            "cone": dqc.laws.Angle(
+                direction=tuple(dqc.algebra.matrix_from_pose(chain.fkm(q))[:3, 2]), at_most=0.3
+            )
+        },
         sights={"seen": dqc.laws.LineOfSight(target="ball", at_most=2.5)},
         acceleration=20.0,
-    )  # fmt: skip
-    goal = dqc.references.SetPoint(chain.fkm(q + [0.9, 0.3, -0.2, 0.4, 0.5, 0]))
+    )
+    goal = dqc.references.SetPoint(chain.fkm(q + np.array([0.9, 0.3, -0.2, 0.4, 0.5, 0])))
     runs = []
     for robot in (chain, tree):
         chosen = robot if robot is chain else robot.with_task("tool")
@@ -81,7 +89,10 @@ def test_hands_of_a_tree_have_names():
 def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     (tmp_path / "beam.urdf").write_text(BEAM)
     tree = dqc.load_tree(tmp_path / "beam.urdf", ["c", "d"])
-    bars = [LinkShape("b", 2, Capsule([0, 0, 0], [0, 0, 0.3], 0.05)), LinkShape("d", 4, Capsule([0, 0, 0], [0, 0, 0.4], 0.05))]  # fmt: skip
+    bars = [
+        LinkShape("b", 2, Capsule([0, 0, 0], [0, 0, 0.3], 0.05)),
+        LinkShape("d", 4, Capsule([0, 0, 0], [0, 0, 0.4], 0.05)),
+    ]
     tree.shapes = LinkShapes(tuple(bars), ((0, 1),))
     ball = dqc.laws.SphereObstacle(center=(-0.35, 0, 0.4), radius=0.1)
     law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(obstacles={"ball": ball}))
@@ -95,11 +106,20 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"zones": {"x": dqc.laws.PlaneZone(normal=(0, 1, 0), offset=0, frame="lfet")}}, "zones.x.frame: unknown name 'lfet'; did you mean 'left'"),
-        ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.5)}}, "give one as 'frame', left or right"),
-        ({"obstacles": {"x": dqc.laws.SphereObstacle(center=(1, 0, 0), radius=0.1, links=["rihgt"])}}, "did you mean 'right'"),
+        (
+            {"zones": {"x": dqc.laws.PlaneZone(normal=(0, 1, 0), offset=0, frame="lfet")}},
+            "zones.x.frame: unknown name 'lfet'; did you mean 'left'",
+        ),
+        (
+            {"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.5)}},
+            "give one as 'frame', left or right",
+        ),
+        (
+            {"obstacles": {"x": dqc.laws.SphereObstacle(center=(1, 0, 0), radius=0.1, links=["rihgt"])}},
+            "did you mean 'right'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_named(given, words):
     law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(**given))
     with pytest.raises(dqc.Error, match=words):
@@ -123,8 +143,9 @@ def test_what_both_hands_hold_gives_way_last():
     assert record.metrics.position.peak > 2.0  # mm: the circle leads through the ceiling
     held = record.metrics.tasks["left_seen_from_right"]
     assert held.position.peak < 0.1  # mm: 0.07
+    limits, law = (
+        dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping()),
+        dqc.laws.Proportional(gain=5.0),
+    )
     with pytest.raises(dqc.Error, match="with further tasks give 'constraints'"):
-        limits = dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping())
-        dqc.simulate(
-            arms, circle, dqc.laws.Proportional(gain=5.0), PLANT, START, 0.01, tasks=tasks, limits=limits
-        )
+        dqc.simulate(arms, circle, law, PLANT, START, 0.01, tasks=tasks, limits=limits)

@@ -209,8 +209,8 @@ class PreparedLaw:
         self._law, self._limits, self.tasks = law, limits, tasks
         if tasks is not None and limits.position:
             raise ValueRangeError(
-                "limits.position: keeps the limits for the law's own task alone; with further tasks give 'constraints', which "
-                "keep them for all"
+                "limits.position: keeps the limits for the law's own task alone; with further tasks give "
+                "'constraints', which keep them for all"
             )
         self._command_mode: CommandMode = command_mode
         empty, m, position = np.zeros(0), robot.input_size, limits.around

@@ -14,12 +14,13 @@ from numba import types
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, kernel
-from dqcontrol.errors import ShapeError
+from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.measures.metrics import SETTLED_FRACTION
 from dqcontrol.measures.table_cells import Column
 from dqcontrol.references.sample import TIME
-from dqcontrol.robots.kinematics_kernels import joint_frames
+from dqcontrol.robots.chain_robot import ChainRobot
+from dqcontrol.robots.kinematics_kernels import call_chain, joint_frames
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 
@@ -86,13 +87,14 @@ def _write_norms(sums, duration, out):
     out[3] = sums.peak
 
 
-# samples, joints, commands, chain, joints' lower and upper ends and inputs' speeds, samples left out, scratch, numbers
-MEASURE = STATUS(READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
+# forward kinematics (0: of a chain), samples, joints, commands, its table, joints' lower and upper ends and inputs'
+# speeds, samples left out, scratch, numbers
+MEASURE = STATUS(ADDRESS, READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
 _WORK = 16
 
 
 @kernel(MEASURE)
-def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, work, out):
+def measure_kernel(forward, samples, q, command, table, lower, upper, velocity, skipped, work, out):
     """Write all `NUMBERS` of a run; NaN where one does not exist."""
     count, n, m = q.shape[0], q.shape[1], command.shape[1]
     pose, relative = work[0:8], work[8:16]
@@ -108,7 +110,7 @@ def measure_kernel(samples, q, command, chain, lower, upper, velocity, skipped, 
     for i in range(m):
         is_bounded = is_bounded or velocity[i] < math.inf
     for k in range(count):
-        status = joint_frames(chain, q[k], pose)
+        status = joint_frames(table, q[k], pose) if forward == 0 else call_chain(forward, table, q[k], pose)
         if status != OK:
             return status
         conjugate_multiply(pose, samples[k], relative)
@@ -216,7 +218,7 @@ class RunMeasure:
     Parameters
     ----------
     robot
-        The arm or whole body.
+        Any; of trees what their task is.
     limits
         Of its joints and inputs; commands that count from the measured joints have no limits of speed.
 
@@ -233,9 +235,9 @@ class RunMeasure:
     """
 
     def __init__(self, robot: Robot, limits: Limits) -> None:
-        if robot.table.shape != robot.chain.shape:
-            raise ShapeError(f"robot: {robot.name} branches, and numbers are found of single chains only")
-        self._chain = robot.chain
+        is_chain = robot.kernels is ChainRobot.kernels
+        self._forward = 0 if is_chain else robot.kernels.forward.pointer
+        self._table = robot.table
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
         self._velocity = np.ascontiguousarray(limits.velocity)
         self._work = np.zeros(_WORK)
@@ -254,10 +256,11 @@ class RunMeasure:
         """
         out = np.full(len(NUMBERS), math.nan)
         status = measure_kernel(
+            self._forward,
             samples,
             q,
             command,
-            self._chain,
+            self._table,
             self._lower,
             self._upper,
             self._velocity,

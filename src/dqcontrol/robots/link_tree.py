@@ -17,8 +17,8 @@ from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
+from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
 
 LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating"]
@@ -322,8 +322,8 @@ class LinkTree:
     ]:
         """Return where moving joints and links stand, and the bodies that each moving joint carries.
 
-        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero. A chain's
-        joints turn by q alone: their offsets come after that.
+        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero. The
+        joints of a chain turn by q alone: their offsets come after that.
         """
         rows = {joint.name: i for i, joint in enumerate(moving)}
         stands = [(-1, shift())] * len(moving)

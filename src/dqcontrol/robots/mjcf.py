@@ -102,6 +102,7 @@ class MjcfFile:
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
 
     def name(self, kind: str, index: int) -> str:
+        """Return the name of an object, or its kind and number."""
         found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return found or f"{kind.lower()}_{index}"
 
@@ -111,14 +112,17 @@ class MjcfFile:
         return ["world", *(self.name("BODY", b) for b in range(1, self.model.nbody))]
 
     def joint_name(self, index: int) -> str:
+        """Return the name of a joint."""
         return self.name("JOINT", index)
 
     def refuse(self, what: str, text: str, element: Any = None) -> FileFormatError:
+        """Return an error about an element, with its line."""
         info = re.search(r"line (\d+)", getattr(element, "info", "") or "")
         line = f":{info[1]}" if info and info[1] != "0" else ""
         return FileFormatError(f"{self.path}{line}: {what}: {text}")
 
     def tree(self) -> LinkTree:
+        """Return its bodies and joints."""
         model = self.model
         follows = self._equalities()
         names = self.body_names

@@ -224,6 +224,12 @@ class TreeRobot(Robot):
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
+    def table_with_hands(self) -> Array:
+        """Those rows, and those of the frames of the task."""
+        hands = [self.named_frames[name] for name in self.task.frames]
+        return np.vstack([self.joint_table, *(_frame_row(hand.pose, hand.joint) for hand in hands)])
+
+    @property
     def row_coordinates(self) -> NDArray[np.intp]:
         """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
         return self.joints.coordinate

@@ -8,13 +8,11 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.geometry import Capsule
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
-from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row

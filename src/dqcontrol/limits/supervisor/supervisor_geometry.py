@@ -16,6 +16,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     HAND_ACCELERATION_LIMIT,
     HAND_BEFORE,
     HAND_SPEED_LIMIT,
+    HANDS,
     HOLD,
     HOLDING,
     INDEX,
@@ -24,6 +25,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.robots.dexterity_step import smallest_singular_value
 from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, joint_frames
+from dqcontrol.robots.pose_task_kernels import place_tree
 
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 _ROUNDING = 1e-9  # share of a limit
@@ -31,7 +33,7 @@ _BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints sto
 
 
 @inline
-def avoid_singularity(kinematics, chain, bounds, memory, scratch):
+def avoid_singularity(kinematics, robot, bounds, memory, scratch):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
     good, rates, input_coordinates, is_joint = memory.good, scratch.rates, bounds.coordinate, bounds.is_joint
     n, m = good.shape[0], rates.shape[0]
@@ -52,7 +54,7 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
             for i in range(m):
                 if is_joint[i] != 0.0:
                     config[int(input_coordinates[i])] += 1e-3 * rates[i] / fastest
-        if call_chain(kinematics, chain, config, buffer) != OK:
+        if call_chain(kinematics, robot.table, config, buffer) != OK:
             return 0
         twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
         translation(buffer[0:8], hand)
@@ -77,9 +79,17 @@ def avoid_singularity(kinematics, chain, bounds, memory, scratch):
 
 
 @inline
-def is_inside(chain, config, bounds, tolerance, frames, hand):
-    """Write where the hand is, m; return whether it and all points to be kept inside are in the box."""
-    if joint_frames(chain, config, frames) != OK:
+def place_robot(robot, config, frames):
+    """Write the poses of all joints, then of the hands."""
+    if robot.tree.shape[0] > 0:
+        return place_tree(robot.tree, config, frames)
+    return joint_frames(robot.table, config, frames)
+
+
+@inline
+def is_inside(robot, config, bounds, tolerance, frames, hand):
+    """Write where each hand is, m; return whether all of them, and all points to be kept inside, are in the box."""
+    if place_robot(robot, config, frames) != OK:
         return False
     head, points = bounds.head, bounds.points
     inside = True
@@ -95,35 +105,43 @@ def is_inside(chain, config, bounds, tolerance, frames, hand):
         hand[2] += c + w * tc + x * tb - y * ta
         for i in range(3):
             inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
-    translation(frames[frames.shape[0] - 8 :], hand)
-    for i in range(3):
-        inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
+    for k in range(int(head[HANDS])):
+        at = frames.shape[0] - 8 * (int(head[HANDS]) - k)
+        place = hand[3 * k : 3 * k + 3]
+        translation(frames[at : at + 8], place)
+        for i in range(3):
+            inside = inside and head[BOX + i] - tolerance <= place[i] <= head[BOX + 3 + i] + tolerance
     return inside or head[BOXED] == 0.0
 
 
 @inline
-def commanded_hand(chain, bounds, memory, scratch, ahead, hand):
-    """Write where the hand is commanded, m, ``ahead`` s later at the rates; return whether all is in the box."""
+def commanded_hand(robot, bounds, memory, scratch, ahead, hand):
+    """Write where each hand is commanded, m, ``ahead`` s later at the rates; return whether all is in the box."""
     config = scratch.config
     for i in range(config.shape[0]):
         config[i] = memory.good[i]
     for i in range(scratch.rates.shape[0]):
         if bounds.is_joint[i] != 0.0:
             config[int(bounds.coordinate[i])] = memory.sent[i] + ahead * scratch.rates[i]
-    return is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
+    return is_inside(robot, config, bounds, 0.0, scratch.frames, hand)
 
 
 @inline
-def _distance(a, b):
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+def _distance(head, a, b):
+    """Return how far the hand is from where it was, of several the farthest."""
+    farthest = 0.0
+    for k in range(0, 3 * int(head[HANDS]), 3):
+        away = math.sqrt((a[k] - b[k]) ** 2 + (a[k + 1] - b[k + 1]) ** 2 + (a[k + 2] - b[k + 2]) ** 2)
+        farthest = max(farthest, away) if away == away else away
+    return farthest
 
 
 @inline
-def scale_hand_speed(chain, bounds, memory, scratch):
-    """Scale the rates so that the commanded hand, at ``hand`` now, keeps its speed; return whether it did not."""
+def scale_hand_speed(robot, bounds, memory, scratch):
+    """Scale the rates so that the commanded hands, at ``hand`` now, keep their speed; return whether they did not."""
     dt = bounds.head[DT]
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
-    speed = _distance(scratch.ahead, scratch.hand) / dt
+    commanded_hand(robot, bounds, memory, scratch, dt, scratch.ahead)
+    speed = _distance(bounds.head, scratch.ahead, scratch.hand) / dt
     limit = bounds.head[HAND_SPEED_LIMIT]
     if not speed > limit:
         return False
@@ -133,34 +151,39 @@ def scale_hand_speed(chain, bounds, memory, scratch):
 
 
 @inline
-def limit_hand_acceleration(chain, bounds, memory, scratch):
+def limit_hand_acceleration(robot, bounds, memory, scratch):
     """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
 
     With the share s of the change the hand's acceleration is c + s d to first order in T: the largest s in 0 … 1 with
-    |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast).
+    |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast). Of
+    several hands the least share.
     """
     m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
     rates, rate, trial = scratch.rates, memory.rate, scratch.trial
-    cc, cd, dd = 0.0, 0.0, 0.0
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
-    for i in range(3):  # the column holds x with all of the change, as it is overwritten below
+    hands = int(bounds.head[HANDS])
+    commanded_hand(robot, bounds, memory, scratch, dt, scratch.ahead)
+    for i in range(3 * hands):  # the column holds x with all of the change, as it is overwritten below
         scratch.column[i] = scratch.ahead[i]
     for i in range(m):
         trial[i], rates[i] = rates[i], rate[i]
-    commanded_hand(chain, bounds, memory, scratch, dt, scratch.ahead)
-    for i in range(3):
-        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.numbers[HAND_BEFORE + i]) / (dt * dt)
-        d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
-        cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
-    share = 1.0
-    if cc + 2.0 * cd + dd > limit * limit:
-        share = 0.0
-        if dd > 0.0:
-            inner = cd * cd - dd * (cc - limit * limit)
-            share = min(max((math.sqrt(max(inner, 0.0)) - cd) / dd, 0.0), 1.0)
+    commanded_hand(robot, bounds, memory, scratch, dt, scratch.ahead)
+    least = 1.0
+    for k in range(hands):
+        cc, cd, dd = 0.0, 0.0, 0.0
+        for i in range(3 * k, 3 * k + 3):
+            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + memory.numbers[HAND_BEFORE + i]) / (dt * dt)
+            d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
+            cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
+        share = 1.0
+        if cc + 2.0 * cd + dd > limit * limit:
+            share = 0.0
+            if dd > 0.0:
+                inner = cd * cd - dd * (cc - limit * limit)
+                share = min(max((math.sqrt(max(inner, 0.0)) - cd) / dd, 0.0), 1.0)
+        least = min(least, share)
     for i in range(m):
-        rates[i] = rate[i] + share * (trial[i] - rate[i])
-    return HAND_ACCELERATION if share < 1.0 else 0
+        rates[i] = rate[i] + least * (trial[i] - rate[i])
+    return HAND_ACCELERATION if least < 1.0 else 0
 
 
 @inline
@@ -170,8 +193,8 @@ def _decayed(rate, change):
 
 
 @inline
-def stays_safe(chain, bounds, memory, scratch, share):
-    """Return whether the commanded hand keeps box and speed after these rates, and in each period of braking from them.
+def stays_safe(robot, bounds, memory, scratch, share):
+    """Return whether the commanded hands keep box and speed after these rates, and in each period of braking from them.
 
     The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
     smoothing: rates from before still come out of its window when all joints brake.
@@ -187,7 +210,7 @@ def stays_safe(chain, bounds, memory, scratch, share):
         look[i], sums[i] = memory.sent[i], 0.0
         for k in range(window):
             sums[i] += past[k, i]
-    for k in range(3):
+    for k in range(3 * int(head[HANDS])):
         scratch.column[k] = scratch.hand[k]
     row, quiet = int(memory.numbers[INDEX]), 0
     for step in range(_BRAKING_STEPS + 2 * window):
@@ -208,13 +231,13 @@ def stays_safe(chain, bounds, memory, scratch, share):
                 config[int(bounds.coordinate[i])] = look[i]
                 trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
-        if not is_inside(chain, config, bounds, 0.0, scratch.frames, scratch.ahead):
+        if not is_inside(robot, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
         limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
-        if not _distance(scratch.ahead, scratch.column) <= limit:
+        if not _distance(bounds.head, scratch.ahead, scratch.column) <= limit:
             return False
-        for k in range(3):
+        for k in range(3 * int(head[HANDS])):
             scratch.column[k] = scratch.ahead[k]
         quiet = 0 if moving else quiet + 1
         if quiet >= window:

@@ -32,6 +32,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     DT,
     ENDING,
     FAULT,
+    FRAMES,
     FROM_MEASURED,
     HAND_ACCELERATION_LIMIT,
     HAND_BEFORE,
@@ -39,6 +40,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     INDEX,
     INPUTS,
     MODE,
+    MOST_HANDS,
     NOW,
     POINTS,
     RAMP,
@@ -48,6 +50,9 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     SLOW,
     STARTED,
     STOPPED,
+    TABLE_COLUMNS,
+    TABLE_ROWS,
+    TREE,
     WINDOW,
     bounds_layout,
     moment_layout,
@@ -192,17 +197,17 @@ def _commit(bounds, memory, rates):
 
 
 @inline
-def _keep_safe(chain, bounds, memory, scratch):
+def _keep_safe(robot, bounds, memory, scratch):
     """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
     share = 1.0
-    while share > 0.0 and not stays_safe(chain, bounds, memory, scratch, share):
+    while share > 0.0 and not stays_safe(robot, bounds, memory, scratch, share):
         share = 0.5 * share if share > 0.2 else 0.0
     if share == 1.0:
         return 0
     for i in range(scratch.rates.shape[0]):
         safe = braked(memory.rate[i], bounds.acceleration[i] * bounds.head[DT])
         scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
-    if share == 0.0 and not stays_safe(chain, bounds, memory, scratch, 0.0):
+    if share == 0.0 and not stays_safe(robot, bounds, memory, scratch, 0.0):
         return WORKSPACE | IMPOSSIBLE
     return WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
 
@@ -215,7 +220,10 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     """
     n, m = int(memory[COORDINATES]), int(memory[INPUTS])
     drives, points = int(memory[DRIVES]), int(memory[POINTS])
-    prepared, kept = supervisor_memory(memory, n, m, drives, points), state_layout(state, n, m)
+    frames = int(memory[FRAMES])
+    table, tree = (int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])), int(memory[TREE])
+    robot = supervisor_memory(memory, n, m, drives, points, table[0], table[1], tree, frames)
+    kept = state_layout(state, n, m)
     if (
         measured.shape[0] != n
         or wanted.shape[0] != m
@@ -225,15 +233,15 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
     ):
         return WRONG_SIZE
-    chain, bounds = prepared.chain, bounds_layout(prepared.bounds, m, drives, points)
-    scratch = scratch_layout(prepared.scratch, n, m)
+    bounds = bounds_layout(robot.bounds, m, drives, points)
+    scratch = scratch_layout(robot.scratch, n, m, frames)
     head, numbers, rates = bounds.head, kept.numbers, scratch.rates
 
     at_rest = True
     for i in range(m):
         at_rest = at_rest and kept.sent_rate[i] == 0.0
     wrong = judge(
-        chain, moment_layout(moment), measured, wanted, effort, wrench, at_rest, bounds, kept, scratch
+        robot, moment_layout(moment), measured, wanted, effort, wrench, at_rest, bounds, kept, scratch
     )
     now = wrong
     aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
@@ -247,7 +255,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     if numbers[MODE] == RETURNING:
         now |= REJOINING
     if following and head[SLOW] > 0.0:
-        now |= avoid_singularity(kinematics, chain, bounds, kept, scratch)
+        now |= avoid_singularity(kinematics, robot, bounds, kept, scratch)
     for i in range(m):
         scratch.asked[i] = rates[i]
     scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
@@ -259,25 +267,25 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
     )
     if looks_at_hand:
-        commanded_hand(chain, bounds, kept, scratch, 0.0, scratch.hand)
+        commanded_hand(robot, bounds, kept, scratch, 0.0, scratch.hand)
         if numbers[STARTED] == 0.0:
-            for i in range(3):
+            for i in range(3 * MOST_HANDS):
                 numbers[HAND_BEFORE + i] = scratch.hand[i]
         bounded = (following or returning) and head[HAND_SPEED_LIMIT] < math.inf
-        if bounded and scale_hand_speed(chain, bounds, kept, scratch):
+        if bounded and scale_hand_speed(robot, bounds, kept, scratch):
             now |= HAND_SPEED
     done = _accelerate(bounds, kept, rates)
     if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
-        now |= limit_hand_acceleration(chain, bounds, kept, scratch)
+        now |= limit_hand_acceleration(robot, bounds, kept, scratch)
     inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, kept, rates, inwards)
     if following:
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
-        now |= _keep_safe(chain, bounds, kept, scratch)
+        now |= _keep_safe(robot, bounds, kept, scratch)
     if looks_at_hand:
         numbers[STARTED] = 1.0
-        for i in range(3):
+        for i in range(3 * MOST_HANDS):
             numbers[HAND_BEFORE + i] = scratch.hand[i]
     still = _commit(bounds, kept, rates)
     if _breaks_bounds(bounds, kept):

@@ -22,7 +22,7 @@ from dqcontrol.limits.supervisor.interventions import (
     SOFT_STOP,
     TRACKING,
 )
-from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
+from dqcontrol.limits.supervisor.supervisor_geometry import is_inside, place_robot
 from dqcontrol.limits.supervisor.supervisor_layout import (
     BAD,
     BOXED,
@@ -55,7 +55,6 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.limits.supervisor.supervisor_layout import JUMP as JUMP_LIMIT
 from dqcontrol.limits.supervisor.supervisor_layout import OVERSPEED as OVERSPEED_SHARE
-from dqcontrol.robots.kinematics_kernels import joint_frames
 
 _FAR = 1e6  # rad or m: no measurement says so
 _LONG = 1e3  # s: no gap counts as more
@@ -106,7 +105,7 @@ def _watch_ways(measured, passed, bounds, memory):
 
 
 @inline
-def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
+def _watch_joints(robot, measured, age, passed, bounds, memory, scratch):
     """Keep a good measurement; return what is wrong with where the joints are and how they move.
 
     A joint is frozen by what was measured: time since the last measurement, of this age, says nothing of that.
@@ -142,18 +141,18 @@ def _watch_joints(chain, measured, age, passed, bounds, memory, scratch):
         good[j] = measured[j]
     numbers[SILENT] = 0.0
     tolerance = head[HAND_TOLERANCE]
-    if head[BOXED] != 0.0 and not is_inside(chain, good, bounds, tolerance, scratch.frames, scratch.ahead):
+    if head[BOXED] != 0.0 and not is_inside(robot, good, bounds, tolerance, scratch.frames, scratch.ahead):
         fault |= MEASURED_WORKSPACE
     return fault
 
 
 @inline
-def _take_off_payload(chain, bounds, memory, frames, contact):
+def _take_off_payload(robot, bounds, memory, frames, contact):
     """Take off a wrench at the hand, in its axes, what gravity exerts there on the payload.
 
     With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
     """
-    joint_frames(chain, memory.good, frames)
+    place_robot(robot, memory.good, frames)
     hand, head = frames[frames.shape[0] - 8 :], bounds.head
     w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
     a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
@@ -169,7 +168,7 @@ def _take_off_payload(chain, bounds, memory, frames, contact):
 
 
 @inline
-def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
+def _watch_efforts(robot, effort, wrench, passed, bounds, memory, scratch):
     """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
     head, fault = bounds.head, 0
     share = min(passed / _EFFORT_TIME, 1.0)
@@ -187,7 +186,7 @@ def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
         for i in range(6):
             contact[i] = wrench[i]
         if head[PAYLOAD_WEIGHT] != 0.0:
-            _take_off_payload(chain, bounds, memory, scratch.frames, contact)
+            _take_off_payload(robot, bounds, memory, scratch.frames, contact)
         force = math.sqrt(contact[0] ** 2 + contact[1] ** 2 + contact[2] ** 2)
         torque = math.sqrt(contact[3] ** 2 + contact[4] ** 2 + contact[5] ** 2)
         if force > head[CONTACT_FORCE] or torque > head[CONTACT_TORQUE]:
@@ -196,7 +195,7 @@ def _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch):
 
 
 @inline
-def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memory, scratch):
+def judge(robot, moment, measured, wanted, effort, wrench, at_rest, bounds, memory, scratch):
     """Keep a good measurement, note what is wrong, change the mode; return what is wrong with this sample alone.
 
     Two samples in a row with something wrong stop; what else is seen stops at once.
@@ -218,8 +217,8 @@ def judge(chain, moment, measured, wanted, effort, wrench, at_rest, bounds, memo
     elif jumped:
         wrong = jumped
     else:
-        fault |= _watch_joints(chain, measured, age, passed, bounds, memory, scratch)
-        fault |= _watch_efforts(chain, effort, wrench, passed, bounds, memory, scratch)
+        fault |= _watch_joints(robot, measured, age, passed, bounds, memory, scratch)
+        fault |= _watch_efforts(robot, effort, wrench, passed, bounds, memory, scratch)
         for i in range(wanted.shape[0]):
             if not math.isfinite(wanted[i]):
                 wrong = COMMAND
