@@ -23,7 +23,7 @@ from dqcontrol.robots.description import rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
+from dqcontrol.robots.whole_body import Mover, base_coordinates, parts_with_offsets
 
 Colour = tuple[int, int, int]
 
@@ -80,7 +80,7 @@ def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[tuple[int, Any, Colou
         bare = part.bare if isinstance(part, SerialArm) and part.bare is not None else part
         if isinstance(bare, SerialArm) and bare.urdf is not None:
             found = urdf_shapes(*bare.urdf, bare)
-        elif bare.placed_links is not None:
+        elif isinstance(bare, Robot) and bare.placed_links is not None:
             found = placed_shapes(bare.placed_links)
         else:
             continue
@@ -105,7 +105,7 @@ def chain_rows(robot: Robot) -> list[range]:
     ]
 
 
-def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot]]:
+def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Mover]]:
     """Yield the chains of a robot, each with its first row of `Robot.frames` and the row that carries it."""
     if isinstance(robot, TwoArms):
         first, below = 0, -1

@@ -395,7 +395,7 @@ class PreparedTasks:
             with error_prefix(f"tasks[{i}]"):
                 task, table, samples = _made_ready(each, tree, start, times)
                 rows.append(_checked_row(each, at, table, samples))
-            if task == tree.task:
+            if task is not None and task == tree.task:
                 raise ValueRangeError(
                     f"tasks[{i}]: {task.label} is what the law drives; give it another task"
                 )

@@ -67,9 +67,7 @@ class TaskSpec(Part, frozen=True, kw_only=True):
 
     def task(self) -> PoseTask:
         """Return the task."""
-        return PoseTask(
-            self.kind, tuple(self.frames), self.root, point=tuple(self.point), axis=tuple(self.axis)
-        )
+        return PoseTask(self.kind, tuple(self.frames), self.root, point=self.point, axis=self.axis)
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
