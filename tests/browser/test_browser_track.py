@@ -245,3 +245,18 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     depth = farther * np.linalg.norm(ahead) + offset @ ahead / np.linalg.norm(ahead)
     widest = np.abs(offset @ right / depth).max()
     assert widest == pytest.approx(1.25 * np.tan(FIELD / 2))  # at the edge of a scene 5 : 4
+
+
+def test_both_hands_of_two_arms_are_shown_and_what_is_relative_where_it_is():
+    arms = dqc.load_robot("two-pandas")  # its task: the left hand seen from the right one
+    q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
+    way = q + np.linspace(0, 0.2, 11)[:, None]
+    desired = np.hstack([arms.fkm(way), np.zeros((11, 13))])
+    record = Record(0.1 * np.arange(11), way, way, 0 * way, arms.fkm(way), desired, arms.joint_names)
+    track = Track("both", arms, record)
+    left, right = (dqc.algebra.translation(arms.fkm(way, name)) for name in ("left", "right"))
+    assert track.hand_path().shape == (20, 2, 3)
+    assert np.abs(track.hand_path()[[0, 10], 0] - [left[0], right[0]]).max() < 1e-12
+    assert np.abs(track.target - left).max() < 1e-12
+    assert np.abs(track.desired(3)[4:] - left[3]).max() < 1e-12
+    assert {track.robot.frame_names[row - 14] for row in arms.ends} == {"left", "right"}

@@ -168,10 +168,15 @@ def test_a_spec_keeps_its_tasks(tmp_path):
     )
 
 
-PANDA = {"robot": "panda", "start": Q[:7].tolist()}
+PANDA = {"robot": "panda", "start": Q[:7].tolist(), "tasks": [{"task": "relative", "gain": 1}]}
 FAR = {"kind": "set-point", "start": {"position": [0, 3, 0]}}
 REFUSED = (
-    (PANDA, ShapeError, r"tasks\[0\]: panda is one chain and has one hand"),
+    (PANDA, UnknownNameError, r"tasks\[0\]: frame: unknown name 'relative'"),
+    (
+        PANDA | {"tasks": [{"task": "hand", "gain": 1}]},
+        ValueRangeError,
+        r"tasks\[0\]: hand is what the law drives",
+    ),
     (
         PANDA | {"robot": {"source": "panda", "task": "relative"}},
         ShapeError,
@@ -212,7 +217,6 @@ REFUSED = (
         ValueRangeError,
         r"limits\.position: keeps the limits for the law's own task alone",
     ),
-    ({"supervisor": True}, ValueRangeError, "supervisor: guards chains, and two-pandas is a tree"),
     ({"plant": {"kind": "servo", "sag": 0.1}}, ValueRangeError, r"plant\.sag: is that of a chain"),
 )
 

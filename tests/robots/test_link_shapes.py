@@ -91,7 +91,7 @@ def test_wrong_shapes_are_named(crane):
             arm_from("crane.yaml", plain | {"shapes": shapes})
     with pytest.raises(FileFormatError, match="no shapes to keep apart"):
         arm_from("crane.yaml", plain | {"kept_apart": [["a", "b"]]})
-    with pytest.raises(ShapeError, match="was not read from a URDF file"):
+    with pytest.raises(ShapeError, match="was not read from a URDF or MJCF file"):
         collision_shapes(dqc.load_robot("iiwa7"))
 
 

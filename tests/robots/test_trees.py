@@ -99,6 +99,21 @@ def test_every_file_of_example_robot_data_against_pinocchio():
     assert all(REFUSED[name] in reason for name, reason in refused.items())
 
 
+@pytest.mark.parametrize("name", SOME)
+def test_centre_of_mass_against_pinocchio(name):
+    path = example_urdfs()[name]
+    tree = urdf_tree(path)
+    robot, model = tree.tree(), pin.buildModelFromUrdf(str(path))
+    model.inertias[0] = pin.Inertia.Zero()  # ours is that of all that moves
+    data, q = model.createData(), at_random(robot)
+    theirs, gather = pinocchio_at(model, tree, robot, q)
+    pin.jacobianCenterOfMass(model, data, theirs)
+    assert np.abs(dqc.algebra.translation(robot.pose_of("center_of_mass", q)) - data.com[0]).max() < 1e-12
+    jacobian = robot.twist_jacobian_of("center_of_mass", q)
+    assert np.abs(jacobian[3:] - data.Jcom @ gather).max() < 1e-9
+    assert not jacobian[:3].any()
+
+
 def test_mimic_joints_are_one_coordinate(tmp_path):
     (tmp_path / "hand.urdf").write_text(HAND)
     check_against_pinocchio(tmp_path / "hand.urdf")

@@ -4,9 +4,11 @@ import sys
 
 import pytest
 
+from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError
 from dqcontrol.robots import describe, load_robot
 from dqcontrol.robots.mesh_files import missing_meshes, missing_note
+from dqcontrol.robots.package_folders import PACKAGES
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 ARM = f"""<robot name="arm" {NAMESPACE}>
@@ -53,6 +55,31 @@ def test_what_is_missing_is_named(arm):
         arm.write_text(ARM.replace(old, new))
         with pytest.raises(FileFormatError, match=message):
             load_robot(arm)
+
+
+def test_a_package_elsewhere_is_named_on_the_command_line(arm, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("xacro")
+    monkeypatch.setenv(PACKAGES, "")
+    alone = tmp_path / "alone/arm.urdf.xacro"
+    alone.parent.mkdir()
+    arm.rename(alone)
+    (tmp_path / "src").rename(tmp_path / "far")
+    package = tmp_path / "far/arm_description"
+    (package / "package.xml").write_text("<package><name>arm_description</name></package>")
+    package = package.rename(tmp_path / "far/checkout")  # another name than its package.xml says
+
+    def show(*options):
+        monkeypatch.setattr(sys, "argv", ["dqcontrol", "robots", "show", str(alone), *options])
+        main()
+
+    with pytest.raises(SystemExit):
+        show()
+    assert "needs the package 'arm_description', which is not found" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        show("--package", str(tmp_path / "nowhere"))
+    assert "nowhere' is no folder; give that of a package" in capsys.readouterr().err
+    show("--package", str(tmp_path), f"--package={package}")
+    assert "base → b" in capsys.readouterr().out
 
 
 def test_without_xacro_it_says_what_to_install(arm, monkeypatch):

@@ -13,15 +13,18 @@ from dqcontrol.measures.metrics import evaluate
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+PANDA = np.array([0, -0.6, 0, -2.2, 0, 1.6, 0.8])
 
 
 @pytest.mark.parametrize("away", [0.0, 0.05])
-def test_they_are_the_metrics_of_the_same_run_to_the_last_bit(away):
-    arm, plant = dqc.load_robot("iiwa7"), dqc.plants.Servo(delay=0.02, encoder_noise=5e-4)
-    circle = dqc.references.Circle(arm.fkm(START + away), radius=0.05, duration=2.0)
+@pytest.mark.parametrize("name", ["iiwa7", "two-pandas"])
+def test_they_are_the_metrics_of_the_same_run_to_the_last_bit(name, away):
+    arm, plant = dqc.load_robot(name), dqc.plants.Servo(delay=0.02, encoder_noise=5e-4)
+    start = np.resize(START if name == "iiwa7" else PANDA, arm.configuration_size)
+    circle = dqc.references.Circle(arm.fkm(start + away), radius=0.05, duration=2.0)
     law = dqc.laws.ProportionalFeedforward(gain=5.0)
-    record = dqc.simulate(arm, circle, law, plant, START, 0.01, seed=3)
-    loop = RepeatedLoop(arm, plant, START, 0.01, circle.samples(0.01 * np.arange(201)), seed=3)
+    record = dqc.simulate(arm, circle, law, plant, start, 0.01, seed=3)
+    loop = RepeatedLoop(arm, plant, start, 0.01, circle.samples(0.01 * np.arange(201)), seed=3)
     ready = law.prepare(arm, circle, 0.01, CommandLimits(velocity=True), "integrated")
     loop.run(ready)
     seen = loop.run(ready)  # begins as the first

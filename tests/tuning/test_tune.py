@@ -264,3 +264,19 @@ def test_no_winner_of_many_random_tunings_is_unstable():
         assert row.worst.margin >= 2, spec
         ratios.append(found.best.result.held_out["position.rms"] / found.best.result.searched["position.rms"])
     assert np.median(ratios) < 1.1, ratios
+
+
+def test_two_arms_are_tuned_with_what_they_hold(problem):
+    start = [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7]
+    problem |= {
+        "robot": {"source": "two-pandas", "task": "absolute"},
+        "start": start,
+        "reference": {"kind": "circle", "radius": 0.03, "duration": 1.0, "ramp": 0.3, "plane": "yz"},
+        "tasks": [{"task": "relative", "gain": 10, "level": 0}],
+        "laws": {"K": {"kind": "proportional", "gain": 2}},
+        "tune": {"budget": 8},
+    }
+    found = dqc.tune(problem, jobs=1)
+    search = LawSearch(found.problem, "K")
+    assert found.best.result.total < 0.9 * search._evaluate(search.law).total
+    assert found.best.margin is not None

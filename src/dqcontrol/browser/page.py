@@ -177,8 +177,9 @@ class DrawnRun:
             self._scene.add_frame(f"{self._name}/frame{j}", show_axes=False, **axes)
             for j in range(len(track.frames(0)))
         ]
-        self._hand = track.robot.configuration_size
-        self._frames[self._hand].show_axes = True
+        self._hands, self._joints = track.robot.ends, len(track.robot.row_coordinates)
+        for hand in self._hands:
+            self._frames[hand].show_axes = True
         self._desired = self._scene.add_frame(
             f"{self._name}/desired", **axes | {"axes_radius": 0.015 * length}
         )
@@ -205,7 +206,7 @@ class DrawnRun:
         self._root.position, self._root.visible = place, visible
         for j, (node, pose) in enumerate(zip(self._frames, self.track.frames(k), strict=True)):
             node.wxyz, node.position = pose[:4], pose[4:]
-            node.show_axes = j == self._hand or (joint_frames and j < self._hand)
+            node.show_axes = j in self._hands or (joint_frames and j < self._joints)
         pose = self.track.desired(k)
         self._desired.wxyz, self._desired.position = pose[:4], pose[4:]
 

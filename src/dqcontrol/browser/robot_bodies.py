@@ -9,8 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.urdf_shapes import pose_matrix, urdf_shapes
-from dqcontrol.robots import CarLikeBase, DifferentialDrive, HolonomicBase, Robot, SerialArm, WholeBody
+from dqcontrol.browser.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
+from dqcontrol.robots import (
+    CarLikeBase,
+    DifferentialDrive,
+    HolonomicBase,
+    Robot,
+    SerialArm,
+    TreeRobot,
+    TwoArms,
+    WholeBody,
+)
 from dqcontrol.robots.description import rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
@@ -64,17 +73,53 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
 
 
 def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[tuple[int, Any, Colour]]]]:
-    """Yield for each arm with a URDF file its rows of `Robot.frames`, and its meshes with the row that moves each."""
+    """Yield for each part with a file its rows of `Robot.frames`, and its meshes with the row that moves each."""
+    if isinstance(robot, TreeRobot) and robot.placed_links is not None:
+        yield range(len(robot.joints.kind)), placed_shapes(robot.placed_links)
+        return
+    for first, below, part in _chains(robot):
+        bare = part.bare if isinstance(part, SerialArm) and part.bare is not None else part
+        if isinstance(bare, SerialArm) and bare.urdf is not None:
+            found = urdf_shapes(*bare.urdf, bare)
+        elif isinstance(bare, Robot) and bare.placed_links is not None:
+            found = placed_shapes(bare.placed_links)
+        else:
+            continue
+        mount = pose_matrix(compose(robot.chain[first, :7], inverse7(bare.chain[0, :7])))
+        yield (
+            range(first, first + part.configuration_size),
+            [
+                (first + row if row >= 0 else below, mesh.apply_transform(mount) if row < 0 else mesh, colour)
+                for row, mesh, colour in found
+            ],
+        )
+
+
+def chain_rows(robot: Robot) -> list[range]:
+    """Return the rows of `Robot.frames` of each arm, or of a whole tree of one file."""
+    if isinstance(robot, TreeRobot) and not isinstance(robot, TwoArms):
+        return [range(len(robot.joints.kind))]
+    return [
+        range(first, first + part.configuration_size)
+        for first, _, part in _chains(robot)
+        if isinstance(part, SerialArm)
+    ]
+
+
+def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Drive]]:
+    """Yield the chains of a robot, each with its first row of `Robot.frames` and the row that carries it."""
+    if isinstance(robot, TwoArms):
+        first, below = 0, -1
+        for part in (robot.base, robot.left, robot.right):
+            if part is None:
+                continue
+            for at, each in parts_with_offsets(part.parts if isinstance(part, WholeBody) else [part]):
+                yield first + at, first + at - 1 if at else below, each
+            first += part.configuration_size
+            below = first - 1 if part is robot.base else below
+        return
     for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot]):
-        if isinstance(part, SerialArm) and part.urdf is not None:
-            mount = pose_matrix(compose(robot.chain[first, :7], inverse7(part.chain[0, :7])))
-            yield (
-                range(first, first + part.configuration_size),
-                [
-                    (first + carrier, mesh.apply_transform(mount) if carrier < 0 else mesh, colour)
-                    for carrier, mesh, colour in urdf_shapes(*part.urdf, part)
-                ],
-            )
+        yield first, first - 1, part
 
 
 def smoothed(meshes: Iterable[Any]) -> tuple[Array, NDArray[np.int64]]:

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.poses import pose7
 
@@ -82,7 +83,8 @@ class Track:
         """
         k = int(self._shown[k])
         if not np.isfinite(self.record.q[k]).all():
-            return np.tile(shift(), (self.robot.configuration_size + 1 + self._wheels.shape[1], 1))
+            rows = len(self.robot.frames(np.zeros(self.robot.configuration_size)))
+            return np.tile(shift(), (rows + self._wheels.shape[1], 1))
         poses = [
             pose7("frame", frame) for frame in recorded_frames(self.robot, self.record, slice(k, k + 1))[0]
         ]
@@ -94,17 +96,31 @@ class Track:
         return np.array(poses)
 
     def desired(self, k: int) -> Array:
-        """Return the desired pose of the hand, [quaternion, position]."""
-        return pose7("desired", self.record.desired_pose[k])
+        """Return the desired pose of the hand, [quaternion, position]; of a relative one where it is in the room."""
+        return pose7("desired", self._in_room(self.record.desired_pose, slice(k, k + 1))[0])
+
+    def _in_room(self, poses: Array, rows: slice) -> Array:
+        """Return desired poses in the room: relative ones are given in the frame of the second hand."""
+        robot, q = self.robot, self.record.q[rows]
+        if not isinstance(robot, TreeRobot) or robot.task.kind != "relative" or not np.isfinite(q).all():
+            return poses[rows]
+        return algebra.multiply(robot.pose_of(robot.task.frames[1], q), poses[rows])
 
     @property
     def target(self) -> Array:
-        """Desired positions of the hand, shape (M, 3), m."""
+        """Desired positions of the hand in the room, shape (M, 3), m."""
+        if isinstance(self.robot, TreeRobot) and self.robot.task.kind == "relative":
+            return algebra.translation(self._in_room(self.record.desired_pose, slice(None)))
         return self.record.desired_position if self._planned is None else self._planned
 
     def hand_path(self) -> Array:
-        """Return the hand's path as pieces, shape (M, 2, 3), m."""
-        return pieces(self.record.position)
+        """Return the path of the hand, of a tree of each frame of its task, as pieces, shape (M, 2, 3), m."""
+        robot, q = self.robot, self.record.q
+        if not isinstance(robot, TreeRobot) or not np.isfinite(q).all():
+            return pieces(self.record.position)
+        return np.concatenate(
+            [pieces(algebra.translation(robot.pose_of(name, q))) for name in robot.task.frames]
+        )
 
     def desired_path(self) -> Array:
         """Return the desired path as dashes, shape (M, 2, 3), m; none where it rests."""

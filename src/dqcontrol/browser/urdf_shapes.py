@@ -1,4 +1,4 @@
-"""What a URDF file says its links look like."""
+"""What URDF and MJCF files say their links look like."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from dqcontrol.errors import FileFormatError, NoteWarning
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import SerialArm
 from dqcontrol.robots.mesh_files import mesh_file, missing_note
+from dqcontrol.robots.mjcf_geometry import geom_mesh, shown_geoms
 from dqcontrol.robots.poses import pose7
+from dqcontrol.robots.robot import PlacedLinks
 from dqcontrol.robots.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.urdf_xml import CheckedXml
 
@@ -123,3 +125,27 @@ def pose_matrix(pose: Array) -> Array:
     matrix = quaternion_matrix(pose[:4])
     matrix[:3, 3] = pose[4:]
     return matrix
+
+
+def placed_shapes(placed: PlacedLinks) -> list[Drawn]:
+    """Return what links of a URDF or MJCF file look like: the row of `Robot.frames`, −1 for the base, mesh and colour.
+
+    Without any visuals there are none; nor if a mesh is not found, which a `NoteWarning` names.
+    """
+    drawn: list[Drawn] = []
+    if placed.path.suffix.lower() == ".xml":
+        for geom in shown_geoms(placed.path):
+            frame = placed.frames[geom.body]
+            drawn.append((frame.joint, geom_mesh(geom).apply_transform(pose_matrix(frame.pose)), geom.colour))
+        return drawn
+    links = UrdfTree(CheckedXml(placed.path)).links
+    for name, frame in placed.frames.items():
+        for visual in links[name].visuals if name in links else ():
+            at = pose_matrix(frame.pose) @ origin_matrix(visual)
+            try:
+                pieces = list(_geometry(placed.path, visual))
+            except FileNotFoundError:
+                warnings.warn(missing_note(placed.path), NoteWarning, stacklevel=2)
+                return []
+            drawn += [(frame.joint, mesh.copy().apply_transform(at), colour) for mesh, colour in pieces]
+    return drawn

@@ -44,12 +44,14 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "references": "List the kinds of motions for experiments, one line each.",
     "plants": "List the kinds of plants for experiments, one line each.",
 }
+_PACKAGE = "--package"
 _FILES = {"laws": "kinds", "references": "kinds", "plants": "kinds"}
 
 app: App = App(
     name="dqcontrol",
     help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
-    "command refuses specs that bring code of their own.",
+    "command refuses specs that bring code of their own; with --package FOLDER (once or more often) any command looks "
+    "there for the packages that URDF and xacro files name.",
     version=dqcontrol.__version__,
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
@@ -72,6 +74,7 @@ def main() -> None:
         print_start_page()
         return
     try:
+        arguments = _without_packages(arguments)
         try:
             app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
@@ -93,6 +96,25 @@ def main() -> None:
         _fail(USER_ERROR, str(error))
     except MemoryError:
         _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
+
+
+def _without_packages(arguments: list[str]) -> list[str]:
+    """Note the folders of ``--package``, which every command takes; return the other words."""
+    if not any(word.partition("=")[0] == _PACKAGE for word in arguments):
+        return arguments
+    from dqcontrol.robots.package_folders import add_packages  # only now: it loads NumPy
+
+    rest, folders, words = [], [], iter(arguments)
+    for word in words:
+        name, equals, folder = word.partition("=")
+        if word == "--":
+            rest += [word, *words]
+        elif name != _PACKAGE:
+            rest.append(word)
+        else:
+            folders.append(folder if equals else next(words, ""))
+    add_packages(folders)
+    return rest
 
 
 def _mistake(error: CycloptsError) -> str:

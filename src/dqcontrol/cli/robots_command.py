@@ -189,9 +189,9 @@ def shapes(
     write: Path | None = None,
     pairs: bool = False,
 ) -> None:
-    """Show the shapes of a robot's links and the pairs that are kept apart; of a URDF file find both.
+    """Show the shapes of a robot's links and the pairs that are kept apart; of a URDF or MJCF file find both.
 
-    Primitives of a URDF file stay, capsules are fitted to its meshes, and random configurations tell which pairs are
+    Primitives of a file stay, capsules are fitted to its meshes, and random configurations tell which pairs are
     worth keeping apart.
 
     Parameters

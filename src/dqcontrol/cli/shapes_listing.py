@@ -30,12 +30,13 @@ def list_shapes(
         raise ExistsError(f"{write}: exists already; choose another name or remove it")
     robot = load_robot(source, base_link, tip_link)
     fitted: list[FittedShape] = []
-    if robot.shapes is None and isinstance(robot, SerialArm) and robot.urdf is not None:
+    has_file = robot.placed_links is not None or (isinstance(robot, SerialArm) and robot.urdf is not None)
+    if robot.shapes is None and has_file:
         fitted = collision_shapes(robot)
     known = tuple(each.shape for each in fitted) if fitted else robot.shapes.shapes if robot.shapes else ()
     if not known:
         raise ShapeError(
-            f"{robot.name}: has no shapes; only URDF files and robot files with 'shapes' have some"
+            f"{robot.name}: has no shapes; only URDF and MJCF files, and robot files with 'shapes' have some"
         )
     made_of = [f"{each.made_of}, {each.overhead:.2f} × its volume" for each in fitted] or [""] * len(known)
     joints = ("stands still", *robot.joint_names)

@@ -285,9 +285,10 @@ def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -
         with error_prefix(f"tasks[{i}]"):
             further.append(each.further_task(robot, start, folder))
     tasks = PreparedTasks(robot, further, start, times)
-    for i, (task, samples) in enumerate(zip(tasks.tasks, tasks.samples, strict=True)):
-        with error_prefix(f"tasks[{i}]"):
-            check_reach(tasks.robot.with_task(task), start, samples)
+    for i, (task, samples, part) in enumerate(zip(tasks.tasks, tasks.samples, tasks.parts, strict=True)):
+        if task is not None and task.kind != "center_of_mass" and part in ("pose", "position"):
+            with error_prefix(f"tasks[{i}]"):
+                check_reach(tasks.robot.with_task(task), start, samples, orientation=part == "pose")
     return tasks
 
 

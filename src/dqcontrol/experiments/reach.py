@@ -19,7 +19,7 @@ _RESTARTS = 100
 _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is reached
 
 
-def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
+def check_reach(robot: Robot, q0: Array, samples: Array, *, orientation: bool = True) -> None:
     """Raise if a reference leaves what the robot can reach; warn if it leaves what it can within its joint limits.
 
     First the distance from the first axis is held against the length of the stretched arm, unless it stands on a base
@@ -35,6 +35,8 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
         Start configuration, shape (n,).
     samples
         Desired motion, shape (N, 21), inertial frame.
+    orientation
+        Whether that counts.
 
     Raises
     ------
@@ -49,7 +51,7 @@ def check_reach(robot: Robot, q0: Array, samples: Array) -> None:
         chosen[:, POSE],
         _driven_near(robot, q0, chosen[:, POSE]) if drives else q0,
         position_tolerance=_POSITION,
-        orientation_tolerance=_ORIENTATION if _turns_freely(robot) else np.inf,
+        orientation_tolerance=_ORIENTATION if orientation and _turns_freely(robot) else np.inf,
         restarts=_RESTARTS,
     )
     for i in [i for i, reason in enumerate(found.reason) if reason.startswith("unreachable")]:

@@ -1,4 +1,4 @@
-"""The meshes of URDF files on the bodies of a MuJoCo model, in place of rods and drums."""
+"""The meshes of URDF and MJCF files on the bodies of a MuJoCo model, in place of rods and drums."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.robot_bodies import arm_meshes, smoothed
+from dqcontrol.browser.robot_bodies import arm_meshes, chain_rows, smoothed
 from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
-from dqcontrol.robots import Robot, SerialArm, WholeBody
-from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
+from dqcontrol.robots import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 _FLAT = 1e-9  # m²; MuJoCo refuses meshes without area
 
@@ -28,7 +28,7 @@ class LinkMesh(NamedTuple):
 
 
 def link_meshes(robot: Robot) -> list[LinkMesh]:
-    """Return the meshes of a robot's URDF files, as the browser view shows them; none without files or trimesh."""
+    """Return the meshes of a robot's files, as the browser view shows them; none without files or trimesh."""
     found: list[LinkMesh] = []
     if importlib.util.find_spec("trimesh") is None:
         return found
@@ -51,13 +51,12 @@ def add_meshes(spec: Any, robot: Robot, meshes: list[LinkMesh]) -> None:
         geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, rgba=colour, mass=0)
         geom.contype = geom.conaffinity = 0
     rows = {mesh.row for mesh in meshes}
-    for first, part in _parts(robot):
-        own = range(first, first + part.configuration_size)
+    for own in chain_rows(robot):
         if rows.isdisjoint(own):
             continue
         for body in (
             *(spec.body(f"link_{row - bases + 1}") for row in own),
-            *([fixed] if first == bases else []),
+            *([fixed] if own.start == bases else []),
         ):
             for geom in body.geoms:
                 if geom.group == RODS:
@@ -78,9 +77,3 @@ def mesh_corners(robot: Robot, q: Array, meshes: list[LinkMesh]) -> Array:
         moved = places[:, None, :3, :3] @ corners[..., None]
         points.append((moved[..., 0] + places[:, None, :3, 3]).reshape(-1, 3))
     return np.vstack(points)
-
-
-def _parts(robot: Robot) -> list[tuple[int, SerialArm]]:
-    """Return the arms of a robot, each with the number of its first coordinate."""
-    parts = parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot])
-    return [(first, part) for first, part in parts if isinstance(part, SerialArm)]

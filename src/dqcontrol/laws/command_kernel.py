@@ -178,6 +178,10 @@ def compute_command(prepared, q, sample, k, state, out):
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
     if plan.constraint != 0:
+        m = out.shape[0]
+        metric = memory.tasking_work[
+            max(plan.tasking_work - m * m, 0) :
+        ]  # of further tasks, if there are any
         status = _call_constraint(
             plan.constraint,
             plan.kinematics,
@@ -186,6 +190,7 @@ def compute_command(prepared, q, sample, k, state, out):
             sample,
             k,
             twist_jacobian,
+            metric,
             state,
             memory.constraining,
             memory.constraint_work,

@@ -215,7 +215,8 @@ class PreparedLaw:
         self._law, self._limits, self.tasks = law, limits, tasks
         if tasks is not None and limits.position:
             raise ValueRangeError(
-                "limits.position: keeps the limits for the law's own task alone; leave it out with further tasks"
+                "limits.position: keeps the limits for the law's own task alone; with further tasks give "
+                "'constraints', which keep them for all"
             )
         self._command_mode: CommandMode = command_mode
         empty, m, position = np.zeros(0), robot.input_size, limits.around
@@ -254,7 +255,9 @@ class PreparedLaw:
             position_limit_work=np.zeros(2 * m + self.state_size),
             limiting=limit_parameters,
             tasking=tasks.parameters if tasks else empty,
-            tasking_work=np.zeros(tasks.work_size if tasks else 0),
+            tasking_work=np.zeros(
+                tasks.work_size + (robot.input_size**2 if self.constraints else 0) if tasks else 0
+            ),
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
         )
@@ -454,7 +457,9 @@ class PreparedLaw:
         if self.constraints:
             own = parts.constraining, parts.constraint_work
             table, address = self.robot.table, self.robot.kernels.twist_kinematics.pointer
-            status = keep_constraints(address, table, q, sample, row, twist_jacobian, state, *own, out)
+            metric = parts.tasking_work[max(len(parts.tasking_work) - len(out) ** 2, 0) :]
+            given = q, sample, row, twist_jacobian, metric, state
+            status = keep_constraints(address, table, *given, *own, out)
             if status:
                 return LAW_FAILED + status
         self._note_sent(None, None, state, out)

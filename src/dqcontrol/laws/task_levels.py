@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import (
@@ -39,16 +40,29 @@ from dqcontrol.compiled.compile import (
 )
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, error_prefix
+from dqcontrol.errors import (
+    ShapeError,
+    ValueRangeError,
+    as_array,
+    as_positive,
+    error_prefix,
+    unknown_name,
+)
 from dqcontrol.references import Reference
 from dqcontrol.references.sample import SAMPLE_SIZE
+from dqcontrol.robots.joined_chains import chain_as_tree
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
 from dqcontrol.robots.pose_task_kernels import COLUMNS, task_twist_kinematics
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import PoseTask, TreeRobot
 
-TaskPart = Literal["pose", "position", "orientation"]
+TaskPart = Literal["pose", "position", "orientation", "axis", "line"]
+POSTURE = "posture"
 
+_BEFORE, _AFTER = (
+    1e4,
+    1e-2,
+)  # weights of tasks before and after the law's where constraints make something give way
 _THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
 
 # q, pose and twist Jacobian of the law's task, number of the sample, parameters, work, command
@@ -62,7 +76,9 @@ class FurtherTask:
     Attributes
     ----------
     task
-        What of the robot is driven: a `PoseTask`, or its name; as for `TreeRobot.with_task`.
+        What of the robot is driven: a `PoseTask`, or its name, as for `TreeRobot.with_task`; ``"center_of_mass"``, of
+        which the position counts; or ``"posture"``, all joints. A chain has the frames ``hand`` and, by its name, that
+        of each joint.
     gain
         k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart. 0: it moves as the reference
         does and corrects nothing, as hands do that press something between them.
@@ -73,7 +89,11 @@ class FurtherTask:
     weight
         Against the tasks of the same level.
     part
-        ``"pose"``, ``"position"`` or ``"orientation"``: what of it counts.
+        What of it counts: ``"pose"``, ``"position"``, ``"orientation"``; ``"axis"``, where the z axis points, or
+        ``"line"``, where the z axis lies, both free to turn about it. A point and an axis of a link are those of a
+        `PoseTask`.
+    posture
+        Of a posture: where the joints are to be, shape (n,), rad or m; None: where they start.
     """
 
     task: PoseTask | str
@@ -82,10 +102,15 @@ class FurtherTask:
     level: int = 2
     weight: float = 1.0
     part: TaskPart = "pose"
+    posture: ArrayLike | None = None
 
 
 class TaskRow(NamedTuple):
-    """What compiled code knows of a task: where its table and its samples begin, and the rest of `FurtherTask`."""
+    """What compiled code knows of a task: where its table and its samples begin, and the rest of `FurtherTask`.
+
+    A posture has no table; its samples are where the joints are to be, and which coordinate each input moves (−1: none
+    alone). ``along`` is 1 where turns about the desired z axis and moves along it are free.
+    """
 
     table: float
     table_rows: float
@@ -95,6 +120,7 @@ class TaskRow(NamedTuple):
     level: float
     turns: float
     moves: float
+    along: float
 
 
 class TaskLevels(NamedTuple):
@@ -118,7 +144,10 @@ class TaskLevels(NamedTuple):
 
 
 class LevelWork(NamedTuple):
-    """Scratch for m inputs and the most rows of a level."""
+    """Scratch for m inputs and the most rows of a level; the rest is m × m numbers, or none.
+
+    These are Σ w Jᵀ J of the further tasks, by which constraints reckon what a change of the command costs.
+    """
 
     left: Annotated[Array, "m", "m"]
     jacobian: Annotated[Array, "rows", "m"]
@@ -132,7 +161,9 @@ class LevelWork(NamedTuple):
     error: Annotated[Array, 6]
     twist: Annotated[Array, 6, "m"]
     hand: Annotated[Array, 6, "m"]
+    axes: Annotated[Array, 9]
     scratch: Annotated[Array, "8 * m"]
+    metric: Annotated[Array, ...]
 
 
 task_row, task_levels = MemoryLayout(TaskRow), MemoryLayout(TaskLevels)
@@ -141,11 +172,11 @@ _ROW = task_row.size()
 
 
 @inline
-def _add_rows(count, hand, y, turns, moves, out, own):
+def _add_rows(count, hand, y, turns, moves, along, out, own):
     """Append the rows of a task's [ω ; ṗ] and what they lack under the command so far; return how many there are."""
     for i in range(6):
         weight = turns if i < 3 else moves
-        if weight == 0.0:
+        if weight == 0.0 or (along != 0.0 and i % 3 == 2):
             continue
         missing = y[i]
         for j in range(out.shape[0]):
@@ -154,6 +185,19 @@ def _add_rows(count, hand, y, turns, moves, out, own):
         own.residual[count] = weight * missing
         count += 1
     return count
+
+
+@inline
+def _add_metric(begin, count, level, own):
+    """Add what the rows of a task weigh where constraints must choose what gives way."""
+    m = own.change.shape[0]
+    if own.metric.shape[0] == 0:
+        return
+    scale = _BEFORE if level == 0 else 1.0 if level == 1 else _AFTER
+    for i in range(begin, count):
+        for j in range(m):
+            for k in range(m):
+                own.metric[m * j + k] += scale * own.jacobian[i, j] * own.jacobian[i, k]
 
 
 @inline
@@ -173,6 +217,53 @@ def _asked(task, sample, own):
     error[3] = task.gain * (x - px) + sample[11] + b * z - c * y
     error[4] = task.gain * (y - py) + sample[12] + c * x - a * z
     error[5] = task.gain * (z - pz) + sample[13] + a * y - b * x
+
+
+@inline
+def _write_axes(r, axes):
+    """Write the rotation matrix of a pose."""
+    w, x, y, z = r[0], r[1], r[2], r[3]
+    axes[0], axes[1], axes[2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    axes[3], axes[4], axes[5] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    axes[6], axes[7], axes[8] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@inline
+def _free_along(gain, sample, own):
+    """Let an axis take the short way to the desired one, and write rows and what is asked in its desired axes."""
+    axes, error, hand = own.axes, own.error, own.hand
+    _write_axes(own.pose, axes)
+    ax, ay, az = axes[2], axes[5], axes[8]
+    _write_axes(sample, axes)
+    dx, dy, dz = axes[2], axes[5], axes[8]
+    x, y, z = ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = gain * (math.atan2(sine, ax * dx + ay * dy + az * dz) / sine if sine > 1e-12 else 1.0)
+    error[0], error[1], error[2] = scale * x + sample[8], scale * y + sample[9], scale * z + sample[10]
+    for part in range(0, 6, 3):
+        for j in range(hand.shape[1]):
+            a, b, c = hand[part, j], hand[part + 1, j], hand[part + 2, j]
+            for i in range(3):
+                hand[part + i, j] = axes[i] * a + axes[3 + i] * b + axes[6 + i] * c
+        a, b, c = error[part], error[part + 1], error[part + 2]
+        for i in range(3):
+            error[part + i] = axes[i] * a + axes[3 + i] * b + axes[6 + i] * c
+
+
+@inline
+def _add_posture(count, task, q, given, out, own):
+    """Append a row for each joint, and what it lacks of k times the way to where it is to be."""
+    n = q.shape[0]
+    for j in range(out.shape[0]):
+        at = int(given[n + j])
+        if at < 0:
+            continue
+        for i in range(out.shape[0]):
+            own.jacobian[count, i] = 0.0
+        own.jacobian[count, j] = task.moves
+        own.residual[count] = task.moves * (task.gain * (given[at] - q[at]) - out[j] - own.change[j])
+        count += 1
+    return count
 
 
 @inline
@@ -230,6 +321,8 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
         own.change[i] = 0.0
         for j in range(m):
             own.left[i, j] = 1.0 if i == j else 0.0
+    for i in range(own.metric.shape[0]):
+        own.metric[i] = 0.0
     for level in range(int(given.first), int(given.last) + 1):
         count = 0
         if level == 1:
@@ -238,20 +331,28 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
                 own.error[i] = 0.0
                 for j in range(m):
                     own.error[i] += own.hand[i, j] * out[j]
-            count = _add_rows(count, own.hand, own.error, _LENGTH, 1.0, out, own)
+            count = _add_rows(count, own.hand, own.error, _LENGTH, 1.0, 0.0, out, own)
         for t in range(tasks):
             task = task_row(data[_ROW * t : _ROW * (t + 1)])
             if int(task.level) != level:
                 continue
-            begin, rows = int(task.table), int(task.table_rows)
-            table = as_matrix(data[begin : begin + COLUMNS * rows], rows, COLUMNS)
+            begin = count
+            if task.table_rows == 0.0:
+                count = _add_posture(count, task, q, data[int(task.samples) :], out, own)
+                _add_metric(begin, count, level, own)
+                continue
+            at, rows = int(task.table), int(task.table_rows)
+            table = as_matrix(data[at : at + COLUMNS * rows], rows, COLUMNS)
             status = task_twist_kinematics(table, q, own.pose, own.twist, own.scratch)
             if status != OK:
                 return status
             at = int(task.samples) + SAMPLE_SIZE * min(k, int(task.sample_rows) - 1)
             _asked(task, data[at : at + SAMPLE_SIZE], own)
             hand_jacobian(position(own.pose), own.twist, own.hand)
-            count = _add_rows(count, own.hand, own.error, task.turns, task.moves, out, own)
+            if task.along != 0.0:
+                _free_along(task.gain, data[at : at + SAMPLE_SIZE], own)
+            count = _add_rows(count, own.hand, own.error, task.turns, task.moves, task.along, out, own)
+            _add_metric(begin, count, level, own)
         if count > 0:
             _do_level(count, out, own)
     check = 0.0
@@ -267,7 +368,7 @@ class PreparedTasks:
     Parameters
     ----------
     robot
-        A tree; for a chain a task would be its only hand.
+        Any; a chain has the frames of `chain_as_tree`.
     tasks
         What is to be done beside the law's task.
     start
@@ -284,31 +385,30 @@ class PreparedTasks:
     kernel = do_tasks
 
     def __init__(self, robot: Robot, tasks: list[FurtherTask], start: Array, times: Array) -> None:
-        if not isinstance(robot, TreeRobot):
-            raise ShapeError(
-                f"tasks: {robot.name} is one chain and has one hand; tasks are for two arms and trees"
-            )
-        self.robot, self.tasks, self.labels = robot, [], []
+        self.robot = tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
+        self.tasks: list[PoseTask | None] = []  # None: a posture
+        self.labels: list[str] = []
         rows, blocks, at = [], [], _ROW * len(tasks)
         self.samples: list[Array] = []
         self.parts = [each.part for each in tasks]
         for i, each in enumerate(tasks):
             with error_prefix(f"tasks[{i}]"):
-                task = robot.for_start(each.task, start)
-                table = np.ascontiguousarray(robot.table_of(task))
-                samples = _samples(each, robot.pose_of(task, start), times)
+                task, table, samples = _made_ready(each, tree, start, times)
                 rows.append(_checked_row(each, at, table, samples))
-            if task == robot.task:
+            if task is not None and task == tree.task:
                 raise ValueRangeError(
                     f"tasks[{i}]: {task.label} is what the law drives; give it another task"
                 )
+            label = task.label if task else POSTURE
             self.tasks.append(task)
-            self.labels.append(f"{task.label} {i + 1}" if task.label in self.labels else task.label)
+            self.labels.append(f"{label} {i + 1}" if label in self.labels else label)
             self.samples.append(samples)
             blocks += [table.ravel(), samples.ravel()]
             at += table.size + samples.size
-        levels = [int(row.level) for row in rows]
-        most = 6 * max(levels.count(level) + (level == 1) for level in {*levels, 1})
+        most = max(
+            _rows_of_level(level, rows, robot.input_size) for level in {1, *(row.level for row in rows)}
+        )
+        levels = [row.level for row in rows]
         self.parameters: Array = task_levels.pack(
             tasks=len(tasks),
             rows=most,
@@ -321,19 +421,63 @@ class PreparedTasks:
     def errors(self, q: Array) -> dict[str, Array]:
         """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2).
 
-        What of the pose does not count is NaN.
+        What of the pose does not count is NaN. A posture has the angle that its worst joint is away, of a slide in m.
         """
         found = {}
         for label, task, samples, part in zip(self.labels, self.tasks, self.samples, self.parts, strict=True):
+            if task is None:
+                found[label] = self._posture_errors(q, samples[: q.shape[1]])
+                continue
             desired = samples[np.minimum(np.arange(len(q)), len(samples) - 1), :8]
             poses = self.robot.pose_of(task, q)
-            moved = np.linalg.norm(algebra.translation(poses) - algebra.translation(desired), axis=1)
+            away = algebra.translation(poses) - algebra.translation(desired)
             error = algebra.multiply(algebra.conjugate(poses), desired)
             turned = 2 * np.arctan2(np.linalg.norm(error[:, 1:4], axis=1), np.abs(error[:, 0]))
-            found[label] = np.column_stack([moved, turned])
-            if part != "pose":
-                found[label][:, 0 if part == "orientation" else 1] = np.nan
+            if part in ("axis", "line"):
+                own, wanted = (algebra.matrix_from_pose(each)[:, :3, 2] for each in (poses, desired))
+                away = np.cross(wanted, away)
+                turned = np.arctan2(np.linalg.norm(np.cross(own, wanted), axis=1), (own * wanted).sum(axis=1))
+            found[label] = np.column_stack([np.linalg.norm(away, axis=1), turned])
+            if part not in ("pose", "line"):
+                found[label][:, 1 if part == "position" else 0] = np.nan
         return found
+
+    def _posture_errors(self, q: Array, wanted: Array) -> Array:
+        slides = np.array([kind == "prismatic" for kind in self.robot.joint_types])
+        away, out = np.abs(q - wanted), np.full((len(q), 2), np.nan)
+        for column, chosen in enumerate((slides, ~slides)):
+            if chosen.any():
+                out[:, column] = away[:, chosen].max(axis=1)
+        return out
+
+
+def _rows_of_level(level: float, rows: list[TaskRow], inputs: int) -> int:
+    """Return how many rows the tasks of a level have at most, that of the law on level 1 with them."""
+    own = [inputs if row.table_rows == 0 else 6 for row in rows if row.level == level]
+    return sum(own) + (6 if level == 1 else 0)
+
+
+def _made_ready(
+    each: FurtherTask, robot: TreeRobot, start: Array, times: Array
+) -> tuple[PoseTask | None, Array, Array]:
+    """Return a task, None for a posture, its table and its samples."""
+    if each.task == POSTURE and POSTURE not in robot.named_frames:
+        if each.reference is not None:
+            raise ShapeError("reference: a posture has none; give 'posture', where the joints are to be")
+        given = start if each.posture is None else each.posture
+        target = as_array("posture", given, (robot.configuration_size,))
+        alone = robot.input_coordinates.astype(float)
+        for first, *_ in robot.drives:  # a drive goes nowhere directly
+            alone[(robot.input_coordinates >= first) & (robot.input_coordinates < first + 3)] = -1.0
+        return None, np.zeros((0, COLUMNS)), np.concatenate([target, alone])
+    if each.posture is not None:
+        raise ShapeError("posture: only the task 'posture' has one")
+    task = robot.for_start(each.task, start)
+    if task.kind == "center_of_mass" and each.part != "position":
+        raise ValueRangeError(
+            f"part: a centre of mass has a position only; give part: position, not {each.part!r}"
+        )
+    return task, np.ascontiguousarray(robot.table_of(task)), _samples(each, robot.pose_of(task, start), times)
 
 
 def _checked_row(each: FurtherTask, at: int, table: Array, samples: Array) -> TaskRow:
@@ -341,12 +485,13 @@ def _checked_row(each: FurtherTask, at: int, table: Array, samples: Array) -> Ta
     weight = as_positive("weight", each.weight)
     if not isinstance(each.level, int) or not 0 <= each.level <= 9:
         raise ValueRangeError(f"level: must be a whole number from 0 to 9, got {each.level!r}")
-    if each.part not in ("pose", "position", "orientation"):
-        raise ValueRangeError(f"part: must be pose, position or orientation, got {each.part!r}")
+    if each.part not in get_args(TaskPart):
+        raise unknown_name("part", str(each.part), get_args(TaskPart))
     scale = math.sqrt(weight)
     turns = 0.0 if each.part == "position" else scale * _LENGTH
-    moves = 0.0 if each.part == "orientation" else scale
-    return TaskRow(at, len(table), at + table.size, len(samples), gain, each.level, turns, moves)
+    moves = 0.0 if each.part in ("orientation", "axis") else scale
+    along = float(each.part in ("axis", "line"))
+    return TaskRow(at, len(table), at + table.size, len(samples), gain, each.level, turns, moves, along)
 
 
 def _samples(each: FurtherTask, pose: Array, times: Array) -> Array:

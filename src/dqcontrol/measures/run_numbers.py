@@ -14,12 +14,14 @@ from numba import types
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, kernel
-from dqcontrol.errors import ShapeError
+from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.measures.metrics import SETTLED_FRACTION
 from dqcontrol.measures.table_cells import Column
 from dqcontrol.references.sample import TIME
+from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.end_poses import LANES, WORK, all_turn, end_poses
+from dqcontrol.robots.kinematics_kernels import call_chain
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 
@@ -86,13 +88,14 @@ def _write_norms(sums, duration, out):
     out[3] = sums.peak
 
 
-# samples, joints, commands, chain, joints' lower and upper ends, one over inputs' speeds, samples left out, scratch,
-# numbers
-MEASURE = STATUS(READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
+# forward kinematics (0: of a chain), samples, joints, commands, its table, joints' lower and upper ends, one over
+# inputs' speeds, samples left out, scratch, numbers
+MEASURE = STATUS(ADDRESS, READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, WRITE, WRITE)
 
 
 _DESIRED = WORK  # scratch behind that of `end_poses`: the desired poses, and what the errors are
 _DISTANCE, _TURN, _ERROR = WORK + 7 * LANES, WORK + 8 * LANES, WORK + 9 * LANES
+_POSE = WORK + 10 * LANES
 _DEGREES = 16.0 * 180.0 / math.pi
 
 
@@ -140,11 +143,27 @@ def _write_errors(samples, first, work):
         work[_TURN + lane] = _DEGREES * t * (1.0 - u * series)
 
 
+@inline
+def _poses_of_task(forward, table, q, first, work):
+    """Do what `end_poses` does for robots whose kinematics is a kernel of their own."""
+    last = q.shape[0] - 1
+    for lane in range(LANES):
+        pose = work[_POSE : _POSE + 8]
+        status = call_chain(forward, table, q[min(first + lane, last)], pose)
+        if status != OK:
+            return status
+        for part in range(4):
+            work[part * LANES + lane] = pose[part]
+        x, y, z = position(pose)
+        work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane] = x, y, z
+    return OK
+
+
 @kernel(MEASURE)
-def measure_kernel(samples, q, command, chain, lower, upper, per_speed, skipped, work, out):
+def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed, skipped, work, out):
     """Write all `NUMBERS` of a run; NaN where one does not exist."""
     count, n, m = q.shape[0], q.shape[1], command.shape[1]
-    turning = all_turn(chain)
+    turning = forward == 0 and all_turn(table)
     zero = Sums(0.0, 0.0, 0.0)
     distance, turn, error = zero, zero, zero
     settled_distance, settled_turn, settled_error = zero, zero, zero
@@ -159,7 +178,10 @@ def measure_kernel(samples, q, command, chain, lower, upper, per_speed, skipped,
     for k in range(count):
         lane = k % LANES
         if lane == 0:
-            status = end_poses(chain, turning, q, k, work)
+            if forward == 0:
+                status = end_poses(table, turning, q, k, work)
+            else:
+                status = _poses_of_task(forward, table, q, k, work)
             if status != OK:
                 return status
             _write_errors(samples, k, work)
@@ -260,7 +282,7 @@ class RunMeasure:
     Parameters
     ----------
     robot
-        The arm or whole body.
+        Any; of trees what their task is.
     limits
         Of its joints and inputs; commands that count from the measured joints have no limits of speed.
 
@@ -277,12 +299,12 @@ class RunMeasure:
     """
 
     def __init__(self, robot: Robot, limits: Limits) -> None:
-        if robot.table.shape != robot.chain.shape:
-            raise ShapeError(f"robot: {robot.name} branches, and numbers are found of single chains only")
-        self._chain = robot.chain
+        is_chain = robot.kernels is ChainRobot.kernels
+        self._forward = 0 if is_chain else robot.kernels.forward.pointer
+        self._table = robot.table
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
         self._per_speed = 1.0 / np.asarray(limits.velocity, dtype=np.float64)
-        self._work = np.zeros(WORK + 10 * LANES)
+        self._work = np.zeros(WORK + 10 * LANES + 8)
 
     def __call__(self, samples: Array, q: Array, command: Array, skipped: int) -> Array:
         """Return all `NUMBERS` of a run of two samples or more; NaN where one does not exist.
@@ -298,10 +320,11 @@ class RunMeasure:
         """
         out = np.full(len(NUMBERS), math.nan)
         status = measure_kernel(
+            self._forward,
             samples,
             q,
             command,
-            self._chain,
+            self._table,
             self._lower,
             self._upper,
             self._per_speed,

@@ -4,6 +4,7 @@ from dqcontrol.moved import names_moved_from
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.description import Description, JointRow, describe
 from dqcontrol.robots.inverse_kinematics import Solution
+from dqcontrol.robots.joined_chains import chain_as_tree
 from dqcontrol.robots.limits import Inertia, Limits, symmetric_limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.load import load_mobile, load_robot, load_tree, robot_names
@@ -52,6 +53,7 @@ __all__ = [
     "TwoArmsFile",
     "WholeBody",
     "WholeBodyFile",
+    "chain_as_tree",
     "describe",
     "load_mobile",
     "load_robot",

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.dh import compose, rotation_x, shift
 from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.link_shapes import carried_shapes, mirrored_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import inverse7, pose7
 
 if TYPE_CHECKING:  # at run time the class comes as an argument: its module imports this one
@@ -32,7 +34,7 @@ def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], nam
             fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", cast(ArrayLike, part)))
     if not arms:
         raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
-    return arm_class(
+    joined = arm_class(
         np.array(fixed),
         [kind for arm in arms for kind in arm.joint_types],
         limits=joined_limits([arm.limits for arm in arms]),
@@ -40,6 +42,14 @@ def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], nam
         name=name or "+".join(arm.name for arm in arms),
         inertia=joined_inertia([arm.inertia for arm in arms]),
     )
+    firsts = np.cumsum([0, *(arm.configuration_size for arm in arms)])
+    if len(arms) == 1:
+        joined.bare = arms[0].bare or arms[0]
+    joined.shapes = shapes_in_a_row(
+        (int(first), carried_shapes(arm.shapes, arm.chain[0, :7], joined.chain[first, :7]))
+        for first, arm in zip(firsts, arms, strict=False)
+    )
+    return joined
 
 
 def up_to(arm_class: type[SerialArm], arm: SerialArm, joint: str | int) -> SerialArm:
@@ -99,14 +109,17 @@ def mirror(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
     for i, kind in enumerate(arm.joint_types):
         if kind == "revolute":
             fixed[i], fixed[i + 1] = compose(fixed[i], turn), compose(inverse7(turn), fixed[i + 1])
-    return arm_class(
+    flips = _mirrored_axes(arm.joint_types)
+    image = arm_class(
         np.array(fixed),
         arm.joint_types,
         limits=arm.limits,
         joint_names=[_other_side(name) for name in arm.joint_names],
         name=arm.name,
-        inertia=arm.inertia and _mirrored_inertia(arm.inertia, arm.joint_types),
+        inertia=arm.inertia and _mirrored_inertia(arm.inertia, flips),
     )
+    image.shapes = mirrored_shapes(arm.shapes, np.vstack([[1.0, -1, 1], flips]))
+    return image
 
 
 def _other_side(name: str) -> str:
@@ -114,12 +127,17 @@ def _other_side(name: str) -> str:
     return re.sub("left|right", lambda side: "right" if side[0] == "left" else "left", name)
 
 
-def _mirrored_inertia(inertia: Inertia, joint_types: Sequence[str]) -> Inertia:
-    flips = [
-        np.array([1.0, -1, 1]) * (np.array([1.0, -1, -1]) if kind == "revolute" else 1.0)
-        for kind in joint_types
-    ]
-    flip = np.array(flips)
+def _mirrored_axes(joint_types: Sequence[str]) -> Array:
+    """Return the signs of the axes of each joint's frame in the mirror image."""
+    return np.array(
+        [
+            np.array([1.0, -1, 1]) * (np.array([1.0, -1, -1]) if kind == "revolute" else 1.0)
+            for kind in joint_types
+        ]
+    )
+
+
+def _mirrored_inertia(inertia: Inertia, flip: Array) -> Inertia:
     return Inertia(inertia.mass, inertia.center * flip, inertia.tensor * flip[:, :, None] * flip[:, None, :])
 
 

@@ -1,4 +1,4 @@
-"""Shapes of a URDF file's links, and the pairs of them that are worth keeping apart."""
+"""Shapes of the links of URDF and MJCF files, and the pairs of them that are worth keeping apart."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule
 from dqcontrol.geometry import distance_kernels as kernels
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.mesh_files import mesh_file, missing_note
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.mjcf_geometry import Geom, mjcf_geoms
+from dqcontrol.robots.robot import PlacedLinks, Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.urdf_xml import CheckedXml
 
+_INSIDE = 0.994  # of a ball of 642 corners: radius of the ball that fits inside it
 _TOUCHING = 0.002  # m: pairs that never come nearer are not looked after
 _APART = 0.02  # m: pairs that are nearly always nearer are made of parts of one thing
 _ALWAYS = 0.95  # of all samples
@@ -69,38 +71,120 @@ class SampledPair:
     reason: str
 
 
-def collision_shapes(arm: SerialArm) -> list[FittedShape]:
-    """Return shapes of the links of an arm that was read from a URDF file: primitives as they are, capsules of meshes.
+def collision_shapes(robot: Robot) -> list[FittedShape]:
+    """Return shapes of the links of a robot that was read from a URDF or MJCF file: primitives, capsules of meshes.
 
-    A cylinder becomes the capsule of its radius with its flat ends inside. A mesh becomes the smallest capsule around
-    it that `bounding_capsule` finds. Balls inside of a capsule of the same link are left out.
+    A cylinder becomes the capsule of its radius with its flat ends inside. A mesh, and an ellipsoid, becomes the
+    smallest capsule around it that `bounding_capsule` finds. Balls inside of a capsule of the same link are left out,
+    and so is what an MJCF file lets touch nothing.
 
     Raises
     ------
     ShapeError
-        If the arm has no file.
+        If the robot has no file.
     FileFormatError
         If the file has no collision shapes, or a mesh is not found.
     """
-    if arm.urdf is None:
-        raise ShapeError(f"{arm.name}: was not read from a URDF file, which has collision shapes")
-    path, base_link = arm.urdf
+    if isinstance(robot, SerialArm) and robot.urdf is not None:
+        parts = _parts_of_urdf_arm(robot, *robot.urdf)
+    elif robot.placed_links is not None:
+        path = robot.placed_links.path
+        parts = (
+            _parts_of_mjcf(robot.placed_links)
+            if path.suffix == ".xml"
+            else _parts_of_urdf(robot.placed_links)
+        )
+    else:
+        raise ShapeError(f"{robot.name}: was not read from a URDF or MJCF file, which have collision shapes")
+    found: list[FittedShape] = []
+    for own in parts:
+        found += [each for each in own if not _is_inside(each, own)]
+    if not found:
+        file = robot.urdf[0] if isinstance(robot, SerialArm) and robot.urdf else robot.placed_links.path  # type: ignore[union-attr]
+        raise FileFormatError(f"{file}: its links have no collision shapes")
+    return found
+
+
+def _parts_of_urdf_arm(arm: SerialArm, path: Path, base_link: str) -> Iterator[list[FittedShape]]:
+    """Yield the shapes of each link."""
     tree = UrdfTree(CheckedXml(path))
     frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
     homes = [np.eye(4), *(algebra.matrix_from_pose(frame) for frame in frames)]
     places = {link: (place, carrier) for link, place, carrier in tree.places(arm.joint_names)}
     to_base = np.linalg.inv(places[base_link][0])
-    found: list[FittedShape] = []
     for link, (place, carrier) in places.items():
-        own: list[FittedShape] = []
-        for k, part in enumerate(tree.links[link].collisions):
-            at = np.linalg.inv(homes[carrier]) @ to_base @ place @ origin_matrix(part)
-            name = link if len(tree.links[link].collisions) == 1 else f"{link}.{k + 1}"
-            own.append(_fitted(path, name, carrier, part.geometry, at))
-        found += [each for each in own if not _is_inside(each, own)]
-    if not found:
-        raise FileFormatError(f"{path}: its links have no collision shapes")
-    return found
+        yield _shapes_of_link(
+            path, tree.links[link], carrier, np.linalg.inv(homes[carrier]) @ to_base @ place
+        )
+
+
+def _parts_of_urdf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
+    """Yield the shapes of each link."""
+    links = UrdfTree(CheckedXml(placed.path)).links
+    for name, frame in placed.frames.items():
+        if name in links:
+            yield _shapes_of_link(placed.path, links[name], frame.joint + 1, _matrix(frame.pose))
+
+
+def _shapes_of_link(path: Path, link: Any, carrier: int, place: Array) -> list[FittedShape]:
+    several = len(link.collisions) > 1
+    return [
+        _fitted(
+            path,
+            f"{link.name}.{k + 1}" if several else link.name,
+            carrier,
+            part.geometry,
+            place @ origin_matrix(part),
+        )
+        for k, part in enumerate(link.collisions)
+    ]
+
+
+def _parts_of_mjcf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
+    """Yield the shapes of each body."""
+    geoms = [geom for geom in mjcf_geoms(placed.path) if geom.collides]
+    for name, frame in placed.frames.items():
+        yield [
+            _fitted_geom(geom, frame.joint + 1, _matrix(frame.pose) @ geom.place)
+            for geom in geoms
+            if geom.body == name
+        ]
+
+
+def _fitted_geom(geom: Geom, frame: int, at: Array) -> FittedShape:
+    turn, middle, size = at[:3, :3], at[:3, 3], geom.size
+    if geom.kind == "sphere":
+        return FittedShape(LinkShape(geom.name, frame, Sphere(middle, size[0])), "sphere", 1.0)
+    if geom.kind == "box":
+        box = Box(algebra.pose(algebra.rotation_from_matrix(turn), middle), 2 * size)
+        return FittedShape(LinkShape(geom.name, frame, box), "box", 1.0)
+    if geom.kind in ("capsule", "cylinder"):
+        along = size[1] * turn[:, 2]
+        capsule = Capsule(middle - along, middle + along, size[0])
+        own = capsule.volume if geom.kind == "capsule" else 2 * np.pi * size[0] ** 2 * size[1]
+        return FittedShape(LinkShape(geom.name, frame, capsule), geom.kind, capsule.volume / own)
+    vertices, volume = geom.vertices, 0.0
+    if geom.kind == "ellipsoid":
+        ball = _unit_ball()
+        vertices, volume = ball.vertices * size / _INSIDE, 4 / 3 * np.pi * float(np.prod(size))
+    else:
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(vertices)
+        vertices, volume = vertices[hull.vertices], hull.volume
+    capsule = bounding_capsule(vertices @ turn.T + middle)
+    return FittedShape(LinkShape(geom.name, frame, capsule), geom.kind, capsule.volume / max(volume, 1e-12))
+
+
+def _unit_ball() -> Any:
+    """Return a ball of radius 1 as a mesh with corners on it."""
+    import trimesh
+
+    return trimesh.creation.icosphere(3)
+
+
+def _matrix(place: Array) -> Array:
+    return algebra.matrix_from_pose(algebra.pose(place[:4], place[4:]))
 
 
 def _fitted(path: Path, name: str, frame: int, geometry: Any, at: Array) -> FittedShape:
@@ -174,25 +258,35 @@ def sampled_pairs(
     high = np.minimum(robot.limits.upper, math.pi)
     q = rng.uniform(low, high, (samples, robot.configuration_size))
     rows = [_moved_rows(robot, q, shape) for shape in shapes]
-    carrying = sorted({each.frame for each in shapes})
+    neighbours = _neighbours(robot, {each.frame for each in shapes})
     return [
-        _sampled_pair(a, b, shapes, rows, carrying)
+        _sampled_pair(a, b, shapes, rows, neighbours)
         for a in range(len(shapes))
         for b in range(a + 1, len(shapes))
         if shapes[a].frame != shapes[b].frame
     ]
 
 
+def _neighbours(robot: Robot, carrying: set[int]) -> set[frozenset[int]]:
+    """Return the pairs of frames with shapes of which one carries the other, with no third between them."""
+    found = set()
+    for frame in carrying - {0}:
+        above = int(robot.parents[frame - 1]) + 1
+        while above and above not in carrying:
+            above = int(robot.parents[above - 1]) + 1
+        found.add(frozenset((frame, above)))
+    return found
+
+
 def _sampled_pair(
-    a: int, b: int, shapes: tuple[LinkShape, ...], rows: list[Array], carrying: list[int]
+    a: int, b: int, shapes: tuple[LinkShape, ...], rows: list[Array], neighbours: set[frozenset[int]]
 ) -> SampledPair:
     out = np.empty((len(rows[a]), kernels.FOUND))
     kernels.distances(rows[a], rows[b], out)
     distance = out[:, kernels.DISTANCE]
     least, colliding = float(distance.min()), float((distance < 0).mean())
-    places = [carrying.index(shapes[k].frame) for k in (a, b)]
     reason = ""
-    if abs(places[0] - places[1]) == 1:
+    if frozenset((shapes[a].frame, shapes[b].frame)) in neighbours:
         reason = "neighbours"
     elif colliding > _ALWAYS:
         reason = f"overlap in {100 * colliding:.0f} % of samples"

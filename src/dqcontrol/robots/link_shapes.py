@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Shape, Sphere
+from dqcontrol.robots.dh import compose
+from dqcontrol.robots.poses import inverse7
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -25,7 +28,7 @@ class LinkShape:
     name
         Of the shape; several of one link have one name each.
     frame
-        0 for what stands still, k for what moves with coordinate k, counted from 1: row k − 1 of `Robot.frames`.
+        0 for what stands still, k for what moves with joint k, counted from 1: row k − 1 of `Robot.frames`.
     shape
         In that frame.
     """
@@ -104,3 +107,58 @@ class LinkShapes:
         later = tuple(LinkShape(prefix + each.name, each.frame + shift, each.shape) for each in other.shapes)
         moved = tuple((a + first, b + first) for a, b in other.pairs)
         return LinkShapes((*self.shapes, *later), (*self.pairs, *moved, *pairs))
+
+
+def shapes_in_a_row(parts: Iterable[tuple[int, LinkShapes | None]]) -> LinkShapes | None:
+    """Return the shapes of parts that stand on each other, each with the number of its first coordinate.
+
+    Those of different parts are kept apart unless they are neighbours: what stands on a part, and that.
+    """
+    found = LinkShapes(())
+    for first, own in parts:
+        if own is not None:
+            prefix = "" if set(own.names).isdisjoint(found.names) else f"{first}."
+            count = len(found.shapes)
+            pairs = [
+                (a, count + b)
+                for a, before in enumerate(found.shapes)
+                for b, later in enumerate(own.shapes)
+                if before.frame > 0 and later.frame > 1
+            ]
+            found = found.joined(own, first, prefix, pairs)
+    return found if found.shapes else None
+
+
+def carried_shapes(shapes: LinkShapes | None, before: Array, after: Array) -> LinkShapes | None:
+    """Return an arm's shapes where the pose (7,) of its first joint became another, as something carries its base."""
+    if shapes is None or np.array_equal(before, after):
+        return shapes
+    place = compose(after, inverse7(before))
+    move = algebra.pose(place[:4], place[4:])
+    moved = tuple(
+        each if each.frame else LinkShape(each.name, 0, each.shape.moved(move)) for each in shapes.shapes
+    )
+    return LinkShapes(moved, shapes.pairs)
+
+
+def mirrored_shapes(shapes: LinkShapes | None, flips: Array) -> LinkShapes | None:
+    """Return shapes in frames whose axes are reflected: a sign of each axis of each frame (0: the base's)."""
+    if shapes is None:
+        return None
+    return LinkShapes(
+        tuple(
+            LinkShape(each.name, each.frame, _flipped(each.shape, flips[each.frame]))
+            for each in shapes.shapes
+        ),
+        shapes.pairs,
+    )
+
+
+def _flipped(shape: Sphere | Capsule | Box, flip: Array) -> Sphere | Capsule | Box:
+    if isinstance(shape, Sphere):
+        return Sphere(shape.center * flip, shape.radius)
+    if isinstance(shape, Capsule):
+        return Capsule(shape.start * flip, shape.end * flip, shape.radius)
+    center, rotation = shape.row[4:7], shape.row[7:].reshape(3, 3)
+    turned = algebra.rotation_from_matrix(flip[:, None] * rotation * flip)
+    return Box(algebra.pose(turned, center * flip), shape.size)

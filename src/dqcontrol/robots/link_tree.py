@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -16,8 +17,9 @@ from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, TreeJoints, TreeRobot
+from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
 
 LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating"]
 _FLOATING = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic"), ("yaw", "revolute"), ("pitch", "revolute"),
@@ -157,7 +159,7 @@ class LinkTree:
             if base in (None, self.root)
             else PoseTask("relative", (first, str(base)))
         )
-        return TreeRobot(
+        robot = TreeRobot(
             TreeJoints(
                 *(np.array(values) for values in zip(*rows, strict=True)),
                 names=tuple(joint.name for joint in free),
@@ -170,6 +172,8 @@ class LinkTree:
             inertia=_lumped(parts, len(rows)),
             name=self.name,
         )
+        robot.placed_links = PlacedLinks(Path(self.where), frames)
+        return robot
 
     def chain(self, base: str | None = None, tip: str | None = None) -> SerialArm:
         """Return the serial chain between two links, without those beside it but with their masses.
@@ -215,7 +219,16 @@ class LinkTree:
             limits=Limits(*limits.T),
             joint_names=[joint.name for joint in moving],
             name=self.name,
-            inertia=self._chain_inertia(moving),
+        )
+        _, at, parts = self._placed(self.joints, moving, self.root, offsets_after=True)
+        arm.inertia = _lumped(parts, len(moving))
+        stand = inverse7(at[start][1])
+        arm.placed_links = PlacedLinks(
+            Path(self.where),
+            {
+                link: NamedFrame(row, pose if row >= 0 else compose(stand, pose))
+                for link, (row, pose) in at.items()
+            },
         )
         arm.links = (start, *(joint.child for joint in path))
         return arm
@@ -298,13 +311,19 @@ class LinkTree:
         return out
 
     def _placed(
-        self, joints: Sequence[LinkJoint], moving: Sequence[LinkJoint], root: str
+        self,
+        joints: Sequence[LinkJoint],
+        moving: Sequence[LinkJoint],
+        root: str,
+        *,
+        offsets_after: bool = False,
     ) -> tuple[
         list[tuple[int, Array]], dict[str, tuple[int, Array]], dict[int, list[tuple[Array, LinkBody]]]
     ]:
         """Return where moving joints and links stand, and the bodies that each moving joint carries.
 
-        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero.
+        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero. The
+        joints of a chain turn by q alone: their offsets come after that.
         """
         rows = {joint.name: i for i, joint in enumerate(moving)}
         stands = [(-1, shift())] * len(moving)
@@ -315,7 +334,7 @@ class LinkTree:
             pose = compose(pose, joint.fixed)
             if joint.name in rows:
                 stands[rows[joint.name]] = row, pose
-                row, pose = rows[joint.name], shift()
+                row, pose = rows[joint.name], _screw(joint, joint.offset) if offsets_after else shift()
             else:
                 pose = compose(pose, _at_zero(joint))
             pose = compose(pose, joint.link)
@@ -323,11 +342,6 @@ class LinkTree:
             if row >= 0 and joint.child in self.bodies:
                 parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
         return stands, at, parts
-
-    def _chain_inertia(self, moving: Sequence[LinkJoint]) -> Inertia | None:
-        """Return the body of each joint of a chain: what it carries, with the joints of other branches at zero."""
-        _, _, parts = self._placed(self.joints, moving, self.root)
-        return _lumped(parts, len(moving))
 
 
 def _at_zero(joint: LinkJoint) -> Array:

@@ -59,7 +59,7 @@ def mjcf_tree(path: str | Path) -> LinkTree:
     FileFormatError
         If MuJoCo cannot read it, or it has something that a tree of hinges and slides cannot hold: it is named.
     """
-    return _Reader(path).tree()
+    return MjcfFile(path).tree()
 
 
 def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
@@ -70,7 +70,7 @@ def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
     MissingExtraError, FileFormatError
         As for `mjcf_tree`.
     """
-    reader = _Reader(path)
+    reader = MjcfFile(path)
     model, found = reader.model, {}
     for i in range(model.nu):
         kp, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
@@ -96,7 +96,7 @@ def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
     MissingExtraError, FileFormatError
         As for `mjcf_tree`.
     """
-    reader = _Reader(path)
+    reader = MjcfFile(path)
     model, kinds, found = reader.model, reader.mujoco.mjtGeom, {}
     for i in range(model.ngeom):
         kind, size = kinds(int(model.geom_type[i])), model.geom_size[i]
@@ -112,7 +112,7 @@ def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
     return found
 
 
-class _Reader:
+class MjcfFile:
     """A compiled MJCF file, and where in it everything is."""
 
     def __init__(self, path: str | Path) -> None:
@@ -129,21 +129,30 @@ class _Reader:
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
 
     def name(self, kind: str, index: int) -> str:
+        """Return the name of an object, or its kind and number."""
         found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return found or f"{kind.lower()}_{index}"
 
+    @property
+    def body_names(self) -> list[str]:
+        """Names of the bodies, by their numbers."""
+        return ["world", *(self.name("BODY", b) for b in range(1, self.model.nbody))]
+
     def joint_name(self, index: int) -> str:
+        """Return the name of a joint."""
         return self.name("JOINT", index)
 
     def refuse(self, what: str, text: str, element: Any = None) -> FileFormatError:
+        """Return an error about an element, with its line."""
         info = re.search(r"line (\d+)", getattr(element, "info", "") or "")
         line = f":{info[1]}" if info and info[1] != "0" else ""
         return FileFormatError(f"{self.path}{line}: {what}: {text}")
 
     def tree(self) -> LinkTree:
+        """Return its bodies and joints."""
         model = self.model
         follows = self._equalities()
-        names = ["world", *(self.name("BODY", b) for b in range(1, model.nbody))]
+        names = self.body_names
         joints: list[LinkJoint] = []
         for body in range(1, model.nbody):
             joints += self._body_joints(body, names, follows)

@@ -7,6 +7,9 @@ about its z axis as in `kinematics_kernels`, by multiplier · q[coordinate] + of
 itself.
 Joints that share a coordinate add to one column.
 
+The centre of mass has any number of paths, one to the centre of each body, whose last row has that body's share of the
+mass as its multiplier. Its pose has no orientation.
+
 A tree is a table of such rows, too, after a first that says how many coordinates there are: of all joints, parents
 first, then of its frames, whose kind is `FIXED`.
 
@@ -35,6 +38,7 @@ from dqcontrol.compiled.compile import (
     WRONG_SIZE,
     inline,
     kernel,
+    shared,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.kinematics_kernels import (
@@ -53,7 +57,7 @@ from dqcontrol.robots.kinematics_kernels import (
 )
 from dqcontrol.robots.sin_cos import FARTHEST, sines_cosines
 
-FRAME, RELATIVE, MIDPOINT, SCREW = range(4)
+FRAME, RELATIVE, MIDPOINT, SCREW, CENTER_OF_MASS = range(5)
 KIND, SIGN, FIRST_ROWS, SECOND_ROWS, COORDINATES = range(5)  # of the first row
 COORDINATE, INPUT_COLUMN, MULTIPLIER, OFFSET = range(8, 12)  # of the others
 PARENT = 12  # of rows of a tree; −1: the base
@@ -274,12 +278,61 @@ def _midpoint_columns(k, p1, p2, first, second):
 
 
 @inline
+def _path_rows(task, begin):
+    """Return where the path that begins in a row ends."""
+    end = begin
+    while task[end, 7] != FIXED:
+        end += 1
+    return end + 1
+
+
+@inline
+def _center_of_mass(task, q, pose):
+    """Write the centre of mass as a pose; return NaN where q is not finite."""
+    x, y, z, check, begin = 0.0, 0.0, 0.0, 0.0, 1
+    while begin < task.shape[0]:
+        end = _path_rows(task, begin)
+        share = task[end - 1, MULTIPLIER]
+        _, p, bad = _path_end(task[begin:end], q)
+        x, y, z, check = x + share * p[0], y + share * p[1], z + share * p[2], check + bad
+        begin = end
+    _store((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
+    return check
+
+
+@inline
+def _center_of_mass_columns(task, q, pose, twist_jacobian, workspace):
+    """Write the centre of mass, and the Jacobian of ṗ, which is its twist; return NaN where q is not finite."""
+    m = twist_jacobian.shape[1]
+    own = as_matrix(workspace[0 : 6 * m], 6, m)
+    for k in range(6):
+        for j in range(m):
+            twist_jacobian[k, j] = 0.0
+    x, y, z, check, begin = 0.0, 0.0, 0.0, 0.0, 1
+    while begin < task.shape[0]:
+        end = _path_rows(task, begin)
+        share = task[end - 1, MULTIPLIER]
+        _, p, bad = _path(task[begin:end], q, own, workspace[6 * m :])
+        x, y, z, check = x + share * p[0], y + share * p[1], z + share * p[2], check + bad
+        for j in range(m):
+            a, b, c = own[0, j], own[1, j], own[2, j]
+            twist_jacobian[3, j] += share * (own[3, j] + b * p[2] - c * p[1])
+            twist_jacobian[4, j] += share * (own[4, j] + c * p[0] - a * p[2])
+            twist_jacobian[5, j] += share * (own[5, j] + a * p[1] - b * p[0])
+        begin = end
+    _store((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
+    return check
+
+
+@inline
 def task_pose(task, q, pose):
     """Write the pose of a task."""
     head = task[0]
     if q.shape[0] != int(head[COORDINATES]):
         return WRONG_SIZE
     kind, middle = int(head[KIND]), 1 + int(head[FIRST_ROWS])
+    if kind == CENTER_OF_MASS:
+        return OK if _center_of_mass(task, q, pose) == 0.0 else NOT_FINITE
     r1, p1, check = _path_end(task[1:middle], q)
     if kind == FRAME:
         _store(r1, p1, pose)
@@ -298,6 +351,8 @@ def task_twist_kinematics(task, q, pose, twist_jacobian, workspace):
     if q.shape[0] != int(head[COORDINATES]) or workspace.shape[0] < 8 * m:
         return WRONG_SIZE
     kind, middle = int(head[KIND]), 1 + int(head[FIRST_ROWS])
+    if kind == CENTER_OF_MASS:
+        return OK if _center_of_mass_columns(task, q, pose, twist_jacobian, workspace) == 0.0 else NOT_FINITE
     r1, p1, check = _path(task[1:middle], q, twist_jacobian, workspace)
     if kind == FRAME:
         _store(r1, p1, pose)
@@ -364,8 +419,8 @@ def hand_kinematics(task, q, out):
     return status
 
 
-@kernel(CHAIN)
-def tree_frames(tree, q, out):
+@shared
+def place_tree(tree, q, out):
     """Write the pose of each row of a tree, after its screw: 8 numbers a row."""
     if q.shape[0] != int(tree[0, COORDINATES]):
         return WRONG_SIZE
@@ -389,3 +444,9 @@ def tree_frames(tree, q, out):
             )
         store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(CHAIN)
+def tree_frames(tree, q, out):
+    """Write what `place_tree` does."""
+    return place_tree(tree, q, out)

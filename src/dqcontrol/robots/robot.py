@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +18,20 @@ from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
+
+
+class NamedFrame(NamedTuple):
+    """A frame that is fixed to a joint (−1: to the base): the pose (7,) in the frame of the joint after its screw."""
+
+    joint: int
+    pose: Array
+
+
+class PlacedLinks(NamedTuple):
+    """The links of a URDF or MJCF file, and where each is on the robot that was made of it."""
+
+    path: Path
+    frames: Mapping[str, NamedFrame]
 
 
 class Robot(InverseKinematics):
@@ -42,6 +59,8 @@ class Robot(InverseKinematics):
         Name or file, base and tip link that `load_robot` made it of; None of one made in Python.
     shapes
         Of its links, and which of them are kept apart; None if unknown.
+    placed_links
+        Where the links of its file are, by which it finds their shapes; None of one without.
     drives
         One row [index of x, displacement, wheel radius, half track, least turning radius, lever of the fastest rim] a
         base that cannot move sideways, m, shape (k, 6).
@@ -54,6 +73,7 @@ class Robot(InverseKinematics):
     drives: Array
     origin: tuple[str, str | None, str | None] | None = None
     shapes: LinkShapes | None = None
+    placed_links: PlacedLinks | None = None
 
     @property
     def bases(self) -> tuple[tuple[int, str], ...]:

@@ -46,6 +46,8 @@ class SerialArm(Robot):
     ----------
     urdf
         The URDF file that it came from and the link in whose frame its poses are, for pictures; None without.
+    bare
+        Of an arm that `join` gave a base or a tool: the same without, as its file has it, for pictures; None of others.
 
     Raises
     ------
@@ -86,6 +88,7 @@ class SerialArm(Robot):
         chain[:, :4] /= norms[:, None]
         chain[:n, 7] = [JOINT_TYPES.index(kind) for kind in joint_types]
         self.urdf: tuple[Path, str] | None = None
+        self.bare: SerialArm | None = None
         self.links: tuple[str, ...] = ()  # of that file, from base to tip
         self.name: str = name or "arm"
         self._keep_chain(chain)

@@ -15,7 +15,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import pose_task_kernels as task_kernels
+from dqcontrol.robots.axes import z_onto
 from dqcontrol.robots.chain_robot import Kinematics, RobotKernels
+from dqcontrol.robots.dh import compose
 from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.inverse_kinematics import (
     Problem,
@@ -27,6 +29,7 @@ from dqcontrol.robots.inverse_kinematics import (
 from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.pose_task_kernels import (
+    CENTER_OF_MASS,
     COLUMNS,
     COORDINATE,
     COORDINATES,
@@ -45,13 +48,13 @@ from dqcontrol.robots.pose_task_kernels import (
     SIGN,
 )
 from dqcontrol.robots.poses import positions, unit_poses
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import NamedFrame, Robot
 from dqcontrol.robots.tree_inverse_kernels import solve_tasks, task_solver_work
 
 Root: TypeAlias = Literal["midpoint", "screw"]
-TaskKind: TypeAlias = Literal["frame", "relative", "absolute"]
+TaskKind: TypeAlias = Literal["frame", "relative", "absolute", "center_of_mass"]
 
-_BASE = "base"
+_BASE, _MASS = "base", "center_of_mass"
 
 
 @dataclass(frozen=True)
@@ -62,32 +65,41 @@ class PoseTask:
     ----------
     kind
         ``"frame"``: the pose of a frame. ``"relative"``: x₂*x₁, the first frame seen from the second. ``"absolute"``:
-        what two frames have in common, x₂ (x₂*x₁)^½.
+        what two frames have in common, x₂ (x₂*x₁)^½. ``"center_of_mass"``: that of all that moves, without orientation.
     frames
-        One or two names.
+        One or two names; none for the centre of mass.
     root
         Of absolute poses. ``"midpoint"``: position and orientation are halved apart, so that the position is midway
         between both frames. [Adorno 2011] ``"screw"``: both lie half a screw motion away, symmetrically.
     sign
         Given to x₂*x₁ before the root: 1, −1, or 0 for the short way round at each configuration. With the other sign
         the absolute pose is turned by half a turn about the axis between the frames.
+    point, axis
+        A point in the first frame, m, in place of its origin, and a direction there that is taken for its z axis.
     """
 
     kind: TaskKind
     frames: tuple[str, ...]
     root: Root = "midpoint"
     sign: Literal[-1, 0, 1] = 0
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
+        for field in ("point", "axis"):
+            as_array(f"task.{field}", getattr(self, field), (3,))
+        if not np.linalg.norm(self.axis) > 1e-12:
+            raise ValueRangeError(f"task.axis: must not be zero, got {list(self.axis)}")
         for field, allowed in (("kind", TaskKind), ("root", Root)):
             if getattr(self, field) not in get_args(allowed):
                 raise unknown_name(f"task.{field}", str(getattr(self, field)), get_args(allowed))
-        wanted = 1 if self.kind == "frame" else 2
+        wanted = {"frame": 1, "center_of_mass": 0}.get(self.kind, 2)
         if len(self.frames) != wanted:
             raise ShapeError(
-                f"task: {self.kind} needs {wanted} frame{'s' * (wanted > 1)}, got {', '.join(self.frames) or 'none'}"
+                f"task: {self.kind} needs {wanted or 'no'} frame{'s' * (wanted > 1)}, got "
+                f"{', '.join(self.frames) or 'none'}"
             )
-        if self.kind != "frame" and self.frames[0] == self.frames[1]:
+        if wanted == 2 and self.frames[0] == self.frames[1]:
             raise ShapeError(f"task: {self.kind} needs two different frames, got '{self.frames[0]}' twice")
         if self.sign not in (-1, 0, 1):
             raise ValueRangeError(f"task.sign: must be -1, 0 or 1, got {self.sign!r}")
@@ -95,7 +107,22 @@ class PoseTask:
     @property
     def label(self) -> str:
         """What it is called in tables: ``left``, ``left seen from right``, ``left and right``."""
-        return {"frame": "", "relative": " seen from ", "absolute": " and "}[self.kind].join(self.frames)
+        if self.kind == "center_of_mass":
+            return "centre of mass"
+        words = {"frame": "", "relative": " seen from ", "absolute": " and "}[self.kind].join(self.frames)
+        return words if self.on_frame else f"point of {words}"
+
+    @property
+    def on_frame(self) -> bool:
+        """Whether it is of the first frame as that is, without another point or axis."""
+        return self.point == (0.0, 0.0, 0.0) and self.axis == (0.0, 0.0, 1.0)
+
+    @property
+    def offset(self) -> Array:
+        """Pose (7,) of point and axis in the first frame."""
+        axis = np.asarray(self.axis, np.float64)
+        turn = z_onto(axis / np.linalg.norm(axis))
+        return np.array([*turn[:4], *self.point])
 
 
 class TreeJoints(NamedTuple):
@@ -133,13 +160,6 @@ class TreeJoints(NamedTuple):
             rows.append(joint)
             joint = int(self.parent[joint])
         return rows[::-1]
-
-
-class NamedFrame(NamedTuple):
-    """A frame that is fixed to a joint (−1: to the base): the pose (7,) in the frame of the joint after its screw."""
-
-    joint: int
-    pose: Array
 
 
 class TreeRobot(Robot):
@@ -227,6 +247,17 @@ class TreeRobot(Robot):
         return self._tree[1:, PARENT].astype(np.intp)
 
     @property
+    def joint_table(self) -> Array:
+        """The rows of all joints as compiled code reads them, after a first one; see `pose_task_kernels`."""
+        return self._tree[: 1 + len(self.joints.kind)]
+
+    @property
+    def table_with_hands(self) -> Array:
+        """Those rows, and those of the frames of the task."""
+        hands = [self.named_frames[name] for name in self.task.frames]
+        return np.vstack([self.joint_table, *(_frame_row(hand.pose, hand.joint) for hand in hands)])
+
+    @property
     def row_coordinates(self) -> NDArray[np.intp]:
         """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
         return self.joints.coordinate
@@ -287,8 +318,12 @@ class TreeRobot(Robot):
         return robot
 
     def as_task(self, task: PoseTask | str) -> PoseTask:
-        """Return a task, also of a frame's name."""
-        return task if isinstance(task, PoseTask) else PoseTask("frame", (str(task),))
+        """Return a task, also of a frame's name, or of ``"center_of_mass"``."""
+        if isinstance(task, PoseTask):
+            return task
+        if task == _MASS and task not in self.named_frames:
+            return PoseTask(_MASS, ())
+        return PoseTask("frame", (str(task),))
 
     def from_start(self, q: Array) -> TreeRobot:
         """Return the robot for a run from a configuration: the sign of the relative pose is kept from there on."""
@@ -468,6 +503,11 @@ class TreeRobot(Robot):
         return self._tables[wanted]
 
     def _choose(self, task: PoseTask) -> None:
+        if task.kind == _MASS:
+            raise ValueRangeError(
+                "task: the centre of mass has no orientation, so no law drives it alone; put it beside the law's task "
+                "(tasks: [{task: center_of_mass, gain: …}])"
+            )
         self.task = task
         self._keep_table(self.table_of(task))
 
@@ -511,6 +551,8 @@ class TreeRobot(Robot):
 
     def _task_table(self, task: PoseTask) -> Array:
         """Return the table of a task; a relative one leaves out the joints that carry both frames."""
+        if task.kind == _MASS:
+            return self._mass_table()
         frames = [self._frame(name) for name in task.frames]
         paths = [self.joints.path(frame.joint) for frame in frames]
         if task.kind == "relative":
@@ -524,12 +566,27 @@ class TreeRobot(Robot):
             np.vstack([self._rows_of(path), _frame_row(frame.pose, frame.joint)])
             for path, frame in zip(paths, frames, strict=True)
         ]
+        if not task.on_frame:
+            parts[0][-1, :7] = compose(parts[0][-1, :7], task.offset)
         head = np.zeros((1, COLUMNS))
         head[0, KIND] = _KINDS[task.kind, task.root if task.kind == "absolute" else ""]
         head[0, SIGN], head[0, COORDINATES] = task.sign, self.configuration_size
         head[0, FIRST_ROWS] = len(parts[0])
         head[0, SECOND_ROWS] = len(parts[1]) if len(parts) > 1 else 0
         return np.vstack([head, *parts])
+
+    def _mass_table(self) -> Array:
+        """Return the table of the centre of mass: a path to each body that a joint moves."""
+        if self.inertia is None:
+            raise ValueRangeError(f"task: {self.name} has no inertia, so its centre of mass is unknown")
+        head = np.zeros((1, COLUMNS))
+        head[0, KIND], head[0, COORDINATES] = CENTER_OF_MASS, self.configuration_size
+        parts = [head]
+        for row in np.flatnonzero(self.inertia.mass):
+            body = _frame_row(np.array([1.0, 0, 0, 0, *self.inertia.center[row]]), int(row))
+            body[0, MULTIPLIER] = self.inertia.mass[row] / self.inertia.mass.sum()
+            parts += [self._rows_of(self.joints.path(int(row))), body]
+        return np.vstack(parts)
 
 
 def seen_from(frame: str, base: str | None) -> PoseTask:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.chains import joined_inertia, joined_limits
-from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.dh import shift
 from dqcontrol.robots.driving import DRIVE_COLUMNS
+from dqcontrol.robots.joined_chains import distinct_names, joined_chains
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.tree_robot import NamedFrame, PoseTask, Root, TaskKind, TreeJoints, TreeRobot
+from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot
 
 TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
 _LEFT, _RIGHT = "left", "right"
@@ -83,7 +85,7 @@ class TwoArms(TreeRobot):
                 raise ShapeError(f"{field}: {part.name} is a tree already; choose two of its frames instead")
         self.left, self.right, self.base = left, right, base
         known = {label: part for label, part in parts.items() if part is not None}
-        joints, frames = _joined(known)
+        joints, frames = joined_chains(known)
         robots = list(known.values())
         offsets = np.cumsum([0, *(robot.configuration_size for robot in robots)])
         drives = [
@@ -94,7 +96,7 @@ class TwoArms(TreeRobot):
             joints,
             frames,
             self._named_task(task, root),
-            joint_names=_distinct({label: robot.joint_names for label, robot in known.items()}),
+            joint_names=distinct_names({label: robot.joint_names for label, robot in known.items()}),
             joint_types=[kind for robot in robots for kind in robot.joint_types],
             limits=joined_limits([robot.limits for robot in robots]),
             input_coordinates=np.concatenate(
@@ -104,7 +106,8 @@ class TwoArms(TreeRobot):
             inertia=joined_inertia([robot.inertia for robot in robots]),
             name=name or "+".join(robot.name for robot in robots),
         )
-        self.input_names = tuple(_distinct({label: robot.input_names for label, robot in known.items()}))
+        self.shapes = _joined_shapes(known)
+        self.input_names = tuple(distinct_names({label: robot.input_names for label, robot in known.items()}))
         self._relative = self.table_of(self._named_task("relative", "midpoint"))
         self._short, self._positive, self._negative = (
             {
@@ -159,10 +162,10 @@ class TwoArms(TreeRobot):
         if sign is None and root in self._short:
             return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])
 
-        def pose(rows: ArrayLike, table: Array) -> Array:
+        def absolute(rows: ArrayLike, table: Array) -> Array:
             return self._map(self.kernels.forward, rows, self.configuration_size, 8, table)
 
-        return self._by_sign(pose, q, root, sign)
+        return self._by_sign(absolute, q, root, sign)
 
     def relative_pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J with vec8(ẋ_r) = J u, shape (…, 8, m)."""
@@ -226,33 +229,22 @@ class TwoArms(TreeRobot):
         return PoseTask(cast(TaskKind, task), (_LEFT, _RIGHT), cast(Root, root))
 
 
-def _joined(parts: dict[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]:
-    """Return the joints of a base and of two chains at its end, and the frame at the end of each."""
-    rows: list[tuple[Any, ...]] = []
-    frames, coordinates, inputs = {}, 0, 0
-    start, mount = -1, shift()
+def _joined_shapes(parts: dict[str, Robot]) -> LinkShapes | None:
+    """Return the shapes of all parts, ``left/NAME``; those of one arm are kept apart from those of the other."""
+    found, owners, pairs = [], [], []
+    first, start, mount = 0, 0, shift()
     for label, part in parts.items():
-        columns = np.full(part.configuration_size, -1)
-        columns[part.input_coordinates] = inputs + np.arange(part.input_size)
-        parent, fixed = start, mount
-        for i in range(part.configuration_size):
-            row = part.chain[i]
-            at = compose(fixed, row[:7]) if i == 0 else row[:7]
-            rows.append((at, row[7], parent, coordinates + i, columns[i], 1.0, 0.0))
-            parent, fixed = len(rows) - 1, shift()
-        end = compose(fixed, part.chain[-1, :7])
-        frames[label] = NamedFrame(parent, end)
+        own, count = part.shapes or LinkShapes(()), len(found)
+        move = pose(mount[:4], mount[4:])
+        for each in own.shapes:
+            frame = each.frame + first if each.frame else start
+            shape = each.shape if each.frame else each.shape.moved(move)
+            found.append(LinkShape(f"{label}/{each.name}", frame, shape))
+            owners.append(label)
+        pairs += [(a + count, b + count) for a, b in own.pairs]
+        first += part.configuration_size
         if label == "base":
-            start, mount = parent, end
-        coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
-    names = tuple(_distinct({label: part.joint_names for label, part in parts.items()}))
-    poses, kinds, parents, moved, driven, multipliers, offsets = map(np.array, zip(*rows, strict=True))
-    return TreeJoints(poses, kinds, parents, moved, driven, multipliers, offsets, names), frames
-
-
-def _distinct(names: dict[str, Sequence[str]]) -> list[str]:
-    """Return all names; those that occur twice after the label of their part."""
-    counts = Counter(name for each in names.values() for name in each)
-    return [
-        name if counts[name] == 1 else f"{label}/{name}" for label, each in names.items() for name in each
-    ]
+            start, mount = first, part.chain[-1, :7]
+    sides = [[i for i, owner in enumerate(owners) if owner == label] for label in (_LEFT, _RIGHT)]
+    pairs += [(a, b) for a in sides[0] for b in sides[1] if max(found[a].frame, found[b].frame) > start]
+    return LinkShapes(tuple(found), tuple(pairs)) if found else None

@@ -8,16 +8,14 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.geometry import Capsule
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
-from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
@@ -262,20 +260,9 @@ def whole_body_shapes(parts: Sequence[object], chain: Array) -> LinkShapes | Non
 
     Shapes of different parts are kept apart unless they are neighbours: what stands on a base, and the base.
     """
-    found = LinkShapes(())
-    for first, part in parts_with_offsets(parts):
-        own = _part_shapes(part, chain, first)
-        if own is not None:
-            prefix = "" if set(own.names).isdisjoint(found.names) else f"{first}."
-            count = len(found.shapes)
-            pairs = [
-                (a, count + b)
-                for a, before in enumerate(found.shapes)
-                for b, later in enumerate(own.shapes)
-                if before.frame > 0 and later.frame > 1
-            ]
-            found = found.joined(own, first, prefix, pairs)
-    return found if found.shapes else None
+    return shapes_in_a_row(
+        (first, _part_shapes(part, chain, first)) for first, part in parts_with_offsets(parts)
+    )
 
 
 def _part_shapes(part: Mover, chain: Array, first: int) -> LinkShapes | None:
@@ -289,22 +276,7 @@ def _part_shapes(part: Mover, chain: Array, first: int) -> LinkShapes | None:
         ends = np.array([[chassis.centre_ahead, 0.0, low], [chassis.centre_ahead, 0.0, high]])
         body = Capsule(ends[0], ends[1], chassis.radius)
         return LinkShapes((LinkShape("chassis", 3, body),))
-    if part.shapes is None or not first:
-        return part.shapes
-    # what stands still on the arm's base moves with what carries it
-    place = compose(chain[first, :7], _inverse(part.chain[0, :7]))
-    moved = tuple(
-        each if each.frame else LinkShape(each.name, 0, each.shape.moved(algebra.pose(place[:4], place[4:])))
-        for each in part.shapes.shapes
-    )
-    return LinkShapes(moved, part.shapes.pairs)
-
-
-def _inverse(pose: Array) -> Array:
-    """Return the inverse of [quaternion, position]."""
-    turned = pose[:4] * [1, -1, -1, -1]
-    back = algebra.matrix_from_pose(algebra.pose(turned, [0.0, 0.0, 0.0]))[:3, :3] @ pose[4:7]
-    return np.concatenate([turned, -back])
+    return carried_shapes(part.shapes, part.chain[0, :7], chain[first, :7])
 
 
 def base_coordinates(robot: Robot) -> NDArray[np.bool_]:

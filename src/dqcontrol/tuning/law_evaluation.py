@@ -85,14 +85,12 @@ class LawEvaluation:
         self._block, self._spec, self._judge = problem.block, spec, judge
         self._scenes, self._family = list(scenes), family
         robot, plant = scenes[0].robot, family.plants[0]
-        if isinstance(robot, TreeRobot):
-            raise ValueRangeError(f"tune: searches for laws of one chain, and {robot.name} is a tree")
         self._limits = spec.limits_of(plant, robot)
         self._mode: CommandMode = lagging_mode(plant)
         limits = robot.limits
         if command_mode(plant) == "measured":  # its commands are no velocities of joints
             limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
-        self._measure = RunMeasure(robot, limits)
+        self._measures = [RunMeasure(scene.robot, limits) for scene in scenes]
         self._skipped = math.ceil(spec.skip_initial / spec.period * (1 - 1e-12))
         self._objectives = np.array([NUMBERS.index(name) for name in self._block.objectives])
         self._weights = np.array(list(self._block.objectives.values()))
@@ -127,18 +125,16 @@ class LawEvaluation:
         return sum(len(loop.samples) for loops in self._loops for loop in loops)
 
     def prepared(self, law: Law) -> list[PreparedLaw]:
-        """Return a law made ready for each scene; once for all, if it asks for no horizon."""
-        period = self._spec.period
-        first = law.prepare(
-            self._scenes[0].robot, self._scenes[0].reference, period, self._limits, self._mode
+        """Return a law made ready for each scene; once for all, if it asks for no horizon and nothing for the start."""
+        first, *others = self._scenes
+        depends = law.horizon(first.reference) > 0.0 or isinstance(first.robot, TreeRobot)
+        made = [self._prepared(law, scene) for scene in (first, *(others if depends else ()))]
+        return made if depends else made * len(self._scenes)
+
+    def _prepared(self, law: Law, scene: PreparedRobot) -> PreparedLaw:
+        return law.prepare(
+            scene.robot, scene.reference, self._spec.period, self._limits, self._mode, scene.tasks
         )
-        if law.horizon(self._scenes[0].reference) == 0.0:
-            return [first] * len(self._scenes)
-        rest = (
-            law.prepare(scene.robot, scene.reference, period, self._limits, self._mode)
-            for scene in self._scenes[1:]
-        )
-        return [first, *rest]
 
     def slack(self, law: Law) -> Slack:
         """Return how far a law is from the stability that is asked for, over all scenes."""
@@ -162,12 +158,13 @@ class LawEvaluation:
         for loops in self._loops:
             rows = np.empty((len(loops), len(NUMBERS)))
             for i, loop in enumerate(loops):
-                passed = loop.run(prepared[i % len(self._scenes)])
+                scene = i % len(self._scenes)
+                passed = loop.run(prepared[scene])
                 if passed.failed or len(passed.q) < 3:
                     left = 1 - len(passed.q) / len(loop.samples)
                     return Evaluated(math.inf, _DIVERGED * (1 + left), nothing)
                 q = passed.measured if self._spec.metrics_from == "measured" else passed.q
-                rows[i] = self._measure(passed.samples, q, passed.command, self._skipped)
+                rows[i] = self._measures[scene](passed.samples, q, passed.command, self._skipped)
             for place, bounds in self._bounds:
                 violation += max(bounds.violation(float(value)) for value in rows[:, place])
             numbers = rows.mean(axis=0)

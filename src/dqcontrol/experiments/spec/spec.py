@@ -26,7 +26,7 @@ from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.laws import Constraints, Law
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.task_levels import FurtherTask, TaskPart
+from dqcontrol.laws.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
@@ -42,6 +42,7 @@ from dqcontrol.robots import (
     load_tree,
     postures,
 )
+from dqcontrol.robots.joined_chains import chain_as_tree
 from dqcontrol.robots.load import robot_from
 from dqcontrol.robots.robot_file import plain_arm
 from dqcontrol.robots.tree_robot import Root, TaskKind
@@ -59,12 +60,14 @@ class TaskSpec(Part, frozen=True, kw_only=True):
     """What of two arms, or of another tree, is driven; see `robots.PoseTask`."""
 
     kind: TaskKind
-    frames: Annotated[list[str], Meta(min_length=1, max_length=2)]
+    frames: Annotated[list[str], Meta(max_length=2)] = []
     root: Root = "midpoint"
+    point: Annotated[Vector, Meta(description="of the first frame, m")] = (0.0, 0.0, 0.0)
+    axis: Annotated[Vector, Meta(description="in the first frame, taken for its z axis")] = (0.0, 0.0, 1.0)
 
     def task(self) -> PoseTask:
         """Return the task."""
-        return PoseTask(self.kind, tuple(self.frames), self.root)
+        return PoseTask(self.kind, tuple(self.frames), self.root, point=self.point, axis=self.axis)
 
 
 class RobotSpec(Part, frozen=True, kw_only=True):
@@ -118,9 +121,10 @@ class RobotSpec(Part, frozen=True, kw_only=True):
 
 
 class FurtherTaskSpec(Part, frozen=True, kw_only=True):
-    """A task beside that of the law, of two arms or another tree; see `laws.FurtherTask`.
+    """A task beside that of the law; see `laws.FurtherTask`.
 
-    Without ``reference`` the pose at the start is held.
+    Without ``reference`` the pose at the start is held. ``posture`` is where the joints are to be: of the task
+    ``posture``, with which it is where they start if omitted.
     """
 
     task: str | TaskSpec
@@ -131,17 +135,25 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
     ] = 2
     weight: Annotated[float, Meta(gt=0, description="against tasks of the same level")] = 1.0
     part: TaskPart = "pose"
+    posture: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
     def further_task(self, robot: Robot, start: Array, folder: Path) -> FurtherTask:
         """Return the task of a robot that starts somewhere, shape (n,)."""
-        if not isinstance(robot, TreeRobot):
-            raise ShapeError(f"{robot.name} is one chain and has one hand; tasks are for two arms and trees")
-        task = robot.for_start(self.task.task() if isinstance(self.task, TaskSpec) else self.task, start)
-        reference = None
-        if self.reference is not None:
-            reference = self.reference.build(robot.pose_of(task, start), folder)
-            reference = self.reference.of_robot(reference, robot.with_task(task), start)
-        return FurtherTask(task, self.gain, reference, self.level, self.weight, self.part)
+        own = self.task.task() if isinstance(self.task, TaskSpec) else self.task
+        reference, part = None, self.part
+        if own == POSTURE:
+            if self.reference is not None:
+                raise ShapeError("reference: a posture has none; give 'posture', where the joints are to be")
+        else:
+            tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
+            own = tree.for_start(own, start)
+            is_mass = own.kind == "center_of_mass"
+            part = "position" if is_mass and part == "pose" else part
+            if self.reference is not None:
+                reference = self.reference.build(tree.pose_of(own, start), folder)
+                if not is_mass:
+                    reference = self.reference.of_robot(reference, tree.with_task(own), start)
+        return FurtherTask(own, self.gain, reference, self.level, self.weight, part, self.posture)
 
 
 class HandStart(Part, frozen=True, kw_only=True):

@@ -3,7 +3,8 @@
     min (u − u₀)ᵀ H (u − u₀),  H = Jᵀ W J + ρ² 1,   low ≤ u ≤ high,   ∇d·u ≥ −η (d − kept) − ∂d/∂t  for every row
 
 u₀ is what the law asks; where it keeps everything it leaves bit for bit. J is that of the hand's [ω ; ṗ],
-W = diag(l², l², l², 1, 1, 1): what is given up is given up in the motion of the hand. The box of each joint always
+W = diag(l², l², l², 1, 1, 1): what is given up is given up in the motion of the hand. Further tasks add their own
+JᵀJ, those before the law's by a weight that lets them give way last. The box of each joint always
 holds a command from which it can still brake.
 
 A row is a linear picture of a distance. Where it may be wrong by its curvature, what the command leads to is computed,
@@ -64,6 +65,8 @@ from dqcontrol.laws.constrained.constraint_rows import (
     place_obstacles,
     value_of,
     write_line,
+    write_screws,
+    write_tree_screws,
 )
 from dqcontrol.laws.constrained.levels import solve_by_levels
 from dqcontrol.limits.supervisor.braking import fastest_stoppable
@@ -79,8 +82,9 @@ _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 
-# kinematics, chain, q, sample, its number, twist Jacobian, state (its end is the memory), parameters, work, command
-CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, WRITE, READ, WRITE, WRITE)
+# kinematics, chain, q, sample, its number, twist Jacobian, what further tasks add to H (m × m numbers, or none), state
+# (its end is the memory), parameters, work, command
+CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, READ, WRITE, READ, WRITE, WRITE)
 
 
 @shared
@@ -126,7 +130,7 @@ def _add_row(work, count, capacity, bound, owner, required):
 
 
 @shared
-def _collect(given, work, report, settings, time, sample):
+def _collect(given, work, screws, report, settings, time, sample):
     """Find the distances that this period can matter to, as rows of the program; return how many."""
     count, capacity = 0, int(settings.capacity) - MOST_CUTS
     place_bodies(given, work)
@@ -146,7 +150,7 @@ def _collect(given, work, report, settings, time, sample):
         report.least[name] = min(report.least[name], value)
         if value > reach:
             continue
-        drift = write_line(given, work, row, work.jacobian, work.line)
+        drift = write_line(given, work, row, screws, work.line)
         give = max(settings.rate * (value - row.kept), -settings.recovery) - row.speed
         place = _add_row(work, count, capacity, give + drift, i, value - settings.period * give)
         if place >= 0:
@@ -197,6 +201,9 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
     """
     period, m = settings.period, u.shape[0]
     worst, placed = 0.0, False
+    _, _, screws = split(work.buffer)
+    if given.tree.shape[0] > 0:
+        screws = work.tree_screws
     for i in range(originals):
         owner = int(work.owners[i])
         row = row_of(given.rows[owner])
@@ -206,16 +213,15 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
         if not placed:
             placed = True
             _move_on(given, work, u, period)
-            place_frames(chain, work.trial, work)
+            place_frames(chain, work.trial, given, work)
             place_bodies(given, work)
             place_obstacles(given, work, time + period, sample + 1)
             if adds:
-                call_chain(kinematics, chain, work.trial, work.buffer)
+                write_screws(kinematics, chain, work.trial, given, work)
         short = work.required[i] - value_of(given, work, row)
         worst = max(worst, short)
         if adds and short > _SHORT and count < int(settings.capacity):
-            _, _, jacobian = split(work.buffer)
-            write_line(given, work, row, jacobian, work.line)
+            write_line(given, work, row, screws, work.line)
             bound = -short / period
             for j in range(m):
                 work.lines[count, j] = work.line[j]
@@ -318,10 +324,12 @@ def _hand_speed(work, u, angular):
 
 
 @shared
-def _write_objective(work, settings, m):
+def _write_objective(work, settings, metric, m):
     for i in range(m):
         for j in range(i + 1):
             value = settings.free if i == j else 0.0
+            if metric.shape[0] > 0:
+                value += metric[m * i + j]
             for k in range(6):
                 value += work.hand[k, i] * work.hand[k, j] * (settings.angular if k < 3 else 1.0)
             work.hessian[i, j] = value
@@ -357,11 +365,13 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
 
 
 @shared
-def _constrain(kinematics, chain, given, work, settings, report, chosen, levels, count, u, time, sample):
+def _constrain(
+    kinematics, chain, given, work, settings, metric, report, chosen, levels, count, u, time, sample
+):
     """Replace a wish that does not keep everything by the nearest command that does."""
     m, drives, originals = u.shape[0], given.drives.shape[0], count
     soft, is_violated, worst = False, False, 0.0
-    _write_objective(work, settings, m)
+    _write_objective(work, settings, metric, m)
     for i in range(ROUNDS):
         report.numbers[1] = i + 1.0
         status = _solve(given, work, chosen, count, u, m, drives, soft)
@@ -414,13 +424,25 @@ def _report(given, memory, work, report, settings, originals, count, u):
 def _parts(parameters, scratch, settings, n, m):
     """Return what is given and the scratch by name."""
     shapes, obstacles, drives = int(settings.shapes), int(settings.obstacles), int(settings.drives)
+    frames, screws = int(settings.frames), int(settings.screws)
     given = parameters_of(
-        parameters, n, m, shapes, obstacles, int(settings.rows), drives, int(settings.moving)
+        parameters,
+        m,
+        frames,
+        screws,
+        int(settings.tree),
+        shapes,
+        obstacles,
+        int(settings.rows),
+        drives,
+        int(settings.moving),
     )
     work = work_of(
         scratch,
         n,
         m,
+        frames,
+        screws,
         shapes,
         obstacles,
         int(settings.names),
@@ -434,7 +456,7 @@ def _parts(parameters, scratch, settings, n, m):
 
 
 @kernel(CONSTRAINT)
-def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, parameters, scratch, u):
+def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, state, parameters, scratch, u):
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
     settings = head(parameters)
@@ -453,6 +475,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     for i in range(6):
         for j in range(m):
             work.jacobian[i, j] = twist_jacobian[i, j]
+    branches = settings.tree != 0.0
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
@@ -461,6 +484,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
             advance(given.drives, memory.sent, settings.period, memory.target)
         for i in range(n):
             work.config[i] = memory.target[i]
+    if settings.integrates != 0.0 or branches:
         status = call_chain(kinematics, chain, work.config, work.buffer)
         if status != OK:
             return status
@@ -469,10 +493,16 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
             for j in range(m):
                 work.jacobian[i, j] = moved[i, j]
     memory.started[0] = 1.0
-    status = place_frames(chain, work.config, work)
+    status = place_frames(chain, work.config, given, work)
     if status != OK:
         return status
-    hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
+    screws = work.jacobian
+    if branches:
+        hand_jacobian(position(work.buffer[0:8]), work.jacobian, work.hand)
+        write_tree_screws(work.config, given, work)
+        screws = work.tree_screws
+    else:
+        hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
@@ -480,7 +510,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     report.numbers[2], report.numbers[3] = 1.0, -1.0
     _set_box(given, memory, work, work.config, settings.period)
     time = sample[TIME]
-    originals = _collect(given, work, report, settings, time, k)
+    originals = _collect(given, work, screws, report, settings, time, k)
     count, short = originals, math.inf
     if _keeps(given, work, count, u):
         _, short = _verify(kinematics, chain, given, work, settings, originals, count, u, time, k, False)
@@ -488,7 +518,19 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
         sets = work.sets.view(np.intp)
         rows = capacity + 2 * m + 4 * drives
         count = _constrain(
-            kinematics, chain, given, work, settings, report, sets[rows:], sets[0:rows], count, u, time, k
+            kinematics,
+            chain,
+            given,
+            work,
+            settings,
+            metric,
+            report,
+            sets[rows:],
+            sets[0:rows],
+            count,
+            u,
+            time,
+            k,
         )
     _report(given, memory, work, report, settings, originals, count, u)
     return OK
@@ -505,7 +547,7 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
     n, m = q.shape[1], int(settings.inputs)
     given, work = _parts(parameters, scratch, settings, n, m)
     for i in range(q.shape[0]):
-        status = place_frames(chain, q[i], work)
+        status = place_frames(chain, q[i], given, work)
         if status != OK:
             return status
         place_bodies(given, work)

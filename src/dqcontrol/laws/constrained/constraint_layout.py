@@ -11,6 +11,7 @@ from dqcontrol.geometry.distance_kernels import FOUND, SHAPE
 from dqcontrol.laws.constrained.active_set import program_size, scratch_size
 from dqcontrol.laws.constrained.levels import levels_size, room_for_levels
 from dqcontrol.robots.driving import DRIVE_COLUMNS
+from dqcontrol.robots.pose_task_kernels import COLUMNS
 
 # kinds of rows
 APART, INSIDE, AT_MOST, AT_LEAST, SIGHT = 0.0, 1.0, 2.0, 3.0, 4.0
@@ -31,7 +32,7 @@ class Head(NamedTuple):
 
     Attributes
     ----------
-    inputs, shapes, obstacles, rows, names, moving, capacity, drives
+    inputs, frames, screws, tree, shapes, obstacles, rows, names, moving, capacity, drives
         How many there are of each; of rows in one program.
     program, solver, levels, sets
         How many numbers these parts of the scratch have.
@@ -47,6 +48,9 @@ class Head(NamedTuple):
 
     period: float
     inputs: float
+    frames: float
+    screws: float
+    tree: float
     shapes: float
     obstacles: float
     rows: float
@@ -108,6 +112,31 @@ MOTION, PLACE, VELOCITY = BODY, BODY + 1, BODY + 2
 OBSTACLE = BODY + 5
 
 
+class Screw(NamedTuple):
+    """What moves frames: a joint.
+
+    Attributes
+    ----------
+    above
+        The screw that carries it, of a lower number; −1 for none.
+    input
+        What moves it, −1 for none.
+    scale
+        How far it moves for one unit of that.
+    heading
+        Coordinate φ of a drive that moves along its heading, −1 of others.
+    """
+
+    above: float
+    input: float
+    scale: float
+    heading: float
+
+
+screw_of = MemoryLayout(Screw)
+SCREW = screw_of.size()
+
+
 class ConstraintParameters(NamedTuple):
     """What is given.
 
@@ -117,8 +146,12 @@ class ConstraintParameters(NamedTuple):
         See `Head`.
     lower, upper, velocity, acceleration, coordinate
         Limits of each input, infinite where it has none, and the coordinate that it moves.
-    inputs_before
-        How many inputs move each frame, the base's first.
+    carriers
+        Of each frame, the base's first, the last screw that moves it; −1 for none.
+    screws
+        A `Screw` each.
+    tree
+        What of a tree all frames are found from; no rows of a chain, whose screws are the columns of its Jacobian.
     bodies
         Frame of each shape of the robot, and its numbers in that frame.
     obstacles
@@ -141,7 +174,9 @@ class ConstraintParameters(NamedTuple):
     velocity: Annotated[Array, "m"]
     acceleration: Annotated[Array, "m"]
     coordinate: Annotated[Array, "m"]
-    inputs_before: Annotated[Array, "n + 1"]
+    carriers: Annotated[Array, "frames + 1"]
+    screws: Annotated[Array, "screws", SCREW]
+    tree: Annotated[Array, "tree", COLUMNS]
     bodies: Annotated[Array, "shapes", BODY + 1]
     obstacles: Annotated[Array, "obstacles", OBSTACLE]
     rows: Annotated[Array, "rows", ROW]
@@ -206,6 +241,8 @@ class ConstraintWork(NamedTuple):
         Box of each input with its limit of acceleration and without.
     frames, places
         Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
+    tree_screws
+        Of a tree: of each joint, in the world.
     world
         All shapes where they are.
     drift
@@ -231,8 +268,9 @@ class ConstraintWork(NamedTuple):
     high: Annotated[Array, "m"]
     rough_low: Annotated[Array, "m"]
     rough_high: Annotated[Array, "m"]
-    frames: Annotated[Array, "8 * (n + 1)"]
-    places: Annotated[Array, "n + 1", 12]
+    frames: Annotated[Array, "8 * (frames + 1)"]
+    places: Annotated[Array, "frames + 1", 12]
+    tree_screws: Annotated[Array, 6, "screws"]
     world: Annotated[Array, "shapes + obstacles", BODY]
     drift: Annotated[Array, "obstacles", 3]
     found: Annotated[Array, FOUND]
@@ -254,7 +292,7 @@ class ConstraintWork(NamedTuple):
 
 
 parameters_of = MemoryLayout(
-    ConstraintParameters, "n", "m", "shapes", "obstacles", "rows", "drives", "moving"
+    ConstraintParameters, "m", "frames", "screws", "tree", "shapes", "obstacles", "rows", "drives", "moving"
 )
 memory_of = MemoryLayout(ConstraintMemory, "n", "m")
 report_of = MemoryLayout(Report, "names")
@@ -262,6 +300,8 @@ work_of = MemoryLayout(
     ConstraintWork,
     "n",
     "m",
+    "frames",
+    "screws",
     "shapes",
     "obstacles",
     "names",
@@ -307,6 +347,7 @@ __all__ = [
     "PLACE",
     "ROUNDS",
     "ROW",
+    "SCREW",
     "SIGHT",
     "STILL",
     "STRAIGHT",
@@ -317,4 +358,5 @@ __all__ = [
     "Head",
     "Report",
     "Row",
+    "Screw",
 ]

@@ -16,7 +16,6 @@ from dqcontrol.geometry.distance_kernels import (
     ROTATION,
     ROUND,
     SHAPE,
-    add_distance_row,
     find_distance,
 )
 from dqcontrol.laws.constrained.constraint_layout import (
@@ -31,21 +30,25 @@ from dqcontrol.laws.constrained.constraint_layout import (
     STRAIGHT,
     VELOCITY,
     row_of,
+    screw_of,
 )
-from dqcontrol.robots.kinematics_kernels import joint_frames
+from dqcontrol.robots.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames
+from dqcontrol.robots.pose_task_kernels import place_tree
 
 _ALONG = 1e-9  # sine of an angle below which the plane in which it opens is unknown
 
 
 @shared
-def place_frames(chain, config, work):
+def place_frames(chain, config, given, work):
     """Write rotation matrix and position of the base and of all joint frames at a configuration."""
-    n = config.shape[0]
-    status = joint_frames(chain, config, work.frames)
+    if given.tree.shape[0] > 0:
+        status = place_tree(given.tree, config, work.frames)
+    else:
+        status = joint_frames(chain, config, work.frames)
     place = work.places[0]
     for k in range(12):
         place[k] = 1.0 if k == 0 or k == 4 or k == 8 else 0.0
-    for i in range(n):
+    for i in range(given.carriers.shape[0] - 1):
         w, x, y, z = (
             work.frames[8 * i],
             work.frames[8 * i + 1],
@@ -72,6 +75,35 @@ def place_frames(chain, config, work):
         place[10] = 2.0 * (-a * y + b * z + c * w - d * x)
         place[11] = 2.0 * (-a * z - b * y + c * x + d * w)
     return status
+
+
+@shared
+def write_screws(kinematics, chain, config, given, work):
+    """Write the screws that move the frames that `place_frames` placed; of a chain into its buffer, as a Jacobian."""
+    if given.tree.shape[0] > 0:
+        write_tree_screws(config, given, work)
+    else:
+        call_chain(kinematics, chain, config, work.buffer)
+
+
+@inline
+def write_tree_screws(config, given, work):
+    """Write the screws of a tree's joints, whose axes are the z axes of their frames."""
+    screws = work.tree_screws
+    for i in range(screws.shape[1]):
+        place, kind = work.places[i + 1], given.tree[1 + i, 7]
+        zx, zy, zz = place[2], place[5], place[8]
+        px, py, pz = place[9], place[10], place[11]
+        if kind == REVOLUTE:
+            screws[0, i], screws[1, i], screws[2, i] = zx, zy, zz
+            screws[3, i], screws[4, i], screws[5, i] = py * zz - pz * zy, pz * zx - px * zz, px * zy - py * zx
+            continue
+        if kind == HEADING:
+            angle = config[int(screw_of(given.screws[i]).heading)]
+            c, s = math.cos(angle), math.sin(angle)
+            zx, zy, zz = c * zx + s * place[0], c * zy + s * place[3], c * zz + s * place[6]
+        screws[0, i], screws[1, i], screws[2, i] = 0.0, 0.0, 0.0
+        screws[3, i], screws[4, i], screws[5, i] = zx, zy, zz
 
 
 @inline
@@ -198,8 +230,41 @@ def value_of(given, work, row):
     return row.limit - angle
 
 
+@inline
+def _add_distance(given, found, sign, screws, a, b, line):
+    """Add ±(c × n, n)·J, + for what carries a alone, − for what carries b alone: screws on the way between both.
+
+    The rate of a distance is the reciprocal product of the contact normal, as a line n + ε c × n, with the screws.
+    """
+    nx, ny, nz = found[1], found[2], found[3]
+    mx = found[5] * nz - found[6] * ny
+    my = found[6] * nx - found[4] * nz
+    mz = found[4] * ny - found[5] * nx
+    while a != b:
+        side = sign if a > b else -sign
+        k = max(a, b)
+        screw = screw_of(given.screws[k])
+        if a > b:
+            a = int(screw.above)
+        else:
+            b = int(screw.above)
+        if screw.input >= 0.0:
+            line[int(screw.input)] += (
+                screw.scale
+                * side
+                * (
+                    mx * screws[0, k]
+                    + my * screws[1, k]
+                    + mz * screws[2, k]
+                    + nx * screws[3, k]
+                    + ny * screws[4, k]
+                    + nz * screws[5, k]
+                )
+            )
+
+
 @shared
-def write_line(given, work, row, jacobian, line):
+def write_line(given, work, row, screws, line):
     """Write how the inputs change the value, as last found by `value_of`; return how it changes by itself."""
     for j in range(line.shape[0]):
         line[j] = 0.0
@@ -207,36 +272,40 @@ def write_line(given, work, row, jacobian, line):
     if row.kind <= INSIDE:
         sign = 1.0 if row.kind == APART else -1.0
         a, b = int(row.a), int(row.b)
-        mine = int(given.inputs_before[int(given.bodies[a, 0])])
+        mine, other = int(given.carriers[int(given.bodies[a, 0])]), -1
         drift = 0.0
         if b < first:
-            other = int(given.inputs_before[int(given.bodies[b, 0])])
-            if mine >= other:
-                add_distance_row(work.found, sign, jacobian, other, mine, line)
-            else:
-                add_distance_row(work.found, -sign, jacobian, mine, other, line)
-        else:
-            add_distance_row(work.found, sign, jacobian, 0, mine, line)
+            other = int(given.carriers[int(given.bodies[b, 0])])
+        _add_distance(given, work.found, sign, screws, mine, other, line)
+        if b >= first:
             moves = work.drift[b - first]
             for k in range(3):
                 drift -= sign * work.found[1 + k] * moves[k]
         return drift
-    inputs = int(given.inputs_before[int(row.a)])
+    k = int(given.carriers[int(row.a)])
     if row.kind <= AT_LEAST:
         lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
         _, nx, ny, nz = _angle(lx, ly, lz, row.other[0], row.other[1], row.other[2])
         sign = -1.0 if row.kind == AT_MOST else 1.0
-        for j in range(inputs):
-            line[j] = sign * (nx * jacobian[0, j] + ny * jacobian[1, j] + nz * jacobian[2, j])
+        while k >= 0:
+            screw = screw_of(given.screws[k])
+            if screw.input >= 0.0:
+                turn = nx * screws[0, k] + ny * screws[1, k] + nz * screws[2, k]
+                line[int(screw.input)] += screw.scale * (sign * turn)
+            k = int(screw.above)
         return 0.0
     lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
     _, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
     # t: direction in which b turns towards l
     tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
     mx, my, mz = py * tz - pz * ty, pz * tx - px * tz, px * ty - py * tx
-    for j in range(inputs):  # φ̇ = n·ω − t·(v_target − v_camera)
-        line[j] = -(nx + mx) * jacobian[0, j] - (ny + my) * jacobian[1, j] - (nz + mz) * jacobian[2, j]
-        line[j] -= tx * jacobian[3, j] + ty * jacobian[4, j] + tz * jacobian[5, j]
+    while k >= 0:  # φ̇ = n·ω − t·(v_target − v_camera)
+        screw = screw_of(given.screws[k])
+        if screw.input >= 0.0:
+            turn = -(nx + mx) * screws[0, k] - (ny + my) * screws[1, k] - (nz + mz) * screws[2, k]
+            move = tx * screws[3, k] + ty * screws[4, k] + tz * screws[5, k]
+            line[int(screw.input)] += screw.scale * (turn - move)
+        k = int(screw.above)
     moves = work.drift[int(row.b)]
     return tx * moves[0] + ty * moves[1] + tz * moves[2]
 

@@ -158,10 +158,13 @@ class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fie
         Distance to keep from its boundary, m; 0 if omitted.
     radius_of_hand
         Of the ball about the hand's point, m.
+    frame
+        Which frame of a tree is meant, ``left`` or ``right`` of two arms; all hands of the task if omitted.
     """
 
     margin: Length = 0.0
     radius_of_hand: Length = 0.0
+    frame: Name | None = None
 
     @property
     def walls(self) -> list[Shape]:
@@ -246,7 +249,11 @@ class Angle(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Half angle of the cone that it stays out of, rad.
     apart
         Both are taken for lines without sense, which stay that far from parallel, rad.
+    frame
+        Which frame of a tree is meant; the hand of the task if omitted.
     """
+
+    frame: Name | None = None
 
     axis: Direction = (0.0, 0.0, 1.0)
     direction: Direction
@@ -287,7 +294,11 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Of the view and of the camera, in the hand's frame.
     at_most
         Half angle of the view, rad.
+    frame
+        Which frame of a tree carries the camera; the hand of the task if omitted.
     """
+
+    frame: Name | None = None
 
     target: Name | None = None
     place: Place | None = None

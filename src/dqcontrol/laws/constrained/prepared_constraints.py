@@ -42,7 +42,8 @@ from dqcontrol.laws.constrained.constraint_layout import (
     work_of,
 )
 from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shapes_of, unit
-from dqcontrol.robots.chain_robot import ChainRobot
+from dqcontrol.laws.constrained.moving_frames import HandFrame, moving_frames
+from dqcontrol.robots.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 
@@ -98,13 +99,11 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
-        if robot.kernels is not ChainRobot.kernels:
-            raise ValueRangeError(
-                f"constraints: {robot.name} is no chain of joints from one base to one hand; only such robots keep them"
-            )
+        self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._first_obstacle: dict[str, int] = {}  # by name
+        self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, KeepOut | None]] = []
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
@@ -155,7 +154,7 @@ class PreparedConstraints:
         out = np.empty((len(rows), len(self.labels)))
         samples = np.rint(when / self.period)
         status = constraint_values(
-            self.robot.chain,
+            self.robot.table,
             np.ascontiguousarray(rows),
             np.ascontiguousarray(when),
             samples,
@@ -217,60 +216,53 @@ class PreparedConstraints:
             share = self._acceleration / self._velocity
         return float(np.nanmin([_FASTEST_RATE, 0.5 / self.period, *share[np.isfinite(share)]]))
 
-    def _levers(self, frame: int, extent: float, above: int = 0) -> Array:
-        """Return how far points of a frame can be from each input's axis, not growing; 0 for those up to ``above``."""
-        robot, n = self.robot, self.robot.configuration_size
-        travel = np.zeros(n + 1)
-        for i, kind in enumerate(robot.joint_types):
-            if kind == "prismatic":
-                travel[i] = np.abs([robot.limits.lower[i], robot.limits.upper[i]]).max()
-        levers, reach = np.zeros(n), extent  # from the origin of frame i on
-        for i in reversed(range(frame)):
-            across = reach
-            if i < frame - 1:
-                x, y, z = robot.chain[i + 1, 4:7]
-                across = math.hypot(x, y) + travel[i + 1] + reach
-                reach += math.hypot(x, y, z) + travel[i + 1]
-            levers[i] = 1.0 if robot.joint_types[i] == "prismatic" else across
-        coordinates = robot.input_coordinates
-        largest = np.maximum.accumulate(levers[coordinates][::-1])[::-1]
-        return np.where((coordinates < frame) & (coordinates >= above), largest, 0.0)
-
     def _chosen(self, field: str, names: list[str] | None) -> list[int]:
         """Return the numbers of shapes by their names, of all that move without."""
         if names is None:
-            found = [i for i, each in enumerate(self._bodies) if each.frame > 0 and each.name != HAND]
+            found = [
+                i
+                for i, each in enumerate(self._bodies)
+                if each.frame > 0 and each.name != HAND and i not in self._points
+            ]
             if not found:
                 raise ValueRangeError(
                     f"{field}: {self.robot.name} has no shapes that could keep away; give it some "
                     "('dqcontrol robots shapes' fits them to meshes), or links: [hand] for its point alone"
                 )
             return found
-        known = {each.name: i for i, each in enumerate(self._bodies)}
-        numbers = []
+        known = {each.name: i for i, each in enumerate(self._bodies) if i not in self._points}
+        numbers, points = [], self._frames.point_names()
         for name in names:
-            if name == HAND and HAND not in known:
-                known[HAND] = self._ball_at_hand(0.0)
-            if name not in known:
-                raise unknown_name(f"{field}.links", name, (*known, HAND))
-            if self._bodies[known[name]].frame == 0:
+            if name in known:
+                found = [known[name]]
+            elif name == HAND:
+                found = [self._ball_at(hand, 0.0) for hand in self._frames.hands(field, None)]
+            elif name in points:
+                found = [self._ball_at(self._frames.hands(field, name)[0], 0.0)]
+            else:
+                raise unknown_name(f"{field}.links", name, dict.fromkeys((*known, HAND, *points)))
+            if any(self._bodies[i].frame == 0 for i in found):
                 raise ValueRangeError(f"{field}.links: '{name}' stands still, nothing can keep it away")
-            numbers.append(known[name])
+            numbers += found
         return numbers
 
-    def _tool(self) -> tuple[Array, Array]:
-        """Return rotation and position of the hand in the last joint's frame."""
-        row = self.robot.chain[-1]
-        matrix = algebra.matrix_from_pose(algebra.pose(row[:4], row[4:7]))
-        return matrix[:3, :3], matrix[:3, 3]
+    def _hand(self, field: str, name: str | None) -> tuple[int, Array, Array]:
+        """Return the frame that carries a hand, and its rotation and position in that."""
+        hands = self._frames.hands(field, name)
+        if len(hands) > 1:
+            names = " or ".join(each.name for each in hands)
+            raise ShapeError(f"{field}: {self.robot.name} has several hands; give one as 'frame', {names}")
+        matrix = algebra.matrix_from_pose(algebra.pose(hands[0].pose[:4], hands[0].pose[4:7]))
+        return hands[0].frame, matrix[:3, :3], matrix[:3, 3]
 
-    def _ball_at_hand(self, radius: float) -> int:
-        name = HAND if radius == 0.0 else f"{HAND} ({1000 * radius:g} mm)"
-        for i, each in enumerate(self._bodies):
-            if each.name == name:
+    def _ball_at(self, hand: HandFrame, radius: float) -> int:
+        name = hand.name if radius == 0.0 else f"{hand.name} ({1000 * radius:g} mm)"
+        for i in self._points:
+            if self._bodies[i].name == name:
                 return i
-        self._bodies.append(LinkShape(name, self.robot.configuration_size, Sphere(self._tool()[1], radius)))
-        return len(self._bodies) - 1
+        self._bodies.append(LinkShape(name, hand.frame, Sphere(hand.pose[4:7], radius)))
+        self._points.append(len(self._bodies) - 1)
+        return self._points[-1]
 
     def _end_balls(self, body: int) -> list[int]:
         """Return a ball at each end of a capsule in place of it: against planes each end has a smooth distance."""
@@ -306,9 +298,10 @@ class PreparedConstraints:
         speed: float = 0.0,
     ) -> None:
         body = self._bodies[a]
-        if self._levers(body.frame, body.extent).any():
+        levers = self._frames.levers(body.frame, body.extent)
+        if levers.any():
             row = _row(kind=kind, a=a, b=-1 - obstacle, kept=margin, level=level, name=name, speed=speed)
-            self._lines.append(_Line(row, label, self._levers(body.frame, body.extent), 0.0))
+            self._lines.append(_Line(row, label, levers, 0.0))
 
     def _add_obstacles(self) -> None:
         for name, each in self.given.obstacles.items():
@@ -331,37 +324,42 @@ class PreparedConstraints:
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
         """Return whether a shape turns with the first joint of an arm, about the normal of a plane: it stands there."""
-        if not isinstance(shape, Plane) or body.frame != 1 or self.robot.joint_types[0] != "revolute":
+        row = self.robot.chain[body.frame - 1]
+        if (
+            not isinstance(shape, Plane)
+            or self.robot.parents[body.frame - 1] >= 0
+            or row[7] != REVOLUTE
+            or body.frame < 1
+        ):
             return False
-        axis = algebra.matrix_from_pose(algebra.pose(self.robot.chain[0, :4], self.robot.chain[0, 4:7]))[
-            :3, 2
-        ]
+        axis = algebra.matrix_from_pose(algebra.pose(row[:4], row[4:7]))[:3, 2]
         return bool(abs(abs(float(axis @ shape.normal)) - 1) < 1e-9)
 
     def _add_zones(self) -> None:
         for name, each in self.given.zones.items():
-            body = self._ball_at_hand(each.radius_of_hand)
+            hands, number = (
+                self._frames.hands(f"constraints.zones.{name}", each.frame),
+                self.names.index(name),
+            )
             for k, wall in enumerate(each.walls):
                 kind = APART if isinstance(wall, Plane) else INSIDE
                 label = f"{name}: wall {k + 1}" if len(each.walls) > 1 else name
                 obstacle = self._add_obstacle(wall, None)
-                self._add_distance(
-                    kind, body, obstacle, label, self.names.index(name), each.level, each.margin
-                )
-
-    def _in_last_frame(self, direction: Array) -> Array:
-        return self._tool()[0] @ direction
+                for hand in hands:
+                    own = f"{label}: {hand.name}" if len(hands) > 1 else label
+                    body = self._ball_at(hand, each.radius_of_hand)
+                    self._add_distance(kind, body, obstacle, own, number, each.level, each.margin)
 
     def _add_angles(self) -> None:
-        n = self.robot.configuration_size
         for name, each in self.given.angles.items():
             field = f"constraints.angles.{name}"
-            axis = self._in_last_frame(unit(f"{field}.axis", each.axis))
+            frame, turn, _ = self._hand(field, each.frame)
+            axis = turn @ unit(f"{field}.axis", each.axis)
             other = unit(f"{field}.direction", each.direction)
             for most, limit in each.limits:
                 row = _row(
                     kind=AT_MOST if most else AT_LEAST,
-                    a=n,
+                    a=frame,
                     b=0,
                     kept=0.0,
                     level=each.level,
@@ -372,16 +370,12 @@ class PreparedConstraints:
                 )
                 bend = 1 / math.tan(limit) if 0 < limit < math.pi else 0.0
                 curved = 1.0 + max(bend if most else -bend, 0.0)
-                self._lines.append(_Line(row, name, self._turning(), curved))
-
-    def _turning(self) -> Array:
-        """Return 1 for inputs that turn the hand."""
-        return np.array([float(kind == "revolute") for kind in self.robot.input_types])
+                self._lines.append(_Line(row, name, self._frames.turning(frame), curved))
 
     def _add_sights(self) -> None:
-        n, (turn, shift) = self.robot.configuration_size, self._tool()
         for name, each in self.given.sights.items():
             field = f"constraints.sights.{name}"
+            frame, turn, shift = self._hand(field, each.frame)
             if (each.target is None) == (each.place is None):
                 raise ShapeError(f"{field}: give either 'target', the name of an obstacle, or 'place'")
             if each.target is not None:
@@ -395,16 +389,17 @@ class PreparedConstraints:
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
                 kind=SIGHT,
-                a=n,
+                a=frame,
                 b=target,
                 kept=0.0,
                 level=each.level,
                 name=self.names.index(name),
                 limit=each.at_most,
-                axis=self._in_last_frame(unit(f"{field}.axis", each.axis)),
+                axis=turn @ unit(f"{field}.axis", each.axis),
                 other=camera,
             )
-            levers = self._turning() + self._levers(n, float(np.linalg.norm(camera))) / _NEAR
+            reach = self._frames.levers(frame, float(np.linalg.norm(camera)))
+            levers = self._frames.turning(frame) + reach / _NEAR
             curved = 1.0 + max(1 / math.tan(each.at_most), 0.0)
             self._lines.append(_Line(row, name, np.maximum.accumulate(levers[::-1])[::-1], curved))
 
@@ -425,7 +420,7 @@ class PreparedConstraints:
             first, second = sorted((a, b), key=lambda i: self._bodies[i].frame, reverse=True)
             far, near = self._bodies[first], self._bodies[second]
             row = _row(kind=APART, a=first, b=second, kept=margin, level=0, name=len(self.names) - 1)
-            levers = self._levers(far.frame, far.extent, near.frame)
+            levers = self._frames.levers(far.frame, far.extent, near.frame, near.extent)
             if levers.any():
                 self._lines.append(_Line(row, f"{near.name}, {far.name}", levers, 0.0))
 
@@ -468,9 +463,13 @@ class PreparedConstraints:
         drives = len(robot.drives)
         capacity = min(len(rows), MOST_ROWS) + MOST_CUTS
         sizes = solver_sizes(m, capacity, drives)
+        frames = self._frames
         numbers = Head(
             period=self.period,
             inputs=m,
+            frames=frames.count,
+            screws=len(frames.screws),
+            tree=len(frames.tree),
             shapes=shapes,
             obstacles=obstacles,
             rows=len(rows),
@@ -493,7 +492,9 @@ class PreparedConstraints:
             velocity=velocity,
             acceleration=self._acceleration,
             coordinate=robot.input_coordinates.astype(float),
-            inputs_before=np.array([(robot.input_coordinates < k).sum() for k in range(n + 1)], float),
+            carriers=frames.carriers,
+            screws=frames.screws,
+            tree=frames.tree,
             bodies=bodies,
             obstacles=np.array([each for each, _ in self._obstacles]).reshape(obstacles, OBSTACLE),
             rows=rows,
@@ -508,6 +509,8 @@ class PreparedConstraints:
         work = {
             "n": n,
             "m": m,
+            "frames": frames.count,
+            "screws": len(frames.screws),
             "shapes": shapes,
             "obstacles": obstacles,
             "names": len(self.names),

@@ -1,0 +1,25 @@
+"""Limits around one law of a tree: joints stop at their limits exactly, as those of chains do."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+
+TWO = dqc.load_robot("two-pandas")
+START = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
+
+
+@pytest.mark.parametrize("task", ["relative", "absolute"])
+def test_joints_of_both_arms_keep_their_limits(task):
+    arms, elbows = TWO.with_task(task), [3, 10]
+    start, beyond = START.copy(), START.copy()
+    start[elbows], beyond[elbows] = arms.limits.upper[elbows] - 0.002, arms.limits.upper[elbows] + 1.0
+    goal = dqc.references.SetPoint(arms.fkm(beyond))
+    excess = {}
+    for limit in (None, dqc.limits.ModifiedClamping()):
+        law, limits = dqc.laws.Proportional(gain=3.0), dqc.limits.CommandLimits(position=limit)
+        record = dqc.simulate(arms, goal, law, dqc.plants.Integrator(), start, 0.01, 3.0, limits=limits)
+        beyond = np.maximum(record.q - arms.limits.upper, arms.limits.lower - record.q)
+        excess[limit is None] = beyond.max()
+    assert excess[True] > 0.01  # without the limit
+    assert excess[False] <= 1e-12
