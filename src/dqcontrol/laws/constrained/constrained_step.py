@@ -45,9 +45,11 @@ from dqcontrol.laws.constrained.active_set import (
 )
 from dqcontrol.laws.constrained.constraint_layout import (
     APART,
+    AT_MOST,
     INSIDE,
     MOST_CUTS,
     ROUNDS,
+    SIGHT,
     head,
     memory_of,
     parameters_of,
@@ -59,6 +61,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
 from dqcontrol.laws.constrained.constraint_rows import (
     curvature,
     farther_than,
+    look_ahead,
     place_bodies,
     place_frames,
     place_obstacles,
@@ -73,6 +76,7 @@ from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
+_FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
@@ -191,17 +195,17 @@ def _keeps(given, work, count, u):
 
 @shared
 def _verify(kinematics, chain, given, work, settings, originals, count, u, time, sample, adds):
-    """Compute what an input leads to; return the count with further rows, and the worst shortfall of a row.
+    """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
 
-    Rows whose line leaves more room than their curvature can take are sure, and not computed.
+    Distances from convex things whose line leaves more room than their curvature can take are sure, and not computed.
     """
     period, m = settings.period, u.shape[0]
-    worst, placed = 0.0, False
+    worst, worst_ahead, placed = 0.0, 0.0, False
     for i in range(originals):
         owner = int(work.owners[i])
         row = row_of(given.rows[owner])
         spare = _line_change(work, i, u) + work.bounds[i]
-        if row.kind <= INSIDE and spare >= 0.5 * period * curvature(given.levers[owner], u):
+        if row.kind == APART and spare >= 0.5 * period * curvature(given.levers[owner], u):
             continue
         if not placed:
             placed = True
@@ -211,7 +215,8 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
             place_obstacles(given, work, time + period, sample + 1)
             if adds:
                 call_chain(kinematics, chain, work.trial, work.buffer)
-        short = work.required[i] - value_of(given, work, row)
+        value = value_of(given, work, row)
+        short = work.required[i] - value
         worst = max(worst, short)
         if adds and short > _SHORT and count < int(settings.capacity):
             _, _, jacobian = split(work.buffer)
@@ -223,7 +228,19 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
             work.bounds[count], work.owners[count] = bound, float(owner)
             work.required[count], work.press[count] = work.required[i], 0.0
             count += 1
-    return count, worst
+        if row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT:
+            ahead = look_ahead(given, work, row, value, u, 1.0 / settings.rate - period, work.line)
+            short = min(row.kept, work.required[i]) - ahead
+            worst_ahead = max(worst_ahead, short)
+            if adds and short > _FAR_SHORT and count < int(settings.capacity):
+                bound = -short * settings.rate
+                for j in range(m):
+                    work.lines[count, j] = work.line[j]
+                    bound -= work.line[j] * u[j]
+                work.bounds[count], work.owners[count] = bound, float(owner)
+                work.required[count], work.press[count] = work.required[i], 0.0
+                count += 1
+    return count, worst, worst_ahead
 
 
 @shared
@@ -344,7 +361,7 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
         share *= 0.5
         for j in range(u.shape[0]):
             u[j] *= 0.5
-        _, short = _verify(kinematics, chain, given, work, settings, count, count, u, time, sample, False)
+        _, short, _ = _verify(kinematics, chain, given, work, settings, count, count, u, time, sample, False)
         if short < worst:
             worst, best_share = short, share
             for j in range(u.shape[0]):
@@ -377,7 +394,7 @@ def _constrain(kinematics, chain, given, work, settings, report, chosen, levels,
             _clip(work, u, work.low, work.high)
         if is_violated:
             break
-        more, worst = _verify(
+        more, worst, _ = _verify(
             kinematics, chain, given, work, settings, originals, count, u, time, sample, True
         )
         if more == count:
@@ -481,10 +498,12 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     _set_box(given, memory, work, work.config, settings.period)
     time = sample[TIME]
     originals = _collect(given, work, report, settings, time, k)
-    count, short = originals, math.inf
+    count, short, ahead = originals, math.inf, 0.0
     if _keeps(given, work, count, u):
-        _, short = _verify(kinematics, chain, given, work, settings, originals, count, u, time, k, False)
-    if short > _ACCEPTED:
+        _, short, ahead = _verify(
+            kinematics, chain, given, work, settings, originals, count, u, time, k, False
+        )
+    if short > _ACCEPTED or ahead > _FAR_SHORT:
         sets = work.sets.view(np.intp)
         rows = capacity + 2 * m + 4 * drives
         count = _constrain(

@@ -21,8 +21,8 @@ BALL = SHAPE  # of a shape's numbers: centre (3) and radius of a ball around it;
 BODY = SHAPE + 4
 
 MOST_ROWS = 160  # of distances and angles in one program; of more the nearest
-MOST_CUTS = 16  # rows that verification adds
-ROUNDS = 6  # of it
+MOST_CUTS = 48  # rows that verification adds
+ROUNDS = 12  # of it
 
 
 class Head(NamedTuple):

@@ -340,13 +340,17 @@ class PreparedConstraints:
                     self._add_distance(APART, body, obstacle, label, number, each.level, margin, each.speed)
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
-        """Return whether a shape turns with the first joint of an arm, about the normal of a plane: it stands there."""
-        if not isinstance(shape, Plane) or body.frame != 1 or self.robot.joint_types[0] != "revolute":
+        """Return whether no joint changes a distance from a plane: of a base on its floor, of a link turning on it."""
+        if not isinstance(shape, Plane):
             return False
-        axis = algebra.matrix_from_pose(algebra.pose(self.robot.chain[0, :4], self.robot.chain[0, 4:7]))[
-            :3, 2
-        ]
-        return bool(abs(abs(float(axis @ shape.normal)) - 1) < 1e-9)
+        frame = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+        for row, kind in zip(self.robot.chain[: body.frame], self.robot.joint_types, strict=False):
+            frame = algebra.multiply(frame, algebra.pose(row[:4], row[4:7]))
+            axis = algebra.matrix_from_pose(frame)[:3, 2]  # as it is at q = 0: those before it keep it so
+            along = abs(float(axis @ shape.normal))
+            if abs(along - (1.0 if kind == "revolute" else 0.0)) > 1e-9:
+                return False
+        return True
 
     def _add_zones(self) -> None:
         for name, each in self.given.zones.items():
@@ -381,7 +385,9 @@ class PreparedConstraints:
                     other=other,
                 )
                 bend = 1 / math.tan(limit) if 0 < limit < math.pi else 0.0
-                curved = 1.0 + max(bend if most else -bend, 0.0)
+                curved = 1.0 + max(
+                    -bend if most else bend, 0.0
+                )  # about a narrow cone an angle curves outwards
                 self._lines.append(_Line(row, name, self._turning(), curved))
 
     def _turning(self) -> Array:

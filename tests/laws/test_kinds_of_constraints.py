@@ -1,0 +1,158 @@
+"""Zones, angles, sights, bases, arms upon them: against plain formulas and between samples."""
+
+import numpy as np
+import pytest
+from constraint_scenes import (
+    HOME,
+    SUBSAMPLES,
+    least_room,
+    plain_rooms,
+    random_goal,
+    random_kinds,
+)
+
+import dqcontrol as dqc
+
+ARM = dqc.load_robot("panda")
+PLANT = dqc.plants.Integrator()
+FOUND = 1e-9
+
+
+def run_of_kinds(rng, period, duration):
+    """Return a record with the prepared law and its constraints of a Panda among random zones, angles and sights."""
+    acceleration = float(rng.uniform(5, 20)) if rng.random() < 0.5 else None
+    given = random_kinds(rng, ARM, HOME, acceleration=acceleration)
+    law = dqc.laws.Proportional(gain=4.0, constraints=given)
+    goal = random_goal(rng, ARM)
+    record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=period, duration=duration)
+    return record, law.prepare(ARM, goal, period), given
+
+
+def check_kinds(rng, duration):
+    period = float(rng.uniform(0.001, 0.01))
+    record, prepared, given = run_of_kinds(rng, period, duration)
+    assert least_room(prepared, record, period) > -FOUND
+    assert record.readings["kept_effect"].values[:, 3].max() < 1e-6  # limits of acceleration
+    for k in range(0, len(record.time) - 1, 10):
+        share = rng.integers(1, SUBSAMPLES + 1) / SUBSAMPLES * period
+        q = record.q[k] + share * record.command[k]
+        rooms = plain_rooms(given, ARM, q, record.time[k] + share)
+        assert min(rooms.values(), default=0.0) > -FOUND, rooms
+
+
+def test_zones_angles_and_sights_are_kept_between_samples():
+    rng = np.random.default_rng(21)
+    for _ in range(6):
+        check_kinds(rng, 0.5)
+
+
+@pytest.mark.slow
+def test_zones_angles_and_sights_are_kept_in_two_hundred_runs():
+    rng = np.random.default_rng(22)
+    for _ in range(200):
+        check_kinds(rng, 1.0)
+
+
+def gantry():
+    """Return three slides at right angles, whose hand moves straight."""
+    h = np.sqrt(0.5)
+    turns = [(h, 0, h, 0), (0.5, -0.5, -0.5, -0.5), (0.5, -0.5, -0.5, -0.5), (1, 0, 0, 0)]
+    limits = dqc.robots.Limits(np.full(3, -2.0), np.full(3, 2.0), np.full(3, 1.0), np.full(3, np.inf))
+    poses = np.array([[*turn, 0, 0, 0] for turn in turns])
+    return dqc.SerialArm(poses, ["prismatic"] * 3, limits=limits, name="gantry")
+
+
+def test_a_hand_crosses_the_middle_of_a_ball_and_brakes_before_its_other_side():
+    robot, q = gantry(), np.array([-0.09, 0.001, 0.0])
+    middle = dqc.DualQuaternion(robot.fkm(np.zeros(3))).translation
+    zone = dqc.laws.SphereZone(center=tuple(middle), radius=0.1)
+    given = dqc.laws.Constraints(zones={"ball": zone}, acceleration=0.5)
+    law = dqc.laws.Proportional(gain=20.0, constraints=given)
+    goal = dqc.references.SetPoint(robot.fkm(np.array([0.3, 0.0, 0.0])))
+    record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=6.0)
+    assert least_room(law.prepare(robot, goal, 0.01), record, 0.01) > -FOUND
+    assert record.readings["kept_effect"].values[:, 3].max() < 1e-6
+    assert record.q[-1, 0] > 0.06  # it came to the other side
+
+
+def among_walls(rng):
+    """Return constraints of a base's chassis and of the hand among a wall, a column and a post, on a floor."""
+    both = {"links": ["chassis", "hand"]}
+    return {
+        "floor": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=0.0),
+        "wall": dqc.laws.PlaneObstacle(normal=(-1, 0, 0), offset=-rng.uniform(0.4, 0.8), **both),
+        "column": dqc.laws.CylinderObstacle(
+            point=(rng.uniform(-0.6, 0.2), rng.uniform(0.3, 0.6), 0), radius=0.1, **both
+        ),
+        "post": dqc.laws.BoxObstacle(
+            position=(rng.uniform(-0.6, 0.2), -rng.uniform(0.4, 0.6), 0.2), size=(0.1, 0.1, 1), **both
+        ),
+    }
+
+
+def check_base(rng, robot, duration):
+    """Drive to a random goal; return whether the start was free."""
+    n, half_track = robot.configuration_size, robot.drives[0, 3]
+    q = np.concatenate([[0, 0, rng.uniform(-3, 3)], rng.uniform(-0.3, 0.3, n - 3)])
+    if n == 10:
+        q[3:] = HOME
+    acceleration = 5.0 if rng.random() < 0.5 else None
+    given = dqc.laws.Constraints(obstacles=among_walls(rng), acceleration=acceleration)
+    inverse = dqc.laws.DampedInverse(damping=0.05)
+    law = dqc.laws.Proportional(gain=2.0, constraints=given, inverse=inverse)
+    goal = dqc.references.SetPoint(robot.fkm(q + rng.uniform(-1, 1, n)))
+    period = float(rng.uniform(0.002, 0.02))
+    prepared = law.prepare(robot, goal, period)
+    if prepared.constraints.violations(q):
+        return False
+    record = dqc.simulate(robot, goal, law, PLANT, q, period=period, duration=duration)
+    assert least_room(prepared, record, period) > -FOUND
+    rims = np.abs(record.command[:, 0]) + half_track * np.abs(record.command[:, 1])
+    assert rims.max() <= robot.limits.velocity[0] * (1 + 1e-9)
+    return True
+
+
+def bodies():
+    """Return a small base with an arm that has no shapes, and a larger one with a Panda."""
+    chassis = dqc.robots.Chassis(
+        mass=60,
+        radius=0.28,
+        height=0.25,
+        centre_height=0.15,
+        wheel_mass=1,
+        wheel_torque=9,
+        caster_distance=0.2,
+    )
+    base = dqc.DifferentialDrive(0.1, 0.25, displacement=0.1, rim_speed=0.6, chassis=chassis)
+    mount = dqc.DualQuaternion.from_translation([0.05, 0, 0.42])
+    return dqc.load_robot("little-john"), dqc.WholeBody([base, mount, ARM])
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_bases_among_walls_and_columns_touch_nothing_and_keep_their_rims(number):
+    rng, robot = np.random.default_rng(23), bodies()[number]
+    assert sum(check_base(rng, robot, 1.0) for _ in range(4)) >= 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 1])
+def test_bases_touch_nothing_in_many_runs(number):
+    rng, robot = np.random.default_rng(24), bodies()[number]
+    assert sum(check_base(rng, robot, 3.0) for _ in range(100)) >= 50
+
+
+def test_an_arm_keeps_away_from_the_base_that_carries_it():
+    robot = bodies()[1]
+    q = np.array([0.0, 0, 0, *HOME])
+    down = dqc.DualQuaternion.from_translation([-0.3, 0.0, -0.8]) * dqc.DualQuaternion(robot.fkm(q))
+    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(margin=0.02))
+    goal = dqc.references.SetPoint(down)
+    record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=2.0)
+    prepared = law.prepare(robot, goal, 0.01)
+    assert prepared.constraints is not None
+    values = prepared.constraints.values(record.q, record.time)
+    of_base = [i for i, name in enumerate(prepared.constraints.labels) if name.startswith("chassis")]
+    assert values[:, of_base].min() < 0.05  # it was asked to reach into its base
+    assert least_room(prepared, record, 0.01) > -FOUND
+    free = dqc.simulate(robot, goal, dqc.laws.Proportional(gain=3.0), PLANT, q, period=0.01, duration=2.0)
+    assert prepared.constraints.values(free.q, free.time)[:, of_base].min() < 0.0  # the law alone does
