@@ -57,6 +57,28 @@ def least_room(law, record, period):
     return least
 
 
+def least_room_of_servos(law, record, period, servo):
+    """Return the least room beyond what is asked of joints that follow their targets by a first-order lag."""
+    tau, delay = servo.time_constant, servo.delay
+    targets = record.q[0] + period * np.vstack(
+        [np.zeros(record.command.shape[1]), record.command[:-1].cumsum(axis=0)]
+    )
+    q, least, steps = record.q[0].copy(), np.inf, SUBSAMPLES
+    sub = period / steps
+    for k in range(steps * (len(targets) - 1)):
+        time = (k + 1) * sub
+        at = (
+            int(np.floor((k * sub - delay) / period + 1e-9)) + 1
+        )  # the target of the period that has begun, late
+        goal = targets[max(at, 0)]
+        q = goal + (q - goal) * np.exp(-sub / tau)
+        values = law.constraints.values(q[None], [time])[0] - law.constraints.asked
+        least = min(least, float(values.min()))
+        if (k + 1) % steps == 0:
+            assert np.abs(q - record.q[(k + 1) // steps]).max() < 1e-9  # the plant did so
+    return least
+
+
 def random_turn(rng):
     """Return a random unit vector."""
     direction = rng.normal(size=3)

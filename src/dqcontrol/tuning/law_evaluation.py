@@ -89,6 +89,7 @@ class LawEvaluation:
             raise ValueRangeError(f"tune: searches for laws of one chain, and {robot.name} is a tree")
         self._limits = spec.limits_of(plant, robot)
         self._mode: CommandMode = lagging_mode(plant)
+        self._lag = plant.lag(robot)
         limits = robot.limits
         if command_mode(plant) == "measured":  # its commands are no velocities of joints
             limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
@@ -129,12 +130,12 @@ class LawEvaluation:
         """Return a law made ready for each scene; once for all, if it asks for no horizon."""
         period = self._spec.period
         first = law.prepare(
-            self._scenes[0].robot, self._scenes[0].reference, period, self._limits, self._mode
+            self._scenes[0].robot, self._scenes[0].reference, period, self._limits, self._mode, lag=self._lag
         )
         if law.horizon(self._scenes[0].reference) == 0.0:
             return [first] * len(self._scenes)
         rest = (
-            law.prepare(scene.robot, scene.reference, period, self._limits, self._mode)
+            law.prepare(scene.robot, scene.reference, period, self._limits, self._mode, lag=self._lag)
             for scene in self._scenes[1:]
         )
         return [first, *rest]

@@ -77,6 +77,7 @@ from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
 _FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
+_ROUNDER = 1.5  # the bend of a way is that times what three of its points say at most
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
@@ -138,10 +139,11 @@ def _collect(given, work, report, settings, time, sample):
     for i in range(given.rows.shape[0]):
         row = row_of(given.rows[i])
         name = int(row.name)
-        reach = row.kept + (_fastest_change(given.levers[i], work) + row.speed) / settings.rate
+        span = 1.0 / settings.rate + settings.late
+        reach = row.kept + (_fastest_change(given.levers[i], work) + row.speed) * span
         if row.kind == APART and row.b >= given.bodies.shape[0]:
             drift = work.drift[int(row.b) - given.bodies.shape[0]]
-            reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) / settings.rate
+            reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) * span
         if row.kind == APART:
             apart = farther_than(work, row)
             if apart > reach and apart > report.least[name]:
@@ -156,8 +158,54 @@ def _collect(given, work, report, settings, time, sample):
         if place >= 0:
             for j in range(work.line.shape[0]):
                 work.lines[place, j] = work.line[j]
+            work.value[place] = value
             count += 1 if place == count else 0
     return count
+
+
+@inline
+def _follow(given, memory, period):
+    """Let the joints follow their target for a period, as far as that is known."""
+    for i in range(memory.joint.shape[0]):
+        left = 0.0
+        if given.times[i] > 0.0:
+            left = math.exp(-period / given.times[i])
+        memory.joint[i] = memory.target[i] + (memory.joint[i] - memory.target[i]) * left
+
+
+@shared
+def _keep_more(chain, given, memory, work, settings, count):
+    """Let targets keep more than is asked by what it takes for joints that follow them to keep what is asked.
+
+    Joints move towards their target. Where their distance d(q) is what is asked, and that of the target d(z) larger by
+    m, it grows as it begins to if on the way it bends upwards by 2m at most, d(z) = d(q) + d' + ½ bend: the bend is
+    that of a parabola through joints, half way, and target. What moves by itself meets the joints later by lag and
+    delay.
+    """
+    for half in range(2):
+        share = 0.5 * half
+        for i in range(work.trial.shape[0]):
+            work.trial[i] = memory.joint[i] + share * (memory.target[i] - memory.joint[i])
+        place_frames(chain, work.trial, work)
+        place_bodies(given, work)
+        for i in range(count):
+            row = row_of(given.rows[int(work.owners[i])])
+            found = value_of(given, work, row)
+            if half == 0:
+                work.press[i] = found
+                continue
+            bend = 8.0 * (0.5 * (work.press[i] + work.value[i]) - found)
+            moving = row.speed
+            if row.kind == APART and row.b >= given.bodies.shape[0]:
+                drift = work.drift[int(row.b) - given.bodies.shape[0]]
+                moving += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
+            more = _ROUNDER * 0.5 * max(bend, 0.0) + moving * settings.late
+            room = work.value[i] - row.kept
+            before = max(settings.rate * room, -settings.recovery)
+            give = max(settings.rate * (room - more), -settings.recovery)
+            work.bounds[i] += give - before
+            work.required[i] += settings.period * (before - give)
+            work.press[i] = 0.0
 
 
 @shared
@@ -457,7 +505,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     settings = head(parameters)
     names, capacity, drives = int(settings.names), int(settings.capacity), int(settings.drives)
     given, work = _parts(parameters, scratch, settings, n, m)
-    memory = memory_of(state[state.shape[0] - 1 - n - m :], n, m)
+    memory = memory_of(state[state.shape[0] - 1 - 2 * n - m :], n, m)
     report = report_of(work.report, names)
     check = 0.0
     for j in range(m):
@@ -473,9 +521,10 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
-                memory.target[i] = q[i]
+                memory.target[i] = memory.joint[i] = q[i]
         else:
             advance(given.drives, memory.sent, settings.period, memory.target)
+            _follow(given, memory, settings.period)
         for i in range(n):
             work.config[i] = memory.target[i]
         status = call_chain(kinematics, chain, work.config, work.buffer)
@@ -498,6 +547,8 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     _set_box(given, memory, work, work.config, settings.period)
     time = sample[TIME]
     originals = _collect(given, work, report, settings, time, k)
+    if settings.lags != 0.0:
+        _keep_more(chain, given, memory, work, settings, originals)
     count, short, ahead = originals, math.inf, 0.0
     if _keeps(given, work, count, u):
         _, short, ahead = _verify(

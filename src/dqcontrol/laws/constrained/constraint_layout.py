@@ -36,6 +36,8 @@ class Head(NamedTuple):
         How many numbers these parts of the scratch have.
     integrates
         1 where commands move a target that joints follow with a lag: that target is then kept.
+    lags, late
+        1 where that lag or a delay is known; the longest of both together, s.
     rate
         η, 1/s.
     recovery
@@ -58,6 +60,8 @@ class Head(NamedTuple):
     levels: float
     sets: float
     integrates: float
+    lags: float
+    late: float
     rate: float
     recovery: float
     angular: float
@@ -130,6 +134,8 @@ class ConstraintParameters(NamedTuple):
         As the robot has them, and below them the speed limit of each one's rim.
     rims
         See ``drives``.
+    times
+        Of each coordinate: time constant of its lag, s.
     table
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
@@ -147,6 +153,7 @@ class ConstraintParameters(NamedTuple):
     levers: Annotated[Array, "rows", "m"]
     drives: Annotated[Array, "drives", 4]
     rims: Annotated[Array, "drives"]
+    times: Annotated[Array, "n"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 
 
@@ -159,12 +166,15 @@ class ConstraintMemory(NamedTuple):
         1 after the first sample.
     target
         Where commands have led, if they move a target.
+    joint
+        Where the joints are by what is known of their lag, but for the delay.
     sent
         The last command that left.
     """
 
     started: Annotated[Array, 1]
     target: Annotated[Array, "n"]
+    joint: Annotated[Array, "n"]
     sent: Annotated[Array, "m"]
 
 
@@ -213,9 +223,9 @@ class ConstraintWork(NamedTuple):
         Of one pair, and how the inputs change its distance.
     buffer, hand, jacobian
         Kinematics of the chain; Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
-    lines, bounds, owners, required, press
+    lines, bounds, owners, required, value, press
         Rows of the program, those that verification adds at the end: gradient of the distance, bound, which row of the
-        constraints, what it has to be after this period, multiplier.
+        constraints, what it has to be after this period, what it is, multiplier.
     hessian
         H.
     program, solver, levels, sets
@@ -243,6 +253,7 @@ class ConstraintWork(NamedTuple):
     bounds: Annotated[Array, "capacity"]
     owners: Annotated[Array, "capacity"]
     required: Annotated[Array, "capacity"]
+    value: Annotated[Array, "capacity"]
     press: Annotated[Array, "capacity"]
     best: Annotated[Array, "m"]
     hessian: Annotated[Array, "m", "m"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -278,6 +278,28 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     camera: Place = (0.0, 0.0, 0.0)
     at_most: Annotated[float, Meta(ge=LEAST_CONE, lt=math.pi, description="rad")]
 
+
+class Lag(NamedTuple):
+    """How late joints follow targets that commands move.
+
+    Attributes
+    ----------
+    times
+        Time constant of each coordinate, s; empty: none.
+    delays
+        From command to joint, of each coordinate, s.
+    """
+
+    times: tuple[float, ...] = ()
+    delays: tuple[float, ...] = ()
+
+    @property
+    def late(self) -> float:
+        """The longest of time constant and delay together, s."""
+        return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
+
+
+AT_ONCE = Lag()
 
 PerInput = (
     Annotated[float, Meta(gt=0, description="rad/s² or m/s²")]

@@ -41,7 +41,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
     solver_sizes,
     work_of,
 )
-from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shape_of, unit
+from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, KeepOut, Lag, shape_of, unit
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
@@ -84,12 +84,17 @@ class PreparedConstraints:
         How much more than asked samples keep of each row, so that it holds between them too, m or rad.
     rate
         η, 1/s.
+    lag
+        Of joints behind their targets.
     parameters
         For compiled code.
     """
 
-    def __init__(self, given: Constraints, robot: Robot, dt: float, command_mode: str) -> None:
+    def __init__(
+        self, given: Constraints, robot: Robot, dt: float, command_mode: str, lag: Lag = AT_ONCE
+    ) -> None:
         self.given, self.robot, self.period = given, robot, dt
+        self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
                 f"constraints: {robot.name} takes the rates of its configuration, which its drives cannot all follow; "
@@ -496,6 +501,8 @@ class PreparedConstraints:
             drives=drives,
             **sizes,
             integrates=float(command_mode == "integrated"),
+            lags=float(self.lag.late > 0),
+            late=self.lag.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
             angular=_ANGULAR,
@@ -518,6 +525,7 @@ class PreparedConstraints:
             rims=np.array(
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
             ),
+            times=np.array(self.lag.times or np.zeros(n)),
             table=table,
         )
         self.parameters: Array = parameters_of.pack(**parts._asdict())
