@@ -6,12 +6,17 @@ from constraint_scenes import (
     HOME,
     SUBSAMPLES,
     least_room,
+    least_room_of_servos,
     plain_rooms,
+    random_constraints,
     random_goal,
     random_kinds,
 )
 
 import dqcontrol as dqc
+from dqcontrol.laws.constrained.constraints import AT_ONCE
+from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.deadlock import deadlocks
 
 ARM = dqc.load_robot("panda")
 PLANT = dqc.plants.Integrator()
@@ -156,3 +161,76 @@ def test_an_arm_keeps_away_from_the_base_that_carries_it():
     assert least_room(prepared, record, 0.01) > -FOUND
     free = dqc.simulate(robot, goal, dqc.laws.Proportional(gain=3.0), PLANT, q, period=0.01, duration=2.0)
     assert prepared.constraints.values(free.q, free.time)[:, of_base].min() < 0.0  # the law alone does
+
+
+def ball_before(robot, q, ahead, radius):
+    """Return a ball straight before the hand, on its way by ``ahead``, m."""
+    hand = dqc.DualQuaternion(robot.fkm(q)).translation
+    return dqc.laws.SphereObstacle(center=tuple(hand + ahead), radius=radius, links=["hand"])
+
+
+@pytest.mark.parametrize("kind", ["ball", "board"])
+def test_a_hand_that_is_held_goes_aside_if_asked_and_comes_to_its_goal(kind):
+    way = np.array([0.0, 0.15, 0.0])
+    ball = ball_before(ARM, HOME, way, 0.06)
+    board = dqc.laws.BoxObstacle(position=ball.center, size=(0.15, 0.04, 0.15), links=["hand"])
+    obstacle = ball if kind == "ball" else board
+    start = dqc.DualQuaternion(ARM.fkm(HOME))
+    goal = dqc.references.SetPoint(dqc.DualQuaternion.from_translation(2 * way) * start)
+    errors = {}
+    for escape in (None, 0.2):
+        given = dqc.laws.Constraints(obstacles={"it": obstacle}, escape=escape, acceleration=10.0)
+        law = dqc.laws.Proportional(gain=2.0, constraints=given)
+        record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=6.0)
+        assert least_room(law.prepare(ARM, goal, 0.01), record, 0.01) > -FOUND
+        errors[escape], held = record.position_error[-1], deadlocks(record)
+        assert held[0].names == ("it",)
+    assert errors[0.2] < 1e-3
+    assert held[-1].end < 2.0  # s
+    assert kind == "ball" or errors[None] > 0.1  # beside a ball a law finds out by itself, after some time
+
+
+def lagging_run(rng, servo, period, lag):
+    """Return the least room, between samples too, of joints that follow a motion past a ball late."""
+    ball = ball_before(ARM, HOME, np.array([0.01, 0.15, 0.005]), rng.uniform(0.02, 0.06))
+    given = dqc.laws.Constraints(obstacles={"ball": ball}, margin=0.005)
+    law = dqc.laws.ProportionalFeedforward(gain=4.0, constraints=given)
+    start = dqc.DualQuaternion(ARM.fkm(HOME))
+    end = dqc.DualQuaternion.from_translation([0.0, 0.3, 0.0]) * start
+    goal = dqc.references.Points([0.0, float(rng.uniform(0.8, 1.5))], [start.vec8, end.vec8])
+    samples = goal.samples(period * np.arange(round(2.5 / period)))
+    prepared = law.prepare(ARM, goal, period, None, "integrated", lag=lag)
+    record = simulate_prepared(prepared, servo, HOME, samples)
+    effect = record.readings["kept_effect"].values
+    assert effect[:, 2].min() == 1.0  # nothing was scaled
+    return least_room_of_servos(prepared, record, period, servo)
+
+
+def test_joints_that_follow_late_keep_what_is_asked_between_samples_too():
+    rng = np.random.default_rng(31)
+    rooms = {}
+    for kind in ("with", "without"):
+        rooms[kind] = []
+        for _ in range(4):
+            period = float(rng.choice([0.004, 0.01]))
+            servo = dqc.plants.Servo(time_constant=float(rng.uniform(0.03, 0.08)), delay=2 * period)
+            lag = servo.lag(ARM) if kind == "with" else AT_ONCE
+            rooms[kind].append(lagging_run(rng, servo, period, lag))
+    assert min(rooms["with"]) > -FOUND
+    assert min(rooms["without"]) < -1e-4  # they would cut the corner
+
+
+@pytest.mark.slow
+def test_joints_that_follow_late_keep_what_is_asked_in_two_hundred_runs():
+    rng = np.random.default_rng(32)
+    for _ in range(200):
+        period = float(rng.choice([0.002, 0.005, 0.01]))
+        delay = float(rng.integers(0, 4)) * period
+        servo = dqc.plants.Servo(time_constant=float(rng.uniform(0.01, 0.08)), delay=delay)
+        given = random_constraints(rng, ARM, HOME, acceleration=float(rng.uniform(5, 20)))
+        law = dqc.laws.Proportional(gain=3.0, constraints=given)
+        goal = random_goal(rng, ARM)
+        record = dqc.simulate(ARM, goal, law, servo, HOME, period=period, duration=1.5)
+        prepared = law.prepare(ARM, goal, period, None, "integrated", lag=servo.lag(ARM))
+        assert least_room_of_servos(prepared, record, period, servo) > -FOUND
+        assert lagging_run(rng, servo, period, servo.lag(ARM)) > -FOUND

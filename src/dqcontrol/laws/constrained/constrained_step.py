@@ -34,7 +34,7 @@ from dqcontrol.compiled.compile import (
     kernel,
     shared,
 )
-from dqcontrol.compiled.intrinsics import ADDRESS
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.constrained.active_set import (
     INDEFINITE,
     SOLVED,
@@ -83,6 +83,9 @@ _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
+_HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
+_STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
+_TRIES = 8
 
 # kinematics, chain, q, sample, its number, twist Jacobian, state (its end is the memory), parameters, work, command
 CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, WRITE, READ, WRITE, WRITE)
@@ -456,6 +459,60 @@ def _constrain(kinematics, chain, given, work, settings, report, chosen, levels,
 
 
 @shared
+def _go_aside(work, memory, settings, u):
+    """Replace the wish while the hand goes aside: by the least motion that moves it so and turns it little."""
+    m = u.shape[0]
+    memory.escape[1] -= settings.period
+    inverse = as_matrix(work.solver[0 : m * m], m, m)
+    _write_objective(work, settings, m)
+    if not invert_factor(work.hessian, inverse, m):
+        return
+    for i in range(m):
+        value = 0.0
+        for k in range(i + 1):
+            for axis in range(3):
+                value += inverse[i, k] * work.hand[3 + axis, k] * settings.escape * memory.aside[axis]
+        work.best[i] = value
+    for k in range(m):
+        value = 0.0
+        for i in range(k, m):
+            value += inverse[i, k] * work.best[i]
+        u[k] = value
+        work.wish[k] = value
+
+
+@shared
+def _watch_for_deadlock(work, memory, settings, report):
+    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go."""
+    asked, speed = report.numbers[4], report.numbers[5]
+    is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
+    memory.escape[0] = memory.escape[0] + settings.period if is_held else 0.0
+    if memory.escape[0] < _HELD + 1.5 * settings.period or memory.escape[2] >= _TRIES:
+        return
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(work.wish.shape[0]):
+        x += work.hand[3, j] * work.wish[j]
+        y += work.hand[4, j] * work.wish[j]
+        z += work.hand[5, j] * work.wish[j]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size < 0.5 * asked:  # it is its turning that is held
+        return
+    x, y, z = x / size, y / size, z / size
+    a, b, c = -x * z, -y * z, 1.0 - z * z  # up, as far as that is across
+    if c < 0.1:
+        a, b, c = 1.0 - x * x, -x * y, -x * z
+    size = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / size, b / size, c / size
+    way = int(memory.escape[2]) % 4
+    if way == 1 or way == 2:
+        a, b, c = y * c - z * b, z * a - x * c, x * b - y * a
+    sign = 1.0 if way < 2 else -1.0
+    memory.aside[0], memory.aside[1], memory.aside[2] = sign * a, sign * b, sign * c
+    memory.escape[0], memory.escape[1] = 0.0, _ASIDE
+    memory.escape[2] += 1.0
+
+
+@shared
 def _report(given, memory, work, report, settings, originals, count, u):
     """Write which rows pressed and gave way."""
     for i in range(count):
@@ -505,7 +562,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     settings = head(parameters)
     names, capacity, drives = int(settings.names), int(settings.capacity), int(settings.drives)
     given, work = _parts(parameters, scratch, settings, n, m)
-    memory = memory_of(state[state.shape[0] - 1 - 2 * n - m :], n, m)
+    memory = memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
     report = report_of(work.report, names)
     check = 0.0
     for j in range(m):
@@ -539,6 +596,8 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
     if status != OK:
         return status
     hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
+    if memory.escape[1] > 0.0:
+        _go_aside(work, memory, settings, u)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
@@ -561,6 +620,8 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, state, par
             kinematics, chain, given, work, settings, report, sets[rows:], sets[0:rows], count, u, time, k
         )
     _report(given, memory, work, report, settings, originals, count, u)
+    if settings.escape > 0.0 and memory.escape[1] <= 0.0:
+        _watch_for_deadlock(work, memory, settings, report)
     return OK
 
 

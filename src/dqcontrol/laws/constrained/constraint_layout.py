@@ -42,6 +42,8 @@ class Head(NamedTuple):
         η, 1/s.
     recovery
         Largest speed at which a distance that is too small is asked to grow, m/s or rad/s.
+    escape
+        Speed at which the hand goes aside where constraints hold it, m/s; 0: it does not.
     angular, free
         l² and ρ² of the objective, m².
     """
@@ -64,6 +66,7 @@ class Head(NamedTuple):
     late: float
     rate: float
     recovery: float
+    escape: float
     angular: float
     free: float
 
@@ -168,6 +171,10 @@ class ConstraintMemory(NamedTuple):
         Where commands have led, if they move a target.
     joint
         Where the joints are by what is known of their lag, but for the delay.
+    escape
+        For how long the hand has been held, for how long it still goes aside, s, and how often it has.
+    aside
+        Where to.
     sent
         The last command that left.
     """
@@ -175,6 +182,8 @@ class ConstraintMemory(NamedTuple):
     started: Annotated[Array, 1]
     target: Annotated[Array, "n"]
     joint: Annotated[Array, "n"]
+    escape: Annotated[Array, 3]
+    aside: Annotated[Array, 3]
     sent: Annotated[Array, "m"]
 
 

@@ -328,6 +328,10 @@ class Constraints(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
         Distance between links, m; ``margin`` if omitted.
     obstacles, zones, angles, sights
         By name.
+    escape
+        Where constraints hold the hand against what the law asks for 0.4 s, it goes aside at this speed for 1 s, m/s:
+        up, to the sides, down, in turn, eight times at most. It may find a way round; nothing is promised. If omitted
+        it stands there.
     recovery
         A run may start where distances are too small; they are then asked to grow this fast at most, m/s or rad/s. If
         omitted, such a start is refused.
@@ -361,6 +365,7 @@ class Constraints(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     zones: dict[Name, AnyZone] = {}
     angles: dict[Name, Angle] = {}
     sights: dict[Name, LineOfSight] = {}
+    escape: Annotated[float, Meta(gt=0, le=2, description="m/s")] | None = None
     recovery: Annotated[float, Meta(gt=0, description="m/s or rad/s")] | None = None
 
     @property

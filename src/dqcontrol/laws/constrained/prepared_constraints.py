@@ -505,6 +505,7 @@ class PreparedConstraints:
             late=self.lag.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
+            escape=given.escape or 0.0,
             angular=_ANGULAR,
             free=_FREE,
         )
