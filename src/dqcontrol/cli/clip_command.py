@@ -49,7 +49,14 @@ def clip(
     from dqcontrol.films.clip import render_clip, render_whole
 
     done = load_run(run)
-    look = {"width": width, "height": height, "azimuth": azimuth, "elevation": elevation, "overwrite": force}
+    look = {
+        "width": width,
+        "height": height,
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "overwrite": force,
+        "kept": done.law.constraints if done.law else None,
+    }
     if path.suffix.lower() == ".png":
         render_whole(done.robot, done.plant, done.record, path, **look)
     else:

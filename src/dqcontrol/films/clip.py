@@ -26,10 +26,12 @@ from dqcontrol.films.film_arm import film_arm
 from dqcontrol.films.film_physics import film_physics
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
+from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
 
 if TYPE_CHECKING:
+    from dqcontrol.laws.constrained.constraints import Constraints
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import Plant
     from dqcontrol.robots.robot import Robot
@@ -51,6 +53,7 @@ def render_clip(
     azimuth: float | None = None,
     elevation: float | None = None,
     overwrite: bool = False,
+    kept: Constraints | None = None,
     progress: Callable[[int, int], None] = lambda drawn, total: None,
 ) -> None:
     """Save a clip of an arm, or of a mobile manipulator that was in physics, with the time in its corner.
@@ -73,6 +76,8 @@ def render_clip(
         Direction of view, degrees; negative elevations look down. By default from before and above.
     overwrite
         True to replace an existing file.
+    kept
+        Constraints whose obstacles and zones are drawn, with the nearest pair.
     progress
         Told how many frames of how many are drawn.
 
@@ -103,7 +108,7 @@ def render_clip(
         if width % 2 or height % 2:
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)
-    pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation))
+    pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation), kept)
     with writing(target), whole_file(target, overwrite=overwrite) as draft:
         write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
 
@@ -119,15 +124,16 @@ def render_whole(
     azimuth: float | None = None,
     elevation: float | None = None,
     overwrite: bool = False,
+    kept: Constraints | None = None,
 ) -> None:
     """Save one picture of a whole run as a PNG file.
 
     An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
-    manipulator there is a strip of six pictures at equal times.
+    manipulator, and where constraints are drawn, there is a strip of six pictures at equal times.
 
     Parameters
     ----------
-    robot, plant, record, azimuth, elevation, overwrite
+    robot, plant, record, azimuth, elevation, overwrite, kept
         As for `render_clip`.
     path
         Where to save it, ``.png``.
@@ -140,10 +146,12 @@ def render_whole(
         As `render_clip`.
     """
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
-    film = _film(robot, plant, record)
-    if not film.is_overlaid:
+    film = _film(robot, plant, record, kept)
+    if kept is not None or not film.is_overlaid:
         times = np.linspace(0.0, record.time[-1], 6).tolist()
-        render_strip(robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, **look)
+        render_strip(
+            robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, kept=kept, **look
+        )
         return
     render_run(
         robot,
@@ -170,6 +178,7 @@ def render_strip(
     azimuth: float | None = None,
     elevation: float | None = None,
     overwrite: bool = False,
+    kept: Constraints | None = None,
 ) -> None:
     """Save pictures of a run at some times, side by side in one PNG file, each with its time.
 
@@ -185,7 +194,7 @@ def render_strip(
         Pictures in a row.
     width, height
         Of each picture, pixels.
-    azimuth, elevation, overwrite
+    azimuth, elevation, overwrite, kept
         As for `render_clip`.
 
     Raises
@@ -200,7 +209,7 @@ def render_strip(
     across = as_count("columns", columns)
     if not across:
         raise ValueRangeError("columns: must be ≥ 1, got 0")
-    pictures = list(_pictures(robot, plant, record, moments, (width, height), (azimuth, elevation)))
+    pictures = list(_pictures(robot, plant, record, moments, (width, height), (azimuth, elevation), kept))
     rows = math.ceil(len(pictures) / across)
     sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
     for k, picture in enumerate(pictures):
@@ -224,6 +233,7 @@ def _pictures(
     times: NDArray[np.float64],
     size: tuple[int, int],
     view: tuple[float | None, float | None],
+    kept: Constraints | None,
 ) -> Iterator[Any]:
     """Give the pictures of a run at some times, with the time in their corner."""
     if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
@@ -233,20 +243,22 @@ def _pictures(
             raise ValueRangeError(f"{field}: must be finite, got {angle}")
     image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
     samples = np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1)
-    film = _film(robot, plant, record)
+    film = _film(robot, plant, record, kept)
     for time, pixels in zip(times, frames(film, samples, *size, *view), strict=True):
         picture = image.fromarray(pixels)
         drawing.Draw(picture).text((12, 8), f"{time:.1f} s", fill=(20, 20, 20), font_size=size[1] / 18)
         yield picture
 
 
-def _film(robot: Robot, plant: Plant | None, record: Record) -> Film:
+def _film(robot: Robot, plant: Plant | None, record: Record, kept: Constraints | None) -> Film:
     """Return what a camera needs of a run."""
+    period = float(record.time[1] - record.time[0]) if len(record.time) > 1 else 1e-3
+    around = None if kept is None else KeptScene(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record)
     is_tree = isinstance(robot, TreeRobot) and not robot.bases and not robot.follows
     if isinstance(robot, SerialArm) or is_tree:
-        return film_arm(robot, plant, record)
+        return film_arm(robot, plant, record, around)
     raise ValueRangeError(
         f"clip: draws arms, and mobile manipulators that were in physics (plant: {{kind: mobile}}); "
         f"to see {robot.name}: dqcontrol view"

@@ -9,6 +9,7 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.drawn_scene import DrawnScene
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
@@ -16,6 +17,7 @@ from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array
+    from dqcontrol.laws.constrained.kept_scene import KeptScene
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import Plant
     from dqcontrol.robots.robot import Robot
@@ -25,7 +27,7 @@ _PIECES = 150  # of a path, at most: they take most of the time
 _BALL = (0.55, 0.35, 0.65, 0.6)
 
 
-def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
+def film_arm(robot: Robot, plant: Plant | None, record: Record, kept: KeptScene | None = None) -> Film:
     """Return what a camera needs of an arm's run.
 
     Raises
@@ -45,7 +47,11 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
     framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]), meshes)
     balls = plant.balls(record.time) if plant is not None else []
 
+    around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
+
     def decorate(scene: Any, k: int) -> None:
+        if around is not None:
+            around.add(mujoco, scene, k)
         for centers, radius in balls:
             if not np.isnan(centers[k, 0]):
                 _add_ball(mujoco, scene, centers[k], radius)
@@ -59,7 +65,7 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record) -> Film:
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
-        decorations=2 * _PIECES + len(balls),
+        decorations=2 * _PIECES + len(balls) + (around.most if around else 0),
     )
 
 

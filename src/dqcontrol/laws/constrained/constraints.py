@@ -151,6 +151,11 @@ class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fie
         """Planes with their free sides inside, or what the ball is inside of."""
         raise NotImplementedError
 
+    @property
+    def solids(self) -> list[Shape]:
+        """What is drawn of it."""
+        return self.walls
+
 
 class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
     """A room with six walls about its position."""
@@ -160,9 +165,14 @@ class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
     rpy: Annotated[Number3, Meta(description="rad")] = (0.0, 0.0, 0.0)
 
     @property
+    def solids(self) -> list[Shape]:
+        """The box."""
+        return [Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))]
+
+    @property
     def walls(self) -> list[Shape]:
         """Six planes."""
-        box = Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
+        (box,) = self.solids
         turn = box.row[7:].reshape(3, 3)
         walls: list[Shape] = []
         for k in range(3):

@@ -65,6 +65,13 @@ class _Line(NamedTuple):
     curved: float  # share of (Σ lever u)² that an angle may curve beyond
 
 
+class ShapePair(NamedTuple):
+    """What a row is about: one or two shapes of the robot, or one and the number of what is around it."""
+
+    links: list[LinkShape]
+    obstacle: int | None
+
+
 class PreparedConstraints:
     """Constraints for one robot and period.
 
@@ -171,6 +178,14 @@ class PreparedConstraints:
         if status:
             self.robot.fkm(rows)  # says what is wrong
         return out
+
+    def pair(self, row: int) -> ShapePair:
+        """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
+        found = self._lines[row].row
+        links = [self._bodies[int(found.a)]]
+        if found.b >= 0:
+            return ShapePair([*links, self._bodies[int(found.b)]], None)
+        return ShapePair(links, int(-1 - found.b))
 
     def violations(self, q: ArrayLike, time: float = 0.0) -> list[str]:
         """Return what a configuration, shape (n,), violates, one line each, the worst first."""
