@@ -66,7 +66,9 @@ def least_room_of_servos(law, record, period, servo):
     q, between, steps = record.q[0].copy(), [], SUBSAMPLES
     sub = period / steps
     for k in range(steps * (len(targets) - 1)):
-        at = int(np.floor((k * sub - delay) / period + 1e-9)) + 1  # the target of the period that has begun, late
+        at = (
+            int(np.floor((k * sub - delay) / period + 1e-9)) + 1
+        )  # the target of the period that has begun, late
         goal = targets[max(at, 0)]
         q = goal + (q - goal) * np.exp(-sub / tau)
         between.append(q)

@@ -182,11 +182,11 @@ def _keep_more(chain, given, memory, work, settings, count):
 
     Joints move towards their target. Where their distance d(q) is what is asked, and that of the target d(z) larger by
     m, it grows as it begins to if on the way it bends upwards by 2m at most, d(z) = d(q) + d' + ½ bend: the bend is
-    that of a parabola through joints, half way, and target. What moves by itself meets the joints later by lag and
-    delay.
+    that of a parabola through joints, half way, and target. And points of the way, which the target moves by a share
+    of its own motion, come no nearer either. What moves by itself meets the joints later by lag and delay.
     """
-    for half in range(2):
-        share = 0.5 * half
+    for part in range(4):  # at the joints, half way, a quarter, three quarters
+        share = 0.0 if part == 0 else 0.5 if part == 1 else 0.25 if part == 2 else 0.75
         for i in range(work.trial.shape[0]):
             work.trial[i] = memory.joint[i] + share * (memory.target[i] - memory.joint[i])
         place_frames(chain, work.trial, work)
@@ -194,18 +194,23 @@ def _keep_more(chain, given, memory, work, settings, count):
         for i in range(count):
             row = row_of(given.rows[int(work.owners[i])])
             found = value_of(given, work, row)
-            if half == 0:
+            room = work.value[i] - row.kept
+            if part == 0:
                 work.press[i] = found
                 continue
-            bend = 8.0 * (0.5 * (work.press[i] + work.value[i]) - found)
+            if part == 1:
+                bend = 8.0 * (0.5 * (work.press[i] + work.value[i]) - found)
+                work.press[i] = room - _ROUNDER * 0.5 * max(bend, 0.0)
+            work.press[i] = min(work.press[i], (found - row.kept) / share)
+            if part < 3:
+                continue
             moving = row.speed
             if row.kind == APART and row.b >= given.bodies.shape[0]:
                 drift = work.drift[int(row.b) - given.bodies.shape[0]]
                 moving += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
-            more = _ROUNDER * 0.5 * max(bend, 0.0) + moving * settings.late
-            room = work.value[i] - row.kept
             before = max(settings.rate * room, -settings.recovery)
-            give = max(settings.rate * (room - more), -settings.recovery)
+            left = min(work.press[i], room) - moving * settings.late
+            give = max(settings.rate * left, -settings.recovery)
             work.bounds[i] += give - before
             work.required[i] += settings.period * (before - give)
             work.press[i] = 0.0
