@@ -1,4 +1,4 @@
-"""The examples of constraints: what is asked for is kept, the law alone would not, and the report says what became of it."""
+"""The examples of constraints: what is asked for is kept, the law alone would not, and the report says how it ended."""
 
 from pathlib import Path
 
