@@ -48,6 +48,7 @@ LAWS = {
     "gain over time": {"kind": "proportional", "gain": SCHEDULE},
     "damped": K | {"inverse": {"kind": "damped", "damping": 0.05}},
     "filtered": K | {"inverse": {"kind": "filtered"}},
+    "reduced-gradient": {"kind": "reduced-gradient", "gain": 4},
     "proportional-feedforward": {"kind": "proportional-feedforward", "gain": 4, "integral_gain": 1},
     "classic-proportional": {"kind": "classic-proportional", "gain": 4},
     "decoupled-proportional": {"kind": "decoupled-proportional", "gain": 4},
@@ -75,6 +76,7 @@ LIMITS = {
 OF_BODIES = {
     "cascade": {"law": {"kind": "cascade", **SECOND_ORDER}, "reference": SET_POINT},
     "classic-whole-body": {"law": {"kind": "classic-whole-body", "gain": 2}, "reference": SET_POINT},
+    "classic-cascade": {"law": {"kind": "classic-cascade", "gain": 2}, "reference": SET_POINT},
     "guided-proportional": {"law": {"kind": "guided-proportional", "gain": 1}, "reference": DRIVE_TO},
     "best-heading": {"law": K | {"null_space": {"kind": "best-heading"}}, "reference": SET_POINT},
 }

@@ -9,6 +9,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.cli.clip_command import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.films.clip import render_clip, render_strip, render_whole
+from dqcontrol.films.film_physics import with_rolling_wheels
 from dqcontrol.films.offscreen import offscreen
 from dqcontrol.plants import Basket, CompliantPlant, Cube, Gripper, MobilePlant, Obstacle, Scene
 
@@ -131,6 +132,10 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
     assert image(tmp_path / "run.gif").n_frames == 3
     with pytest.raises(ExistsError, match="exists already"):
         clip(tmp_path / "run", tmp_path / "run.gif")
+    clip(tmp_path / "run", tmp_path / "run", tmp_path / "both.gif", rate=5, width=120, height=90)
+    assert image(tmp_path / "both.gif").n_frames == 3
+    with pytest.raises(ValueRangeError, match="clip: expected the folder of a run, or several, and a file"):
+        clip(tmp_path / "run")
     clip(tmp_path / "run", tmp_path / "run.png", width=120, height=90)
     assert image(tmp_path / "run.png").size == (120, 90)
     with pytest.raises(FileFormatError, match=r"is not the folder of a run, but holds runs: give .*run$"):
@@ -143,6 +148,37 @@ def test_one_picture_shows_the_whole_run_of_a_mobile_robot(driven, tmp_path):
     sheet = np.asarray(image(tmp_path / "whole.png").convert("RGB"), dtype=int)
     assert sheet.shape == (180, 360, 3)  # six pictures
     assert np.abs(sheet[90:, 240:] - sheet[:90, :120]).max() > 60  # it has moved
+
+
+def away(driven, speed):
+    """Return a run of the robot on ideal joints, which drives straight on."""
+    robot = driven[0]
+    law = dqc.laws.OwnLaw(function=straight_on, parameters=[speed])
+    target = dqc.references.SetPoint(robot.fkm(START))
+    return dqc.simulate(robot, target, law, dqc.plants.Integrator(), START, period=0.05, duration=1.0)
+
+
+def straight_on(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    for i in range(out.shape[0]):
+        out[i] = 0.0
+    out[0] = parameters[0]
+
+
+@pytest.mark.usefixtures("opengl")
+def test_further_runs_show_through_the_first(driven, tmp_path):
+    """On ideal joints: both start in one place, where the first hides the other, and part."""
+    robot, slow, fast = driven[0], away(driven, 0.0), away(driven, 1.0)
+
+    def blue(picture):
+        return int(((picture[..., 2] - picture[..., 0] > 60) & (picture[..., 2] > 90)).sum())
+
+    several = {"further": [(None, fast)], "columns": 1, "width": 240, "height": 180}
+    render_strip(robot, None, slow, tmp_path / "strip.png", [0, 1], **several)
+    sheet = np.asarray(image(tmp_path / "strip.png").convert("RGB"), dtype=int)
+    assert blue(sheet[180:]) > 100 > 3 * blue(sheet[:180])
+    wheels = with_rolling_wheels(robot, fast).readings["wheel_angle"].values
+    assert wheels[-1] == pytest.approx(np.full(2, 1.0 / robot.drives[0, 2]))
+    assert with_rolling_wheels(*driven[::2]) is driven[2]
 
 
 @pytest.mark.usefixtures("opengl")
@@ -208,9 +244,19 @@ def test_bad_input(driven, tmp_path):
             "must be even for .mp4, got 121 and 480",
         ),
         (
-            lambda: render_clip(robot, None, record, tmp_path / "c.gif"),
+            lambda: render_clip(dqc.load_robot("youbot"), None, record, tmp_path / "c.gif"),
             ValueRangeError,
-            r"clip: draws arms, and mobile manipulators that were in physics .*little-john",
+            r"clip: draws arms, and mobile manipulators on one differential drive .*youbot",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", labels=["a", "b"]),
+            ShapeError,
+            "labels: expected 1, one a run, got 2",
+        ),
+        (
+            lambda: render_clip(*driven, tmp_path / "c.gif", further=[(None, record)]),
+            ShapeError,
+            "further: expected runs among 2 things as the first, got 0",
         ),
         (
             lambda: render_clip(dqc.load_robot("ur5"), None, record, tmp_path / "c.gif"),

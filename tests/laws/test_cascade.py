@@ -8,7 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
-from dqcontrol.laws import Cascade, FeedbackLinearization
+from dqcontrol.laws import Cascade, ClassicCascade, ClassicProportional, FeedbackLinearization
 from dqcontrol.plants import Integrator
 
 T = 0.05
@@ -92,3 +92,38 @@ def test_bad_input(robot):
         Cascade(**GAINS, inner_gain=0).prepare(robot, None, T)
     with pytest.raises(Error, match="law: cascade is for the constrained form of little-john"):
         Cascade(**GAINS).prepare(robot.in_form("unconstrained"), None, T)
+
+
+def test_the_classic_outer_loop_is_the_definition(robot):
+    """Outer: J⁺ K vec8(x_d − x) of the holonomic Jacobian. Inner: as that of the other cascade. [S17 footnote 11]"""
+    free, d, gain = robot.in_form("unconstrained"), robot.drives[0, 1], 3.0
+    goal = dqc.Sample(robot.fkm(Q + 0.2 * np.array([1, -1, 1, 1, -1, 1, 0.5, -1])))
+    law = ClassicCascade(gain=0.5, inner_gain=gain).prepare(robot, None, T)
+    q, virtual, state = Q.copy(), Q[:3].copy(), law.initial_state(Q)
+    for _ in range(40):
+        x = robot.fkm(q)
+        wanted = goal.pose * np.sign(goal.pose[:4] @ x[:4])
+        rates = np.linalg.pinv(free.pose_jacobian(q)) @ (0.5 * (wanted - x))
+        ahead, own = (d * np.array([math.cos(a), math.sin(a)]) for a in (virtual[2], q[2]))
+        speed = rates[:2] + rates[2] * np.array([-ahead[1], ahead[0]])
+        c = np.column_stack([own / d, [-own[1], own[0]]])
+        v_omega = np.linalg.solve(c, speed + gain * (virtual[:2] + ahead - q[:2] - own))
+        u = law.command(q, goal, state)
+        np.testing.assert_allclose(u, np.r_[v_omega, rates[3:]], atol=1e-9)
+        virtual += T * rates[:3]
+        q = robot.integrate(q, u, T)
+
+
+def test_without_drives_the_classic_cascade_is_the_classic_law():
+    arm = dqc.load_robot("iiwa7")
+    q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    goal = dqc.Sample(arm.fkm(q + 0.1))
+    commands = [law(gain=0.5).command(arm, q, goal, T) for law in (ClassicCascade, ClassicProportional)]
+    np.testing.assert_allclose(*commands, atol=1e-12)
+
+
+def test_bad_input_of_the_classic_cascade(robot):
+    with pytest.raises(Error, match="inner_gain: must be > 0, got 0"):
+        ClassicCascade(gain=1.0, inner_gain=0).prepare(robot, None, T)
+    with pytest.raises(Error, match="law: classic-cascade is for the constrained form of little-john"):
+        ClassicCascade(gain=1.0).prepare(robot.in_form("unconstrained"), None, T)

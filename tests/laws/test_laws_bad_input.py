@@ -144,3 +144,24 @@ def test_a_command_that_overflows_is_an_error(make_arm, n, inverse):
 def test_laws_are_frozen():
     with pytest.raises(AttributeError):
         Proportional(gain=1.0).gain = 2.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named", "text"),
+    [
+        (
+            (5,),
+            {},
+            r"^Proportional\(5\): give parameters by name, as Proportional\(gain=5\) \(Proportional has: gain",
+        ),
+        (
+            (),
+            {"gian": 5},
+            r"^Proportional: unknown parameter 'gian'; did you mean 'gain'\? \(Proportional has:",
+        ),
+        ((), {}, r"^Proportional: give gain \(Proportional has: gain, "),
+    ],
+)
+def test_parameters_have_names(arguments, named, text):
+    with pytest.raises(TypeError, match=text):
+        Proportional(*arguments, **named)

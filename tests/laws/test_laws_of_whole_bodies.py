@@ -34,6 +34,7 @@ LAWS = {
     "classic-proportional": laws.ClassicProportional(gain=GAIN),
     "proportional": laws.Proportional(gain=GAIN),
     "gain over time": laws.Proportional(gain=laws.Schedule([0, 5], [1.0, GAIN])),
+    "reduced-gradient": laws.ReducedGradient(gain=GAIN),
     "proportional-feedforward": laws.ProportionalFeedforward(gain=GAIN),
     "decoupled-proportional": laws.DecoupledProportional(gain=GAIN),
     "partial-proportional": laws.PartialProportional(part="position", gain=GAIN),
@@ -48,6 +49,7 @@ LAWS = {
 SIDEWAYS = {  # these take every base for one that can move sideways
     "cascade": laws.Cascade(**SECOND_ORDER),
     "classic-whole-body": laws.ClassicWholeBody(gain=GAIN),
+    "classic-cascade": laws.ClassicCascade(gain=GAIN),
 }
 
 

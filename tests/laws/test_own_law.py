@@ -67,6 +67,18 @@ def test_a_law_that_does_not_compile_is_interpreted():
     assert isinstance(law.kernel, InterpretedKernel)
 
 
+def test_a_law_whose_bytecode_numba_cannot_read_is_interpreted(arm):
+    """Keyword arguments in a dictionary: Numba raises what is none of its own errors."""
+
+    def with_options(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+        options = {"axis": 0}
+        out[:] = np.sum(np.zeros((2, out.shape[0])), **options, keepdims=False)
+
+    with pytest.warns(InterpretedWarning, match="with_options: does not compile"):
+        u = OwnLaw(function=with_options).command(arm, START, dqc.Sample(arm.fkm(START)), 0.01)
+    assert not u.any()
+
+
 def test_own_plants(arm):
     law = Proportional(gain=10.0)
     compiled = run(arm, law, OwnPlant(function=noisy, parameters=[1e-4], noise=7))

@@ -74,7 +74,8 @@ def test_position_limits_are_those_of_the_coordinate_that_an_input_moves(kind):
         assert over < (free.q[:, 7] - body.limits.upper[7]).max() / 2
 
 
-def test_a_thousand_random_runs_of_bodies_never_leave_the_limits():
+@pytest.mark.parametrize("runs", [150, pytest.param(1000, marks=pytest.mark.slow)])
+def test_random_runs_of_bodies_never_leave_the_limits(runs):
     """And with K a sample in which no joint would cross its limit is commanded as if there were no limits."""
     print("seed", SEED)
     rng = np.random.default_rng(SEED + 1)
@@ -87,7 +88,7 @@ def test_a_thousand_random_runs_of_bodies_never_leave_the_limits():
         dqc.laws.ClassicWholeBody(gain=5.0),
     ]
     limited = released = 0
-    for k in range(1000):
+    for k in range(runs):
         body, law = bodies[k % 3], laws[rng.integers(4)]
         lower, upper, moved = body.limits.lower, body.limits.upper, body.input_coordinates
         start = rng.uniform(np.maximum(lower, -3), np.minimum(upper, 3))
@@ -112,8 +113,8 @@ def test_a_thousand_random_runs_of_bodies_never_leave_the_limits():
                 assert u == pytest.approx(wanted, rel=1e-9)
             else:
                 assert (u[outwards] == 0).all()
-    assert limited > 100
-    assert released > 100
+    assert limited > 50
+    assert released > 50
 
 
 def test_the_whole_run_of_a_body_keeps_its_rims():

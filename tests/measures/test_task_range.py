@@ -86,6 +86,8 @@ def test_joints_that_rest_at_their_limits_are_no_range(robot):
         )
         if at.max() > 0 and record.error[-1] > 1e-2 and np.abs(record.command[-1]).max() < 1e-6:
             found.append(task_range(robot, record, inverse=FilteredInverse(threshold=0.05)).share[-1])
+        if len(found) == 5:
+            break
     assert found, "some end at a limit, at rest"
     assert np.median(found) > 0.9
 

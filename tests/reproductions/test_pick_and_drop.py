@@ -16,9 +16,12 @@ from dqcontrol.reproductions.silva2017.pick_and_drop_task import (
     CAMERA,
     CUBE,
     START,
+    _watched,
     pick_and_drop,
     plan,
+    regulate,
 )
+from dqcontrol.reproductions.silva2017.specs import setting_of
 
 pytest.importorskip("mujoco")
 
@@ -56,17 +59,40 @@ def test_it_goes_where_the_camera_sees_things(done):
 
 def test_the_reproduction_judges_it_and_draws_it(done, monkeypatch):
     monkeypatch.setattr(published_pick_and_drop, "pick_and_drop", lambda: done)
+    monkeypatch.setattr(published_pick_and_drop, "regulate", lambda law: done)
     found = published.reproduce("silva2017/pick-and-drop")
-    table, verdicts = found.tables
-    assert [row[2] for row in verdicts.rows] == ["supported"]
+    by_law, table, verdicts = found.tables
+    assert [row[0] for row in by_law.rows] == ["S17", "classic", "ours"]
+    assert [row[2] for row in verdicts.rows] == ["supported"] * 2
     assert all(np.isfinite(row[1]) for row in table.rows)
-    assert set(found.files) <= {"pick-and-drop.webp", "pick-and-drop.png"}  # none without OpenGL
+    pictures = {"pick-and-drop.webp", "pick-and-drop.png", "pick-and-drop-set-points.png"}
+    assert set(found.files) <= pictures  # none without OpenGL
     left = replace(done.record, readings={**done.record.readings})
     cube = left.readings["cube_1_position"]
     left.readings["cube_1_position"] = cube._replace(values=cube.values[:1].repeat(len(left), axis=0))
     monkeypatch.setattr(published_pick_and_drop, "pick_and_drop", lambda: replace(done, record=left))
-    _, verdicts = published.reproduce("silva2017/pick-and-drop").tables
-    assert [row[2] for row in verdicts.rows] == ["not supported"]
+    verdicts = published.reproduce("silva2017/pick-and-drop").tables[-1]
+    assert [row[4] for row in verdicts.rows] == ["not supported", "supported"]
+
+
+def test_cube_and_basket_are_measured_all_the_time():
+    """The estimates scatter about the truth as the camera's filtered noise does: by √(w / (2 − w)) of a frame's."""
+    seen = _watched(CAMERA, [[*CUBE.position, CUBE.yaw], [*BASKET.position, 0]], 5000, seed=2)
+    weight = -np.expm1(-1 / (CAMERA.rate * CAMERA.filter_time))
+    expected = CAMERA.position_noise * np.sqrt(weight / (2 - weight))
+    assert seen[:, :, :2].std(axis=0) == pytest.approx(np.full((2, 2), expected), rel=0.2)
+    assert seen[:, :, :2].mean(axis=0) == pytest.approx(np.array([CUBE.position, BASKET.position]), abs=1e-3)
+    assert len(np.unique(seen[:, 0, 0])) > 2000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("label", ["S17", "classic"])
+def test_both_laws_of_s17_do_it_by_set_points_with_its_gains(label):
+    run = regulate(setting_of("comparison").spec.law_by_label[label])
+    assert run.record.stopped == "duration"
+    assert run.is_in_basket
+    assert run.path[:, 2].max() > 0.2
+    assert np.ptp(run.record.desired[-100:, 5]) > 0  # the goal moves with the camera's noise
 
 
 def test_a_scene_elsewhere():

@@ -22,7 +22,10 @@ def verdicts(table):
 
 def test_it_is_in_the_catalogue():
     assert published.names("silva2017") == [f"silva2017/{name}" for name in EXPERIMENTS]
-    assert {path.stem for path in (FOLDER / "specs").glob("*.yaml")} >= set(EXPERIMENTS) - {"pick-and-drop"}
+    assert {path.stem for path in (FOLDER / "specs").glob("*.yaml")} >= set(EXPERIMENTS) - {
+        "pick-and-drop",
+        "far-goals",
+    }
 
 
 def test_gains_by_s17s_law_and_ours():
@@ -49,7 +52,7 @@ def test_gains_by_s17s_law_and_ours():
 
 
 def test_the_comparison_has_s17s_law_and_stop_first():
-    done = comparison.reproduce(ONE, count=2)
+    done = comparison.reproduce(ONE, count=2, in_physics=False)
     table = done.tables[0]
     rows = {str(row[0]).partition(":")[0]: row for row in table.rows}
     assert (rows["S17"][2], rows["classic"][2]) == (139, 123)
@@ -66,12 +69,13 @@ def test_the_comparison_has_s17s_law_and_stop_first():
         assert by_law["remedy: guided K along a planned way"][2:4] == [2, 2], "the remedy reaches all"
         assert {"S17", "S17 with (4.19)", "S17 with (3.13)", "ours", "classic", "cascade"} <= by_law.keys()
     claims = {row[1]: row for row in done.tables[3].rows}
-    assert len(claims) == 6
+    assert len(claims) == 9
     similar = next(row for quotation, row in claims.items() if "similar convergence" in quotation)
     assert [str(similar[k]) for k in (2, 4)] == ["supported", "not supported"]
     error = comparison._as_error(done.studies["comparison"].runs["S17 · camera"])
     assert error.pose[-1] == pytest.approx(error.desired_pose[-1], abs=0.05)  # 1
-    assert "figure-5.4" in done.figures
+    assert "figure-5.4-lines" in done.figures
+    assert set(done.files) <= {"figure-5.4.png"}  # none without OpenGL
 
 
 def test_matched_gains():
@@ -99,20 +103,34 @@ def test_the_printed_goal_is_the_one_of_the_spec_to_all_digits():
 
 
 def test_clamping_finds_the_closest_pose_and_comes_back():
-    done = clamping.reproduce(ONE, count=2)
-    nearest = next(row[2] for row in done.tables[0].rows if row[1].startswith("nearest"))
+    done = clamping.reproduce(ONE, count=2, beyond=1)
+    nearest = next(row[2] for row in done.tables[0].rows if str(row[1]).startswith("nearest"))
     for law in ("S17", "ours"):
         rows = {row[1]: row for row in done.tables[0].rows if row[0] == law}
         assert rows["modified clamping"][2] == pytest.approx(nearest, rel=0.02)
         assert rows["modified clamping"][3] == 0.0
         assert rows["modified clamping"][5] < 1e-5 < rows["original clamping"][5]
         assert rows["no clamping"][3] > 0.1
+    claims = verdicts(done.tables[1])
+    assert [str(found) for quotation, (found, _) in claims.items() if "remain within" in quotation] == [
+        "supported"
+    ]
+
+
+@pytest.mark.slow
+def test_clamping_does_not_end_at_the_nearest_pose_in_general():
+    """At the goal that S17 shows it does; of twenty others it does at ten, however long it takes."""
+    claims = verdicts(clamping.reproduce(ONE, count=1).tables[1])
+    verdict, number = next(each for quotation, each in claims.items() if "nearest pose possible" in quotation)
+    assert str(verdict) == "not supported"
+    assert str(number).startswith("10 of 20 goals within 2 %")
 
 
 def test_clamping_spares_the_motors_and_periods_are_tried_at_their_limit():
     claims = published.reproduce("silva2017/clamping-robot", jobs=1).tables[-1]
-    assert [str(row[4]) for row in claims.rows] == ["not supported", "supported"]  # by our law
-    assert [str(row[2]) for row in claims.rows] == ["not supported", "not supported"]  # by S17's
+    by_ours = ["not supported", "supported", "supported", "supported"]
+    assert [str(row[4]) for row in claims.rows] == by_ours
+    assert [str(row[2]) for row in claims.rows] == ["not supported"] * 4  # by S17's
     periods, limit = published.reproduce("silva2017/discretisation", jobs=1).tables
     first = np.array([row[4] / row[0] for row in periods.rows])
     np.testing.assert_allclose(first, first[0], rtol=0.01)  # the first command is proportional to T

@@ -33,7 +33,7 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
     "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
     "view": "Look at runs in a browser, over time or while they run.",
-    "clip": "Save a clip of a run, .mp4, .webp or .gif, or one picture of it, .png.",
+    "clip": "Save a clip of a run or several, .mp4, .webp or .gif, or one picture, .png.",
     "export": "Write the controller of a spec as a library in C, or all signals of a run for other programs.",
     "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
     "ros2": "Controllers and simulated robots as ROS 2 nodes.",

@@ -1,20 +1,19 @@
-"""Save a clip, or one picture, of a run."""
+"""Save a clip, or one picture, of a run or several."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+
+from dqcontrol.errors import ValueRangeError
 
 Replace = Annotated[bool, Parameter(name="--force", negative=(), help="Replace an existing file.")]
 
 
 def clip(
-    run: Path,
-    path: Path,
-    /,
-    *,
+    *runs_and_path: Path,
     force: Replace = False,
     speed: float = 1.0,
     rate: float = 25.0,
@@ -23,14 +22,13 @@ def clip(
     azimuth: float | None = None,
     elevation: float | None = None,
 ) -> None:
-    """Save a clip or a picture of a run: an arm, or a mobile manipulator that was in physics.
+    """Save a clip or a picture of a run, or of several of one robot in one scene: arms, and mobile manipulators.
 
     Parameters
     ----------
-    run
-        Folder of a run.
-    path
-        New file: .mp4, .webp or .gif; or .png, one picture of the whole run.
+    runs_and_path
+        Folders of runs, and the new file: .mp4, .webp or .gif; or .png, one picture of the whole run. The second run
+        and further ones show through the first.
     speed
         Of a clip: how much faster than it was.
     rate
@@ -48,23 +46,35 @@ def clip(
     from dqcontrol.experiments import load_run
     from dqcontrol.films.clip import render_clip, render_whole
 
-    done = load_run(run)
-    look = {
+    if len(runs_and_path) < 2:
+        raise ValueRangeError(
+            "clip: expected the folder of a run, or several, and a file: dqcontrol clip RUN run.webp"
+        )
+    *folders, path = runs_and_path
+    first, *others = (load_run(folder) for folder in folders)
+    for folder, other in zip(folders[1:], others, strict=True):
+        if other.robot.name != first.robot.name:
+            raise ValueRangeError(
+                f"{folder}: is of {other.robot.name}, and the first run of {first.robot.name}"
+            )
+    look: dict[str, Any] = {
         "width": width,
         "height": height,
         "azimuth": azimuth,
         "elevation": elevation,
         "overwrite": force,
-        "kept": done.law.constraints if done.law else None,
+        "kept": first.law.constraints if first.law else None,
+        "further": [(other.plant, other.record) for other in others],
+        "labels": [folder.name for folder in folders] if others else (),
     }
     if path.suffix.lower() == ".png":
-        render_whole(done.robot, done.plant, done.record, path, **look)
+        render_whole(first.robot, first.plant, first.record, path, **look)
     else:
         with progress_bar() as progress:
             render_clip(
-                done.robot,
-                done.plant,
-                done.record,
+                first.robot,
+                first.plant,
+                first.record,
                 path,
                 speed=speed,
                 rate=rate,

@@ -8,14 +8,15 @@ interpreted loop runs the very same machine code. Small functions that kernels s
 
 from __future__ import annotations
 
+import gc
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
 import numba
 from numba import types
-from numba.core.errors import NumbaError
 from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
@@ -156,9 +157,22 @@ def _compiled(
     function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
 ) -> Any:
     dispatcher = numba_used.jit(function, fastmath, ours=cached)
-    dispatcher.compile(signature)
+    with _without_collector():
+        dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
+
+
+@contextmanager
+def _without_collector() -> Iterator[None]:
+    """Search for no garbage meanwhile: a compiler makes millions of objects, and keeps them."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 class InterpretedKernel:
@@ -204,7 +218,7 @@ def compile_own(
         compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
         compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = compiled_kernel.compiled
-    except (NumbaError, TypeError) as error:  # TypeError: a builtin, a class with __call__
+    except Exception as error:  # of bytecode that Numba does not know it raises what is no NumbaError
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
         warnings.warn(

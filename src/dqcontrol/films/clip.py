@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import (
     FileFormatError,
+    ShapeError,
     ValueRangeError,
     as_array,
     as_count,
@@ -23,20 +25,26 @@ from dqcontrol.files.whole_file import whole_file
 from dqcontrol.films.clip_file import CLIPS, import_av, write_clip
 from dqcontrol.films.film import Film, frames
 from dqcontrol.films.film_arm import film_arm
-from dqcontrol.films.film_physics import film_physics
+from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
+from dqcontrol.films.ghosts import COLOURS
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.laws.constrained.kept_scene import KeptScene
+from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
     from dqcontrol.laws.constrained.constraints import Constraints
     from dqcontrol.loop.record import Record
-    from dqcontrol.plants.plant import Plant
+    from dqcontrol.plants.plant import PhysicsPicture, Plant
     from dqcontrol.robots.robot import Robot
 
+    Further = Sequence[tuple[Plant | None, Record]]
+
 _MOST_FRAMES = 3000
+_INK = (20, 20, 20)
 _SLOWEST, _FASTEST = 0.1, 100  # frames a second; a GIF counts hundredths of a second
 
 
@@ -52,13 +60,17 @@ def render_clip(
     height: int = 480,
     azimuth: float | None = None,
     elevation: float | None = None,
+    further: Further = (),
+    labels: Sequence[str] = (),
     overwrite: bool = False,
     kept: Constraints | None = None,
     progress: Callable[[int, int], None] = lambda drawn, total: None,
 ) -> None:
-    """Save a clip of an arm, or of a mobile manipulator that was in physics, with the time in its corner.
+    """Save a clip of an arm, or of a mobile manipulator, with the time in its corner.
 
-    Of an arm also the desired path (dashed, blue), the hand's path so far (red), and the balls in its way.
+    Further runs show through the first, in colours of their own. A mobile manipulator that was not in physics is drawn
+    as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the hand's path so far
+    (red), and the balls in its way.
 
     Parameters
     ----------
@@ -74,6 +86,10 @@ def render_clip(
         Pixels; even for ``.mp4``.
     azimuth, elevation
         Direction of view, degrees; negative elevations look down. By default from before and above.
+    further
+        Plant and recording of further runs of the same robot, among the same things.
+    labels
+        One a run, the first's first, to stand in the picture's corner; none if omitted.
     overwrite
         True to replace an existing file.
     kept
@@ -98,7 +114,7 @@ def render_clip(
     """
     target = _target(path, CLIPS, overwrite)
     step = as_positive("speed", speed) / as_positive("rate", rate)
-    count = int(record.time[-1] / step + 1e-9) + 1
+    count = int(_end(record, further) / step + 1e-9) + 1
     if count > _MOST_FRAMES:
         raise ValueRangeError(f"rate: makes {count} frames, at most {_MOST_FRAMES} are drawn; or more speed")
     if not _SLOWEST <= rate <= _FASTEST:
@@ -108,7 +124,8 @@ def render_clip(
         if width % 2 or height % 2:
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)
-    pictures = _pictures(robot, plant, record, moments, (width, height), (azimuth, elevation), kept)
+    runs = [(plant, record), *further]
+    pictures = _pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels, kept)
     with writing(target), whole_file(target, overwrite=overwrite) as draft:
         write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
 
@@ -123,17 +140,19 @@ def render_whole(
     height: int = 480,
     azimuth: float | None = None,
     elevation: float | None = None,
+    further: Further = (),
+    labels: Sequence[str] = (),
     overwrite: bool = False,
     kept: Constraints | None = None,
 ) -> None:
     """Save one picture of a whole run as a PNG file.
 
     An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
-    manipulator, and where constraints are drawn, there is a strip of six pictures at equal times.
+    manipulator, of several runs, and where constraints are drawn, there is a strip of six pictures at equal times.
 
     Parameters
     ----------
-    robot, plant, record, azimuth, elevation, overwrite, kept
+    robot, plant, record, azimuth, elevation, further, labels, overwrite, kept
         As for `render_clip`.
     path
         Where to save it, ``.png``.
@@ -146,12 +165,17 @@ def render_whole(
         As `render_clip`.
     """
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
-    film = _film(robot, plant, record, kept)
-    if kept is not None or not film.is_overlaid:
-        times = np.linspace(0.0, record.time[-1], 6).tolist()
-        render_strip(
-            robot, plant, record, path, times, azimuth=azimuth, elevation=elevation, kept=kept, **look
-        )
+    film = _film(robot, [(plant, record), *further], kept)
+    if further or kept is not None or not film.is_overlaid:
+        times = np.linspace(0.0, _end(record, further), 6).tolist()
+        look |= {
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "further": further,
+            "labels": labels,
+            "kept": kept,
+        }
+        render_strip(robot, plant, record, path, times, **look)
         return
     render_run(
         robot,
@@ -177,6 +201,8 @@ def render_strip(
     height: int = 360,
     azimuth: float | None = None,
     elevation: float | None = None,
+    further: Further = (),
+    labels: Sequence[str] = (),
     overwrite: bool = False,
     kept: Constraints | None = None,
 ) -> None:
@@ -194,7 +220,7 @@ def render_strip(
         Pictures in a row.
     width, height
         Of each picture, pixels.
-    azimuth, elevation, overwrite, kept
+    azimuth, elevation, further, labels, overwrite, kept
         As for `render_clip`.
 
     Raises
@@ -204,12 +230,14 @@ def render_strip(
     """
     target = _target(path, (".png",), overwrite)
     moments = as_array("times", times, (None,))
-    if moments.ndim != 1 or not len(moments) or moments.min() < 0 or moments.max() > record.time[-1] + 1e-9:
-        raise ValueRangeError(f"times: must lie in 0 … {record.time[-1]:g} s, got {times}")
+    end = _end(record, further)
+    if moments.ndim != 1 or not len(moments) or moments.min() < 0 or moments.max() > end + 1e-9:
+        raise ValueRangeError(f"times: must lie in 0 … {end:g} s, got {times}")
     across = as_count("columns", columns)
     if not across:
         raise ValueRangeError("columns: must be ≥ 1, got 0")
-    pictures = list(_pictures(robot, plant, record, moments, (width, height), (azimuth, elevation), kept))
+    runs = [(plant, record), *further]
+    pictures = list(_pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels, kept))
     rows = math.ceil(len(pictures) / across)
     sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
     for k, picture in enumerate(pictures):
@@ -226,42 +254,70 @@ def _told(pictures: Iterable[Any], count: int, progress: Callable[[int, int], No
         progress(drawn, count)
 
 
+def _end(record: Record, further: Further) -> float:
+    """Return when the longest of some runs ends, s."""
+    return max(float(each.time[-1]) for each in (record, *(each for _, each in further)))
+
+
 def _pictures(
     robot: Robot,
-    plant: Plant | None,
-    record: Record,
+    runs: Further,
     times: NDArray[np.float64],
     size: tuple[int, int],
     view: tuple[float | None, float | None],
+    labels: Sequence[str],
     kept: Constraints | None,
 ) -> Iterator[Any]:
-    """Give the pictures of a run at some times, with the time in their corner."""
+    """Give the pictures of runs at some times, with the time in their corner; a run that has ended stays as it was."""
     if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
         raise ValueRangeError(f"width, height: must be ≥ 1, got {size[0]} and {size[1]}")
     for field, angle in zip(("azimuth", "elevation"), view, strict=True):
         if angle is not None and not math.isfinite(angle):
             raise ValueRangeError(f"{field}: must be finite, got {angle}")
+    if labels and len(labels) != len(runs):
+        raise ShapeError(f"labels: expected {len(runs)}, one a run, got {len(labels)}")
     image, drawing = importlib.import_module("PIL.Image"), importlib.import_module("PIL.ImageDraw")
-    samples = np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1)
-    film = _film(robot, plant, record, kept)
-    for time, pixels in zip(times, frames(film, samples, *size, *view), strict=True):
+    samples = [
+        np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1) for _, record in runs
+    ]
+    film = _film(robot, runs, kept)
+    height = size[1] / 18
+    for time, pixels in zip(times, frames(film, np.column_stack(samples), *size, *view), strict=True):
         picture = image.fromarray(pixels)
-        drawing.Draw(picture).text((12, 8), f"{time:.1f} s", fill=(20, 20, 20), font_size=size[1] / 18)
+        pen = drawing.Draw(picture)
+        pen.text((12, 8), f"{time:.1f} s", fill=_INK, font_size=height)
+        for i, label in enumerate(labels):
+            colour = COLOURS[(i - 1) % len(COLOURS)]
+            ink = tuple(round(255 * part) for part in colour) if i else _INK
+            pen.text((12, 8 + 1.3 * height * (i + 1)), label, fill=ink, font_size=0.8 * height)
         yield picture
 
 
-def _film(robot: Robot, plant: Plant | None, record: Record, kept: Constraints | None) -> Film:
-    """Return what a camera needs of a run."""
+def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
+    """Return what a camera needs of runs."""
+    (plant, record), *further = runs
     period = float(record.time[1] - record.time[0]) if len(record.time) > 1 else 1e-3
     around = None if kept is None else KeptScene(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
-        return film_physics(robot, picture, record)
+        return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
     is_tree = isinstance(robot, TreeRobot) and not robot.bases and not robot.follows
     if isinstance(robot, SerialArm) or is_tree:
-        return film_arm(robot, plant, record, around)
+        return film_arm(robot, plant, record, [each for _, each in further], around)
+    return film_physics(
+        robot, *_in_physics(robot, plant, record), [_in_physics(robot, *each) for each in further]
+    )
+
+
+def _in_physics(robot: Robot, plant: Plant | None, record: Record) -> tuple[PhysicsPicture, Record]:
+    """Return how physics draws a mobile manipulator, and its run with the angles of the wheels."""
+    if plant is not None and (picture := plant.picture(robot)) is not None:
+        return picture, record
+    if isinstance(robot, WholeBody):
+        with contextlib.suppress(ValueRangeError):
+            return MobilePlant().picture(robot), with_rolling_wheels(robot, record)
     raise ValueRangeError(
-        f"clip: draws arms, and mobile manipulators that were in physics (plant: {{kind: mobile}}); "
-        f"to see {robot.name}: dqcontrol view"
+        f"clip: draws arms, and mobile manipulators on one differential drive of known size; to see {robot.name}: "
+        "dqcontrol view"
     )
 
 

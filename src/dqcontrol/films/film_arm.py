@@ -11,11 +11,13 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.drawn_scene import DrawnScene
 from dqcontrol.films.film import Film
-from dqcontrol.films.framing import framing_of_arm
+from dqcontrol.films.framing import framing_of_arm, some_samples
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dqcontrol.arrays import Array
     from dqcontrol.laws.constrained.kept_scene import KeptScene
     from dqcontrol.loop.record import Record
@@ -27,24 +29,33 @@ _PIECES = 150  # of a path, at most: they take most of the time
 _BALL = (0.55, 0.35, 0.65, 0.6)
 
 
-def film_arm(robot: Robot, plant: Plant | None, record: Record, kept: KeptScene | None = None) -> Film:
-    """Return what a camera needs of an arm's run.
+def film_arm(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    further: Sequence[Record] = (),
+    kept: KeptScene | None = None,
+) -> Film:
+    """Return what a camera needs of an arm's run, and of further ones that show through it.
 
     Raises
     ------
     ShapeError
-        If the recording is not of this robot.
+        If a recording is not of this robot.
     """
-    if record.q.shape[1] != robot.configuration_size:
-        raise ShapeError(
-            f"record: is not of {robot.name}; it has {record.q.shape[1]} joints instead of {robot.configuration_size}"
-        )
+    records = [record, *further]
+    for each in records:
+        if each.q.shape[1] != robot.configuration_size:
+            raise ShapeError(
+                f"record: is not of {robot.name}; it has {each.q.shape[1]} joints instead of {robot.configuration_size}"
+            )
     mujoco = import_mujoco()
     desired, actual = translation(record.desired[:, :8]), translation(record.pose)
-    some = np.linspace(0, len(record.q) - 1, min(len(record.q), _POSTURES)).astype(int)
+    postures = np.vstack([each.q[some_samples(each, _POSTURES)] for each in records])
     meshes, spec = link_meshes(robot), skeleton(robot)
     add_meshes(spec, robot, meshes)
-    framing = framing_of_arm(robot, record.q[some], np.vstack([desired, actual]), meshes)
+    paths = [translation(each.pose) for each in records]
+    framing = framing_of_arm(robot, postures, np.vstack([desired, *paths]), meshes)
     balls = plant.balls(record.time) if plant is not None else []
 
     around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
@@ -66,6 +77,7 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record, kept: KeptScene 
         elevation=-18.0,
         decorate=decorate,
         decorations=2 * _PIECES + len(balls) + (around.most if around else 0),
+        further=[lambda _, q=each.q: q for each in further],
     )
 
 

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.films.link_meshes import LinkMesh, mesh_corners
 
 if TYPE_CHECKING:
+    from dqcontrol.loop.record import Record
     from dqcontrol.robots.robot import Robot
 
 
@@ -38,6 +40,11 @@ class Framing:
     middle: Array
     distance: float
     stands: bool = False
+
+
+def some_samples(record: Record, most: int) -> NDArray[np.int_]:
+    """Return at most so many samples of a record, equally far apart, the first and the last among them."""
+    return np.linspace(0, len(record.q) - 1, min(len(record.q), most)).astype(int)
 
 
 def framing_of_arm(robot: Robot, q: Array, points: Array, meshes: list[LinkMesh]) -> Framing:

@@ -14,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_path import add_actual, add_desired
 from dqcontrol.films.framing import framing_of_arm
+from dqcontrol.films.ghosts import add_ghost
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.films.offscreen import offscreen, render
 from dqcontrol.films.picture_file import check_picture_file
@@ -147,17 +148,13 @@ def _picture(
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
 
-    moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     pose_arm(rows[-1])
     camera.lookat[:], camera.distance = framing.middle, framing.distance
     camera.azimuth, camera.elevation = azimuth, elevation
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):
         pose_arm(rows[k * (len(rows) - 1) // ghosts])
-        first = scene.ngeom
-        mujoco.mjv_addGeoms(model, data, options, nobody, moving, scene)
-        for geom in scene.geoms[first : scene.ngeom]:
-            geom.rgba[3] = _GHOST
+        add_ghost(mujoco, model, data, scene, _GHOST)
     add_desired(mujoco, scene, desired, reach, _PIECES)
     add_actual(mujoco, scene, actual, reach, _PIECES)
     with offscreen(width, height):

@@ -1,6 +1,6 @@
 """Control laws: frozen parameters, each with one compiled function."""
 
-from dqcontrol.laws.cascade import Cascade
+from dqcontrol.laws.cascade import Cascade, ClassicCascade
 from dqcontrol.laws.classic import ClassicProportional, OpenLoop
 from dqcontrol.laws.classic_whole_body import ClassicWholeBody
 from dqcontrol.laws.constrained import (
@@ -40,6 +40,7 @@ from dqcontrol.laws.null_space import (
 from dqcontrol.laws.own_law import OwnLaw
 from dqcontrol.laws.plan_following import GuidedProportional
 from dqcontrol.laws.proportional import Proportional
+from dqcontrol.laws.reduced_gradient import ReducedGradient
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
 
@@ -50,6 +51,7 @@ __all__ = [
     "BoxZone",
     "CapsuleObstacle",
     "Cascade",
+    "ClassicCascade",
     "ClassicProportional",
     "ClassicWholeBody",
     "Constraints",
@@ -84,6 +86,7 @@ __all__ = [
     "ProgramSolution",
     "Proportional",
     "ProportionalFeedforward",
+    "ReducedGradient",
     "Schedule",
     "SphereObstacle",
     "SphereZone",

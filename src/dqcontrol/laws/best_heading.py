@@ -58,7 +58,8 @@ def turn_to_best_heading(twist_jacobian, j, work):
     With G = Σ ξξᵀ over all columns but v and c = [0 ; h], det(JJᵀ) = det G (1 + cᵀG⁻¹c): the best heading h is the
     principal axis of the horizontal part of G⁻¹. Forwards and backwards are the same.
     """
-    gram, column = heading_work(work)
+    own = heading_work(work)
+    gram, column = own.gram, own.column
     ax, ay, az = twist_jacobian[0, j + 1], twist_jacobian[1, j + 1], twist_jacobian[2, j + 1]
     mx, my, mz = twist_jacobian[3, j + 1], twist_jacobian[4, j + 1], twist_jacobian[5, j + 1]
     hx, hy, hz = twist_jacobian[3, j], twist_jacobian[4, j], twist_jacobian[5, j]

@@ -1,4 +1,4 @@
-"""The cascade that S17 replaces: a law for a base that could move sideways, and a loop that makes a drive follow."""
+"""The cascades that S17 replaces: a law for a base that could move sideways, and a loop that makes a drive follow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.laws.classic import classic_twist
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.linearization import (
     linearization_parameters,
@@ -21,7 +24,8 @@ from dqcontrol.laws.linearization import (
     linearize,
 )
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates
+from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
+from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -42,8 +46,40 @@ class CascadeState(NamedTuple):
     virtual: Annotated[Array, "drives", 3]
 
 
+class ClassicCascadeParameters(NamedTuple):
+    """What compiled code knows of the law with the classic outer loop."""
+
+    inverse: Annotated[Array, inverse_parameters.size()]
+    hysteresis: float
+    gain: Annotated[Array, 8]
+    inner_gain: float
+    period: float
+    drives: Annotated[Array, "drives", 2]
+
+
+class ClassicCascadeState(NamedTuple):
+    """What it keeps: the sign of x_d, and x, y and φ of the virtual bases."""
+
+    sign: Annotated[Array, 1]
+    virtual: Annotated[Array, "drives", 3]
+
+
+class ClassicCascadeWork(NamedTuple):
+    """Its scratch; columns are those of m inputs, and one for each drive that cannot move sideways."""
+
+    preferred: Annotated[Array, "m"]
+    rate: Annotated[Array, 8]
+    jacobian: Annotated[Array, 6, "columns"]
+    rates: Annotated[Array, "columns"]
+    preferred_rates: Annotated[Array, "columns"]
+    solver: Annotated[Array, twist_work.sized("columns")]
+
+
 cascade_parameters = MemoryLayout(CascadeParameters, "drives")
 cascade_state = MemoryLayout(CascadeState, "columns", "drives")
+classic_cascade_parameters = MemoryLayout(ClassicCascadeParameters, "drives")
+classic_cascade_state = MemoryLayout(ClassicCascadeState, "drives")
+classic_cascade_work = MemoryLayout(ClassicCascadeWork, "m", "columns")
 
 
 @inline
@@ -64,6 +100,18 @@ def track_virtual_base(q, i, virtual, rates, j, sideways, displacement, gain, pe
     virtual[2] += period * turning
 
 
+@inline
+def follow_virtual_bases(q, virtual, rates, drives, gain, period, out):
+    """Write the m inputs that follow m + k rates of the outer law, and move the virtual bases."""
+    m = out.shape[0]
+    for i in range(m):
+        out[i] = rates[i]
+    for i in range(drives.shape[0]):
+        j = int(drives[i, 0])
+        sideways, displacement = rates[m + i], drives[i, 1]
+        track_virtual_base(q, j + i, virtual[i], rates, j, sideways, displacement, gain, period, out)
+
+
 @kernel(LAW)
 def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write the rates of the outer law, those of bases as the inner loop follows them."""
@@ -73,18 +121,41 @@ def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, w
     own = linearization_work(work, m, m + k)
     drives, rates = outer.drives, own.rates
     status = linearize(pose, twist_jacobian, sample, outer, last, own)
-    for i in range(m):
-        out[i] = rates[i]
-    for i in range(k):
-        j = int(drives[i, 0])
-        sideways, displacement = rates[m + i], drives[i, 1]
-        track_virtual_base(
-            q, j + i, kept.virtual[i], rates, j, sideways, displacement, given.inner_gain, outer.period, out
-        )
+    follow_virtual_bases(q, kept.virtual, rates, drives, given.inner_gain, outer.period, out)
     turn_rates(drives, out, outer.period, rates)
     for i in range(m + k):
         last.last[i] = rates[i]
     return status
+
+
+@kernel(LAW)
+def classic_cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    """Write J⁺ K vec8(x_d − x), J with a sideways column for each drive; bases as the inner loop follows them."""
+    m, k = out.shape[0], q.shape[0] - out.shape[0]
+    given, kept = classic_cascade_parameters(parameters, k), classic_cascade_state(state, k)
+    own = classic_cascade_work(work, m, m + k)
+    twist_jacobian_with_sideways(given.drives, twist_jacobian, own.jacobian)
+    for i in range(m + k):
+        own.preferred_rates[i] = own.preferred[i] if i < m else 0.0
+    twist = classic_twist(pose, sample, given.gain, given.hysteresis, kept.sign, own.rate)
+    status = solve_hand_twist(
+        pose, own.jacobian, twist, own.preferred_rates, given.inverse, own.solver, own.rates
+    )
+    follow_virtual_bases(q, kept.virtual, own.rates, given.drives, given.inner_gain, given.period, out)
+    return status
+
+
+def _constrained_drives(robot: Robot, name: str) -> np.ndarray:
+    """Return the robot's table of drives, or raise a `ValueRangeError` if its bases move sideways in its own model."""
+    drives = drive_table(robot)
+    if len(drives) < len(robot.drives):
+        raise ValueRangeError(f"law: {name} is for the constrained form of {robot.name}, got the other")
+    return drives
+
+
+def _bases(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Return x, y and φ of each drive, shape (k, 3)."""
+    return q[(robot.drives[:, :1] + np.arange(3)).astype(int)]
 
 
 class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
@@ -115,8 +186,7 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
         """Return the row of `FeedbackLinearization` and κ."""
-        if len(drive_table(robot)) < len(robot.drives):
-            raise ValueRangeError(f"law: cascade is for the constrained form of {robot.name}, got the other")
+        _constrained_drives(robot, "cascade")
         return cascade_parameters.pack(
             outer=super().rows(robot, reference, dt), inner_gain=as_positive("inner_gain", self.inner_gain)
         )
@@ -132,6 +202,70 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
     def initial_state(self, robot: Robot, q: np.ndarray) -> np.ndarray:
         """Return the state at rest, virtual bases where the bases are."""
         state = super().initial_state(robot, q)
-        bases = (robot.drives[:, :1] + np.arange(3)).astype(int)
-        cascade_state(state, robot.input_size + len(bases), len(bases)).virtual[:] = q[bases]
+        bases = _bases(robot, q)
+        cascade_state(state, robot.input_size + len(bases), len(bases)).virtual[:] = bases
+        return state
+
+
+class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
+    """The cascade with the classic outer loop, which S17's first version replaced. [Salazar-Sangucho and Adorno 2014]
+
+    The outer loop is the classic law on the Jacobian of a base that could move sideways: J⁺ K vec8(x_d − x) gives ẋ,
+    ẏ, φ̇ and q̇ [S17 footnote 11]. The inner loop is that of `Cascade`: joints take their q̇, and each drive follows a
+    virtual base that integrates ẋ, ẏ and φ̇. So S17's chapter 2 describes it; that the outer loop sees the robot, as
+    that of `Cascade` does, and κ are assumed.
+
+    Sampling limits: those of `ClassicProportional`, and κT < 2. No decay is guaranteed: the heading is what follows
+    from the inner loop. The first command is proportional to the error.
+
+    Parameters
+    ----------
+    gain
+        K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
+    inner_gain
+        κ, 1/s; stable for κT < 2.
+    inverse
+        How J is inverted; the default is exact away from singularities.
+    hysteresis
+        How far ⟨r, r_d⟩ must pass 0 before the sign of x_d flips.
+    null_space
+        Motion preferred where the task leaves freedom; sideways motion is not preferred.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
+    >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
+    >>> law = dqc.laws.ClassicCascade(gain=0.5)
+    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
+    True
+    """
+
+    kernel = classic_cascade
+    inner_gain: Annotated[float, Meta(gt=0, description="κ, 1/s")] = 2.0
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+        """Return inverse, hysteresis, gain diagonal, κ, period and the table of drives at each time."""
+        drives = _constrained_drives(robot, "classic-cascade")
+        given = pose_parameters(super().rows(robot, reference, dt))
+        inner_gain = as_positive("inner_gain", self.inner_gain)
+        return classic_cascade_parameters.pack(
+            **given._asdict(), inner_gain=inner_gain, period=dt, drives=drives
+        )
+
+    def loop_rates(self, parameters: np.ndarray) -> None:  # type: ignore[override]
+        """Return None: the inner loop has a share in them."""
+
+    def work_size(self, robot: Robot) -> int:
+        """Return room for the preferred motion and scratch, with a sideways speed for each drive."""
+        return classic_cascade_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the sign of x_d and a virtual base for each drive."""
+        return classic_cascade_state.size(len(robot.drives))
+
+    def initial_state(self, robot: Robot, q: np.ndarray) -> np.ndarray:
+        """Return the state before the first sample, virtual bases where the bases are."""
+        state = super().initial_state(robot, q)
+        classic_cascade_state(state, len(robot.drives)).virtual[:] = _bases(robot, q)
         return state

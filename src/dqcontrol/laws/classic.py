@@ -51,15 +51,21 @@ def _hand_twist(rate, pose):
     return ax, ay, az, bx + ay * pz - az * py, by + az * px - ax * pz, bz + ax * py - ay * px  # ṗ = v + ω × p
 
 
+@inline
+def classic_twist(pose, sample, gain, hysteresis, sign_kept, rate):
+    """Return the hand's twist nearest to K vec8(x_d − x), which is written to ``rate``, the short way round."""
+    dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
+    sign = short_sign(dot, hysteresis, sign_kept)
+    for i in range(8):
+        rate[i] = gain[i] * (sign * sample[i] - pose[i])
+    return _hand_twist(rate, pose)
+
+
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
     given, own = pose_parameters(parameters), classic_work(work, out.shape[0])
-    dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(dot, given.hysteresis, state)
-    for i in range(8):
-        own.rate[i] = given.gain[i] * (sign * sample[i] - pose[i])
-    twist = _hand_twist(own.rate, pose)
+    twist = classic_twist(pose, sample, given.gain, given.hysteresis, state, own.rate)
     return solve_with_integral(
         pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
     )

@@ -35,6 +35,7 @@ from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
 from dqcontrol.laws.task_levels import PreparedTasks
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
@@ -56,7 +57,12 @@ class LawWork(NamedTuple):
 
 
 class Law(
-    Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
+    NamedFields,
+    frozen=True,
+    kw_only=True,
+    tag_field="kind",
+    forbid_unknown_fields=True,
+    repr_omit_defaults=True,
 ):
     """Parameters of a control law; subclasses name a kernel of signature ``LAW``, and the layout of its scratch.
 

@@ -6,7 +6,7 @@ import math
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
@@ -17,6 +17,7 @@ from dqcontrol.errors import as_array, as_positive
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
@@ -25,7 +26,7 @@ from dqcontrol.robots.whole_body import base_coordinates
 PREFERENCE = STATUS(INPUT, READ2, READ, WRITE, WRITE)
 
 
-class NullSpace(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class NullSpace(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A preferred motion; subclasses name a kernel of signature `PREFERENCE`."""
 
     kernel: ClassVar[Kernel]
@@ -54,7 +55,8 @@ posture_parameters = MemoryLayout(PostureParameters, "n")
 def towards_posture(q, twist_jacobian, parameters, work, out):
     """Write z = −Gᵀ α (q − q_rest), α a number for each coordinate, q̇ = G u."""
     n = q.shape[0]
-    pull, rest, drives = posture_parameters(parameters, n)
+    given = posture_parameters(parameters, n)
+    pull, rest, drives = given.pull, given.rest, given.drives
     kept = out.shape[0] == n
     i, j = 0, 0
     for k in range(0 if kept else drives.shape[0]):
@@ -279,8 +281,8 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
     """
     n = twist_jacobian.shape[1]
     given = heading_parameters(parameters)
-    headings = given.drives
-    gram, row, before = ascent_work(work)
+    own, headings = ascent_work(work), given.drives
+    gram, row, before = own.gram, own.row, own.before
     for i in range(n):
         out[i] = 0.0
     beside = 0.0

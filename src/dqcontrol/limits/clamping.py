@@ -127,7 +127,8 @@ def modified_clamping(
     given = clamping_parameters(parameters, n)
     period, tolerance, velocity = given.period, given.tolerance, given.velocity
     lower, upper, input_coordinates = given.lower, given.upper, given.coordinate
-    is_held, value, state_before = clamping_work(work, n, state.shape[0])
+    own = clamping_work(work, n, state.shape[0])
+    is_held, value, state_before = own.is_held, own.value, own.state_before
     law_size, moves_target = state.shape[0], given.moves_target != 0.0
     if moves_target:
         law_size -= 1 + 3 * n  # the lags' own
@@ -254,7 +255,8 @@ def original_clamping(
 ):
     """Ask the law without the joints that are outside their limits."""
     n = out.shape[0]
-    lower, upper, input_coordinates = input_ranges(parameters, n)
+    given = input_ranges(parameters, n)
+    lower, upper, input_coordinates = given.lower, given.upper, given.coordinate
     for i in range(n):
         if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
             _block(i, twist_jacobian, law_work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import Kernel
@@ -14,12 +14,13 @@ from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.velocity_limit import scale_velocity, speed_limits, unlimited
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
 
 AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
 
 
-class CommandLimits(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is done to a law's command before it leaves.
 
     Parameters

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
@@ -15,6 +15,7 @@ from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
 from dqcontrol.limits.position_limit import POSITION_LIMIT
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.gravity import WORK, body_table, gravity_torque
 
 if TYPE_CHECKING:
@@ -134,7 +135,7 @@ def compensate(
     return OK
 
 
-class Compensation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Sag fed forward, and a disturbance observer, for joints whose targets the commands move (``integrated``).
 
     The observer compares the targets that left, through what it takes the joints for, with where they are, and takes

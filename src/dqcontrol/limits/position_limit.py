@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from msgspec import Struct
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
@@ -13,6 +12,7 @@ from dqcontrol.compiled.compile import INPUT, READ, STATUS, WRITE, WRITE2, Kerne
 from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.named_fields import NamedFields
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -40,7 +40,7 @@ POSITION_LIMIT = STATUS(
 )
 
 
-class PositionLimit(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class PositionLimit(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """How position limits are kept; subclasses name a kernel of signature `POSITION_LIMIT`.
 
     Mobile bases have no limits and are passed over.

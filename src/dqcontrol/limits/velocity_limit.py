@@ -33,7 +33,7 @@ def unlimited(q, parameters, command):
 def velocity_scale(q, speed_limits, command):
     """Return min(1, min u_max/|u|), wheel rims among the u, for `SpeedLimits`."""
     m = command.shape[0]
-    limits, drives = speed_limits
+    limits, drives = speed_limits.fastest, speed_limits.drives
     scale = 1.0
     for i in range(m):
         if abs(command[i]) * scale > limits[i]:

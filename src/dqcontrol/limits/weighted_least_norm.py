@@ -41,8 +41,9 @@ def weighted_least_norm(
 ):
     """Ask the law with J W^(−1/2) and W^(−1/2) z, w = 1 + |∂H| of joints that it drives towards a limit, else 1."""
     n = out.shape[0]
-    lower, upper, coordinate = input_ranges(parameters, n)
-    scale, state_before = weighting_work(work, n, state.shape[0])
+    given, own = input_ranges(parameters, n), weighting_work(work, n, state.shape[0])
+    lower, upper, coordinate = given.lower, given.upper, given.coordinate
+    scale, state_before = own.scale, own.state_before
     for i in range(n):
         scale[i] = 1.0
     for i in range(state.shape[0]):

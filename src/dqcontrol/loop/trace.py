@@ -6,17 +6,18 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
+from dqcontrol.named_fields import NamedFields
 
 FARTHEST = 1e4  # rad or m: no robot goes there
 
 
-class Stop(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Stop(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """End a run early, once the error norm has stayed below a tolerance."""
 
     error: Annotated[float, Meta(gt=0, description="|vec8(1 − x*x_d)|")]

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import begun_periods
 
@@ -29,7 +30,7 @@ _NOT_NEGATIVE = (
 )
 
 
-class FiducialLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FiducialLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A while in which the camera does not see the base, because somebody stands before it.
 
     Parameters
@@ -74,7 +75,7 @@ class CameraSchedule:
     weight: float
 
 
-class Camera(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A camera that measures x, y and φ of mobile bases: late, seldom, with noise and outliers, and not always.
 
     A frame shows the pose at the first sample at or after its time, arrives after the delay, is read at the next sample

@@ -6,11 +6,12 @@ import math
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
 from dqcontrol.robots.robot import Robot
 
@@ -21,7 +22,7 @@ LINES = 64  # sines that a band-limited disturbance is made of
 _CHUNK = 4096  # times at once
 
 
-class DisturbanceSource(Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
+class DisturbanceSource(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A twist over time."""
 
     def values(self, times: Array, seed: list[int]) -> Array:
@@ -132,7 +133,7 @@ class BandLimitedTwist(DisturbanceSource, frozen=True, kw_only=True, tag="band-l
 AnySource = ConstantTwist | SinusoidalTwist | BandLimitedTwist
 
 
-class WorstCase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class WorstCase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The constant translation against which the H∞ guarantee on the position is tight. [P16 3.26, corrected]
 
     A law with |T|² ≤ γ_w²|v_w|² + γ_c²|v_c|² needs the gain k_T = √(γ_w⁻² + γ_c⁻²) at least. Both sides are equal, with
@@ -177,7 +178,7 @@ class WorstCase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return math.hypot(*(gamma * share for gamma, share in zip(self.gammas, self.shares(), strict=True)))
 
 
-class Disturbance(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What moves the hand beside the command: ẋ = ½(J_w q̇ + v_w + v_c) x, v_c = Ad(x)(2 c*ċ). [P16 3.15–3.17]
 
     ``twist`` is v_w, a twist of all that carries the hand. ``pose`` is a real hand x = x_E c(t) that wanders from where

@@ -15,6 +15,7 @@ from dqcontrol import algebra
 from dqcontrol import references as shapes
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
 
@@ -26,7 +27,7 @@ _START_KEYS = {"position": (("position",), "translation"), "orientation": (("qua
 _MOST_CORNERS = 1_000_000  # a few nested repeats would fill any memory
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, repr_omit_defaults=True):
+class Part(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, repr_omit_defaults=True):
     """Base of all parts of a spec."""
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
+import types
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_type_hints
 
-import msgspec
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
@@ -111,16 +111,17 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     def of_robot(self: Any, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
         return shape.of_robot(reference, robot, start, **{name: getattr(self, name) for name in names})
 
-    return msgspec.defstruct(  # type: ignore[return-value] — a subclass of its bases
-        f"{shape.__name__}Spec",
-        fields,
-        bases=(ReferenceSpec,),
-        module=__name__,
-        namespace={"__doc__": said, "_shape": _shape, "of_robot": of_robot},
-        frozen=True,
-        kw_only=True,
-        forbid_unknown_fields=True,
-        tag=shape.kind,
+    contents = {
+        "__doc__": said,
+        "__module__": __name__,
+        "__annotations__": {name: kind for name, kind, *_ in fields},
+        "_shape": _shape,
+        "of_robot": of_robot,
+        **{name: default for name, _, *rest in fields for default in rest},
+    }
+    options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
+    return types.new_class(
+        f"{shape.__name__}Spec", (ReferenceSpec,), options, lambda body: body.update(contents)
     )
 
 

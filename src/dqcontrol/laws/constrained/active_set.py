@@ -15,13 +15,13 @@ integers, its size first.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from numba import types
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.memory_layout import MemoryLayout
 
 SOLVED, INFEASIBLE, LIMIT, INDEFINITE = range(4)
 LARGEST = 30  # inputs
@@ -43,14 +43,14 @@ class Program(NamedTuple):
         1 for rows that are equations, 0 for the others.
     """
 
-    hessian: Array
-    gradient: Array
-    columns: Array
-    bounds: Array
-    softness: Array
-    equal: Array
-    lower: Array
-    upper: Array
+    hessian: Annotated[Array, "n", "n"]
+    gradient: Annotated[Array, "n"]
+    columns: Annotated[Array, "n", "m"]
+    bounds: Annotated[Array, "m"]
+    softness: Annotated[Array, "m"]
+    equal: Annotated[Array, "m"]
+    lower: Annotated[Array, "n"]
+    upper: Annotated[Array, "n"]
 
 
 class ProgramWork(NamedTuple):
@@ -76,25 +76,28 @@ class ProgramWork(NamedTuple):
         One constraint a, its m, L(u₀ − u) (n).
     """
 
-    inverse: Array
-    center: Array
-    active: Array
-    factor: Array
-    pivots: Array
-    reciprocals: Array
-    right: Array
-    forward: Array
-    multipliers: Array
-    trial: Array
-    residual: Array
-    row: Array
-    image: Array
-    shift: Array
+    inverse: Annotated[Array, "n", "n"]
+    center: Annotated[Array, "n"]
+    active: Annotated[Array, "room", "n"]
+    factor: Annotated[Array, "room", "room"]
+    pivots: Annotated[Array, "room"]
+    reciprocals: Annotated[Array, "room"]
+    right: Annotated[Array, "room"]
+    forward: Annotated[Array, "room"]
+    multipliers: Annotated[Array, "room"]
+    trial: Annotated[Array, "room"]
+    residual: Annotated[Array, "m"]
+    row: Annotated[Array, "n"]
+    image: Annotated[Array, "n"]
+    shift: Annotated[Array, "n"]
+
+
+unpack_program, unpack_scratch = MemoryLayout(Program, "n", "m"), MemoryLayout(ProgramWork, "n", "m", "room")
 
 
 def program_size(n: int, m: int) -> int:
     """Return how many numbers a program of n inputs and m rows has."""
-    return n * n + 3 * n + n * m + 3 * m
+    return unpack_program.size(n, m)
 
 
 def room_for(n: int, m: int, soft: bool) -> int:
@@ -104,54 +107,17 @@ def room_for(n: int, m: int, soft: bool) -> int:
 
 def scratch_size(n: int, m: int, room: int) -> int:
     """Return how many numbers the solver's work memory has."""
-    return n * n + 4 * n + room * (n + room + 6) + m
+    return unpack_scratch.size(n, m, room)
 
 
-def _in_order(function):
+def _in_order(function, everywhere=True):
     """Mark a small function whose sums stay in order."""
-    return inline(function, fastmath={"contract", "nsz"})
+    return inline(function, fastmath={"contract", "nsz"}, everywhere=everywhere)
 
 
-@inline
-def unpack_program(flat, n, m):
-    """Return the parts of a program by name."""
-    i = n * n
-    k = i + n + n * m
-    return Program(
-        as_matrix(flat[0:i], n, n),
-        flat[i : i + n],
-        as_matrix(flat[i + n : k], n, m),
-        flat[k : k + m],
-        flat[k + m : k + 2 * m],
-        flat[k + 2 * m : k + 3 * m],
-        flat[k + 3 * m : k + 3 * m + n],
-        flat[k + 3 * m + n : k + 3 * m + 2 * n],
-    )
-
-
-@_in_order
-def unpack_scratch(flat, n, m, room):
-    """Return the parts of the work memory by name."""
-    i = n * n
-    k = i + 4 * n
-    a = k + room * n
-    f = a + room * room
-    return ProgramWork(
-        as_matrix(flat[0:i], n, n),
-        flat[i : i + n],
-        as_matrix(flat[k:a], room, n),
-        as_matrix(flat[a:f], room, room),
-        flat[f : f + room],
-        flat[f + room : f + 2 * room],
-        flat[f + 2 * room : f + 3 * room],
-        flat[f + 3 * room : f + 4 * room],
-        flat[f + 4 * room : f + 5 * room],
-        flat[f + 5 * room : f + 6 * room],
-        flat[f + 6 * room : f + 6 * room + m],
-        flat[i + n : i + 2 * n],
-        flat[i + 2 * n : i + 3 * n],
-        flat[i + 3 * n : i + 4 * n],
-    )
+def _in_order_once(function):
+    """Mark a large function whose sums stay in order, which kernels have once."""
+    return _in_order(function, everywhere=False)
 
 
 @_in_order
@@ -511,7 +477,7 @@ def _make_way(memory, fixed, q):
     return out, step
 
 
-@_in_order
+@_in_order_once
 def solve_centered(program, memory, chosen, n, m, limit, u):
     """Solve with L⁻¹ and u₀ given, from the set given; return the status.
 

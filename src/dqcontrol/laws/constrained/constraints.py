@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.named_fields import NamedFields
 
 HAND = "hand"  # the name of the hand's point among shapes
 
@@ -24,7 +25,7 @@ Name = Annotated[str, Meta(min_length=1, max_length=60)]
 Level = Annotated[int, Meta(ge=0, le=9)]
 
 
-class Kept(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Kept(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What all that is kept has.
 
     Attributes
@@ -317,7 +318,7 @@ PerInput = (
 )
 
 
-class Constraints(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a law's command is made to keep; see the page on constraints.
 
     Parameters

@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import base_coordinates
@@ -28,14 +29,14 @@ _GRAVITY = 9.81  # m/s², along −z of the inertial frame
 _NEVER = 1e9  # as a bound of what is not to be watched
 
 
-class LinkPoint(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LinkPoint(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A point fixed to the link that a joint moves, m, in the frame of that joint: its centre if omitted."""
 
     joint: str
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class WorkspaceBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the hand may be: a box with sides along the inertial axes, m; and other points that are to stay in it."""
 
     lower: tuple[float, float, float]
@@ -43,14 +44,14 @@ class WorkspaceBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     points: list[LinkPoint] = msgspec.field(default_factory=list)
 
 
-class DeclaredPayload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class DeclaredPayload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What hangs beyond the wrench sensor, tool included: mass, kg, and its centre, m, in the hand's frame."""
 
     mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class Supervisor(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Bounds on what leaves for the robot, whatever the law says, and when to stop.
 
     The supervisor keeps a position command p and moves it; all bounds are on p and its rates, not on the law's u (where

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, suggest, unknown_name
 from dqcontrol.files.yaml_file import read_yaml
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.elastic_model import Actuation, Hand
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import JointInertia
@@ -23,7 +24,7 @@ Bias = tuple[float, float, float]
 Springs = Annotated[list[Stiffness | None], Meta(min_length=1, max_length=1000)]
 
 
-class _ControllerPart(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _ControllerPart(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of all parts of a controller file. All quantities are those seen at the joint."""
 
 

@@ -6,16 +6,17 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_count, as_positive, unknown_name
+from dqcontrol.named_fields import NamedFields
 
 Seconds = Annotated[float, Meta(ge=0, le=1e6, description="s")]
 Newtons = Annotated[float, Meta(ge=-1e4, le=1e4, description="N, base frame")]
 
 
-class Push(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Push(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A force for a while.
 
     Parameters
@@ -36,7 +37,7 @@ class Push(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     ] = "hand"
 
 
-class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Payload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A mass at the tool's point for a while, unknown to the controllers.
 
     Parameters
@@ -52,7 +53,7 @@ class Payload(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     until: Seconds | None = None
 
 
-class EncoderLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class EncoderLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An encoder that stays silent for a while: its last reading stands.
 
     Parameters
@@ -68,7 +69,7 @@ class EncoderLoss(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     joint: Annotated[int, Meta(ge=1, le=1000, description="number, from 1")]
 
 
-class WristFault(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class WristFault(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A wrist sensor that reads the same for a while, whatever it bears; its torques are 0.
 
     Parameters

@@ -7,11 +7,12 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
@@ -25,7 +26,7 @@ FROM, UNTIL, RADIUS, STIFFNESS, DAMPING, BODY, CENTER, VELOCITY = 0, 1, 2, 3, 4,
 COLUMNS = 12
 
 
-class Obstacle(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Obstacle(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A padded ball that stands or moves in the hand's way for a while; nothing moves it.
 
     While the tool's point is deeper than 0 in the ball, the pad pushes it out along the line from the ball's centre,

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated
 
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.named_fields import NamedFields
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.elastic_model import Hand
     from dqcontrol.robots.robot import Robot
 
 
-class PayloadCompensation(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PayloadCompensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The controllers take the weight that the wrist sensor feels, beyond the hand's, for a mass at the tool's point.
 
     m⁺ = m + (1 − exp(−T/τ)) (f · g/|g|² − m), within 0 and the largest, f the force sensed less the hand's weight. The

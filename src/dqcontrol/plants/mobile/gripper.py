@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.wheeled_base import THINGS
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 
@@ -20,7 +21,7 @@ _PAD = (0.95, 0.45, 0.10, 1.0)
 _PAST = 0.012  # m; the fingers reach so far beyond the hand's point
 
 
-class GripperEvent(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """When the gripper starts to open or to close.
 
     Parameters
@@ -38,7 +39,7 @@ class GripperEvent(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         as_positive("plant.gripper.schedule.time", self.time, zero_allowed=True)
 
 
-class Gripper(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Two fingers that slide towards each other, geared together, open at the start.
 
     The hand's point lies between the finger tips. A motor pushes with a constant force, to close or to open; without an

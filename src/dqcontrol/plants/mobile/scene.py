@@ -6,10 +6,11 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import as_array, as_positive
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.wheeled_base import THINGS
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 
@@ -19,7 +20,7 @@ _COLOURS = ((0.90, 0.20, 0.15, 1.0), (0.15, 0.45, 0.85, 1.0), (0.20, 0.65, 0.25,
 _WICKER = (0.78, 0.62, 0.38, 1.0)
 
 
-class Cube(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A cube that lies on the floor, or where it fell or was put.
 
     Parameters
@@ -50,7 +51,7 @@ class Cube(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         as_positive("plant.scene.cubes.friction", self.friction, zero_allowed=True)
 
 
-class Basket(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An open square box that stands on the floor and does not move.
 
     Parameters
@@ -77,7 +78,7 @@ class Basket(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return (beside < self.side / 2) & (points[..., 2] > 0) & (points[..., 2] < self.height)
 
 
-class Scene(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Scene(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What lies and stands on the floor.
 
     Parameters

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from msgspec.structs import asdict
 
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.bases import CLEARANCE
 from dqcontrol.robots.limits import Inertia
@@ -42,7 +43,7 @@ _NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "caster_ga
 _POSITIVE = (*_OF_THE_ROBOT[:-1], "wheel_time_constant", "ticks")
 
 
-class WheeledBase(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How a differential drive moves in physics: its body, if the robot has another or none, and what it rolls on.
 
     The geometry of wheels and track is the robot's own. Each wheel touches the floor at one point, below its centre.

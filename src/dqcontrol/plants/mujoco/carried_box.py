@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.algebra.conversions import matrix_from_pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.robots.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.mujoco_package import import_mujoco
@@ -29,7 +30,7 @@ _WOOD = (0.76, 0.60, 0.42, 1.0)
 _RUBBER = (0.15, 0.15, 0.17, 1.0)
 
 
-class CarriedBox(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CarriedBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A box between two hands, each with a square pad of 10 cm: as long as they are apart at the start.
 
     Parameters

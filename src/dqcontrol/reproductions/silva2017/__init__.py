@@ -12,6 +12,12 @@ EXPERIMENTS = {
     "comparison": Experiment(
         "nonlinear against classic law, and on 200 random goals (Figs 5.4–5.7, Table 5.1)"
     ),
+    "far-goals": Experiment(
+        "200 random goals with the limits of joints and wheels, also in physics (chapter 6)"
+    ),
+    "baselines": Experiment(
+        "cascades, parsimonious control and reduced gradient, which it cites (chapter 2)"
+    ),
     "clamping": Experiment("a goal beyond the joint limits and back, in simulation (Figs 5.8–5.10)"),
     "clamping-robot": Experiment("motors that give up above their torque (Figs 5.11–5.13)"),
     "discretisation": Experiment("the effect of the control period, left to future work (chapter 6)"),

@@ -28,10 +28,12 @@ LIMITS: dict[str, CommandLimits] = {
 _BACK = 60.0  # s, when the goal becomes the start again
 _ARRIVED, _AT_LIMIT, _FREE = 1e-5, 1e-3, 1e-3
 _SEED, _SECONDS, _NEAR = 2017, 60.0, 1e-3
+_BEYOND, _FORBIDDEN = np.radians(150), 0.01  # of joints, and the least error of goals that are unreachable
+_CLOSE = 0.02
 
 
-def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
-    """Run without clamping, with the modified and with the original one; then random goals within the limits."""
+def reproduce(conditions: Conditions, count: int = 100, beyond: int = 20) -> Reproduced:
+    """Run without clamping, with the modified and with the original one; then random goals within limits and beyond."""
     study = run_study(spec_data("clamping"), jobs=conditions.jobs, progress=conditions.of("clamping"))
     setting = setting_of("clamping")
     robot, period = setting.scene.robot, setting.spec.period
@@ -41,8 +43,10 @@ def reproduce(conditions: Conditions, count: int = 100) -> Reproduced:
     }
     records = by_law[S17]
     nearest = closest_error(robot, records["no clamping"].desired_pose[0])
+    unreachable = _unreachable(robot, beyond)
     judgements = [
         _judge(by_law[case.names.law], robot, nearest, _reached(case, period, count), count)
+        | {"nearest-in-general": _judge_unreachable(case, period, unreachable)}
         for case in setting.cases
     ]
     back = (0.0, _BACK)
@@ -99,6 +103,34 @@ def _reached(case: Combination, period: float, count: int) -> dict[str, int]:
     return found
 
 
+def _unreachable(robot: Robot, count: int) -> list[tuple[Array, float]]:
+    """Return poses that the limits forbid, of configurations within ±150°, and the least error to each."""
+    rng, found = np.random.default_rng(_SEED), []
+    while len(found) < count:
+        pose = robot.fkm(rng.uniform(-_BEYOND, _BEYOND, robot.configuration_size))
+        least = closest_error(robot, pose, starts=15)
+        if least > _FORBIDDEN:
+            found.append((pose, least))
+    return found
+
+
+def _judge_unreachable(case: Combination, period: float, goals: list[tuple[Array, float]]) -> Judgement:
+    scene = case.scene
+    time = period * np.arange(int(_SECONDS / period))
+    law = case.variant.law.prepare(scene.robot, None, period, LIMITS["modified clamping"])
+    over = [
+        float(simulate_prepared(law, Integrator(), scene.start, SetPoint(goal).samples(time)).error[-1])
+        / least
+        for goal, least in goals
+    ]
+    near = sum(ratio < 1 + _CLOSE for ratio in over)
+    return Judgement(
+        near == len(over),
+        f"{near} of {len(over)} goals within 2 %; last error over the least one, median {np.median(over):.2f}, "
+        f"largest {max(over):.1f}",
+    )
+
+
 def _phases(record: Record) -> tuple[int, int]:
     """Return the last sample of the first phase and of the run."""
     return int(np.searchsorted(record.time, _BACK - 1e-6)), len(record) - 1
@@ -153,10 +185,13 @@ def _judge(
     excess, arrived = _excess(free, robot), float(free.error[first])
     return {
         "converges-to-closest-pose": Judgement(
-            abs(ratio - 1) < 0.02, f"{clamped.error[first]:.4f}, least possible {nearest:.4f}: {ratio:.3f}"
+            abs(ratio - 1) < _CLOSE, f"{clamped.error[first]:.4f}, least possible {nearest:.4f}: {ratio:.3f}"
         ),
         "violates-without-clamping": Judgement(
             excess > 0.1 and arrived < _ARRIVED, f"{np.degrees(excess):.0f}° beyond, error {arrived:.1e}"
+        ),
+        "keeps-limits": Judgement(
+            _excess(clamped, robot) <= 0, f"excess {max(_excess(clamped, robot), 0.0):.1e} rad"
         ),
         "returns-to-feasible-pose": Judgement(
             bool(clamped.error[last] < _ARRIVED), f"error {clamped.error[last]:.1e} at the end"

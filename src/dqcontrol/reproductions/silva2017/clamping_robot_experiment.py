@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping
@@ -14,14 +15,17 @@ from dqcontrol.plants import TiringMotors
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
+from dqcontrol.reproductions.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol.reproductions.silva2017.race import until_good_enough
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, setting_of, spec_data, verdicts
+from dqcontrol.robots import Robot
 
 LIMITS = {
     "no clamping": CommandLimits(),
     "modified clamping": CommandLimits(position=ModifiedClamping()),
 }
 
+_SECOND_JOINT, _EXTENDED, _DRAWN = 4, 0.9, 20_000  # its frame; of the largest extension, sought so often
 MOTORS = TiringMotors()  # in place of the spec's ideal joints
 
 
@@ -34,7 +38,7 @@ def reproduce(conditions: Conditions) -> Reproduced:
     records = {case.names.law: _records(case, setting.spec.period) for case in setting.cases}
     robot, shown = setting.scene.robot, records[OURS]
     figures: dict[str, Draw] = {
-        "figure-5.11": lambda: _view("superimposed")(robot, shown),
+        "figure-5.11-lines": lambda: _view("superimposed")(robot, shown),
         "figure-5.12": lambda: _view("compare_poses")(shown),
         "figure-5.13": lambda: _view("compare_joints")(
             shown, robot.limits, range(3, 8), _given_up(shown["no clamping"])
@@ -43,9 +47,10 @@ def reproduce(conditions: Conditions) -> Reproduced:
     by_s17 = {label: until_good_enough(record) for label, record in records[S17].items()}
     return Reproduced(
         "silva2017/clamping-robot",
-        [_table(records), verdicts("clamping-robot", _judge(by_s17), _judge(records[OURS]))],
+        [_table(records), verdicts("clamping-robot", _judge(robot, by_s17), _judge(robot, records[OURS]))],
         {"clamping-robot": study},
         figures,
+        files=if_drawable({"figure-5.11.png": ghosted_strip(robot, _with_and_without(shown), _times(shown))}),
     )
 
 
@@ -60,6 +65,17 @@ def _records(case: Combination, period: float) -> dict[str, Record]:
         )
         for label, limits in LIMITS.items()
     }
+
+
+def _with_and_without(records: dict[str, Record]) -> dict[str, Record]:
+    """Return the run with clamping first, which is drawn as it is."""
+    return {label: records[label] for label in ("modified clamping", "no clamping")}
+
+
+def _times(records: dict[str, Record]) -> list[float]:
+    """Return the start, when the run without clamping ends or a quarter of the way, and the end, s."""
+    free, clamped = records["no clamping"].duration, records["modified clamping"].duration
+    return [0.0, min(free, 0.25 * clamped), clamped]
 
 
 def _torques(record: Record) -> np.ndarray:
@@ -99,14 +115,44 @@ def _table(records: dict[str, dict[str, Record]]) -> Table:
     )
 
 
-def _judge(records: dict[str, Record]) -> dict[str, Judgement]:
+def _excess(robot: Robot, record: Record) -> np.ndarray:
+    """Return by how much the joint that is farthest beyond its limit is so over time, rad; negative within them."""
+    lower, upper = robot.limits.lower[3:], robot.limits.upper[3:]
+    return np.maximum(lower - record.q[:, 3:], record.q[:, 3:] - upper).max(axis=1)
+
+
+def _extension(robot: Robot, record: Record) -> np.ndarray:
+    """Return the distance from the second joint to the hand over time, as a share of the largest possible."""
+
+    def distance(q: np.ndarray) -> np.ndarray:
+        frames = algebra.translation(robot.frames(q))
+        return np.linalg.norm(frames[..., -1, :] - frames[..., _SECOND_JOINT, :], axis=-1)
+
+    drawn = np.zeros((_DRAWN, robot.configuration_size))
+    drawn[:, 3:] = np.random.default_rng(0).uniform(-np.pi, np.pi, (_DRAWN, robot.configuration_size - 3))
+    return distance(record.q) / float(distance(drawn).max())
+
+
+def _judge(robot: Robot, records: dict[str, Record]) -> dict[str, Judgement]:
     free, clamped = records["no clamping"], records["modified clamping"]
     torques = {label: _torques(record) for label, record in records.items()}
     pairs = [
         f"joint {i + 1} {torques['no clamping'][i]:.2f} N·m, {torques['modified clamping'][i]:.2f} with clamping"
         for i in (1, 2)
     ]
+    beyond, kept = (_excess(robot, each) for each in (free, clamped))
+    extension, most = _extension(robot, free), float(torques["no clamping"].max())
+    both = (beyond > 0) & (extension > _EXTENDED)
     return {
+        "robot-keeps-limits": Judgement(
+            bool(kept.max() <= 1e-9 and beyond.max() > 0 and most > MOTORS.torque),
+            f"{np.degrees(max(kept.max(), 0.0)):.0f}° beyond with clamping, {np.degrees(max(beyond.max(), 0.0)):.0f}° "
+            f"without; largest torque {most:.2f} N·m",
+        ),
+        "violates-midway": Judgement(
+            bool(both.any()),
+            f"{np.degrees(max(beyond.max(), 0.0)):.0f}° beyond; extended to {100 * extension.max():.0f} % at most",
+        ),
         "motor-stops-without-clamping": Judgement(
             "joint_3" in free.stopped and bool(free.error[-1] > GOOD_ENOUGH),
             f"{free.stopped}; error {free.error[-1]:.3f}. Largest torques: {'; '.join(pairs)}",

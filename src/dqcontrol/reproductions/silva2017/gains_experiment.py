@@ -102,13 +102,17 @@ def _judge(runs: dict[str, Run]) -> dict[str, Judgement]:
     slower = of(DAMPED, lambda run: run.metrics.settling_time)
     faster = of(STIFF, lambda run: run.metrics.settling_time)
     peaks = of(STIFF, lambda run: run.metrics.hand_acceleration.peak)
+    smoother = of(DAMPED, lambda run: run.metrics.hand_acceleration.peak)
     return {
         "damping-attenuates-oscillation": Judgement(
             damped[0] > _NONE and not rises(damped),
             f"ζ = {ratios}: overshoots {listed([100 * each for each in damped], '.2g')} %"
             + ", nothing to attenuate" * (damped[0] <= _NONE),
         ),
-        "damping-slows": Judgement(rises(slower), f"settling {listed(slower, '.3g')} s"),
+        "damping-slows": Judgement(
+            rises(slower) and rises(smoother[::-1]),
+            f"peak acceleration {listed(smoother, '.3g')} m/s², settling {listed(slower, '.3g')} s",
+        ),
         "stiffness-makes-abrupt": Judgement(rises(peaks), f"peak acceleration {listed(peaks, '.3g')} m/s²"),
         "stiffness-makes-oscillatory": Judgement(
             stiff[-1] > _NONE and rises(stiff),

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array
-from dqcontrol.laws import FeedbackLinearization
+from dqcontrol.laws import FeedbackLinearization, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
-from dqcontrol.loop.simulate import simulate
+from dqcontrol.loop.simulate import simulate, simulate_prepared
 from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene
+from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Points
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import load_robot
 
 ROBOT, PERIOD = "little-john", 0.02
@@ -26,6 +28,10 @@ LAW = FeedbackLinearization(stiffness=16.0, damping=6.0)
 CAMERA = Camera(rate=30.0, delay=0.04, position_noise=0.002, angle_noise=0.004, filter_time=0.1)
 LINK_MASS = [0.125, 0.405, 0.18, 0.12, 0.13]
 CUBE, BASKET = Cube(position=(0.8, 0.2), yaw=0.3), Basket(position=(0.5, 0.9))
+HOLDS = 40.0, 32.0, 40.0, 43.0  # s; of the set-points above the cube, at it, above it, above the basket
+_GRIPPING, _DROPPING = 2.0, 3.0  # s; before the end of its set-point the gripper closes, and opens
+_OTHER_NOISE = 1000  # things are seen with other noise than the base
+_UNSCALED = CommandLimits(velocity=False)
 
 _STEEP, _FLAT = (
     math.radians(72),
@@ -108,21 +114,29 @@ def plan(hand: ArrayLike, cube: ArrayLike, basket: ArrayLike) -> Errand:
     [True, False]
     """
     first = as_array("hand", hand, (8,))
-    thing, goal = as_array("cube", cube, (3,)), as_array("basket", basket, (3,))
-    bearing = _bearing(algebra.translation(first)[:2], thing[:2])
-    side = thing[2] + math.pi / 2 * round((bearing - thing[2]) / (math.pi / 2))
-    stand = thing[:2] - _REACH[0] * np.array([math.cos(side), math.sin(side)])
-    way = side + math.remainder(_bearing(stand, goal[:2]) - side, 2 * math.pi)
-    above = _pose(thing, _ABOVE, side, _STEEP)
-    grip = _pose(thing, _GRIP, side, _STEEP)
-    lifted = _pose(thing, _CARRY, side, _FLAT)
-    over = _pose(goal, _CARRY, way, _FLAT)
+    above, grip, lifted, over = stops_of(first, cube, basket)
     stops = [first, first, above, above, grip, grip, lifted, over, over]
     times = np.cumsum([0.0, *(_time(a, b) for a, b in pairwise(stops))])
     times[-1] += 1.0
     close, open_ = times[4] + 0.5, times[7] + 1.2
     schedule = [GripperEvent(time=float(close), closed=True), GripperEvent(time=float(open_), closed=False)]
     return Errand(times, np.array(stops), schedule)
+
+
+def stops_of(hand: ArrayLike, cube: ArrayLike, basket: ArrayLike) -> tuple[Array, Array, Array, Array]:
+    """Return the hand's poses above the cube, at it, above it again, and above the basket; arguments as of `plan`."""
+    first = as_array("hand", hand, (8,))
+    thing, goal = as_array("cube", cube, (3,)), as_array("basket", basket, (3,))
+    bearing = _bearing(algebra.translation(first)[:2], thing[:2])
+    side = thing[2] + math.pi / 2 * round((bearing - thing[2]) / (math.pi / 2))
+    stand = thing[:2] - _REACH[0] * np.array([math.cos(side), math.sin(side)])
+    way = side + math.remainder(_bearing(stand, goal[:2]) - side, 2 * math.pi)
+    return (
+        _pose(thing, _ABOVE, side, _STEEP),
+        _pose(thing, _GRIP, side, _STEEP),
+        _pose(thing, _CARRY, side, _FLAT),
+        _pose(goal, _CARRY, way, _FLAT),
+    )
 
 
 def pick_and_drop(
@@ -151,17 +165,73 @@ def pick_and_drop(
     robot = load_robot(ROBOT)
     seen = camera.glance([[*cube.position, cube.yaw], [*basket.position, 0.0]], seed)
     errand = plan(robot.fkm(START), *seen)
-    plant = MobilePlant(
+    plant = _plant(cube, basket, camera, errand.schedule)
+    reference = Points(errand.times, errand.poses)
+    record = simulate(robot, reference, LAW, plant, START, PERIOD, limits=_UNSCALED, seed=seed)
+    return PickAndDrop(plant, record, seen, errand)
+
+
+def regulate(
+    law: Law, cube: Cube = CUBE, basket: Basket = BASKET, camera: Camera = CAMERA, seed: int = 0
+) -> PickAndDrop:
+    """Let a law put the cube into the basket by set-points, cube and basket measured all the time. [S17 5.1]
+
+    The law knows "only the desired end-effector pose": above the cube, at it, above it again and above the basket, each
+    for as long as `HOLDS` says. Every frame of the camera measures cube and basket anew, and the desired pose moves
+    with its noise, filtered as the base's pose is. The gripper closes and opens at the end of its set-point, whether
+    the hand is there or not; the cube is not looked for once it has been gripped.
+
+    Parameters
+    ----------
+    law
+        What drives the robot.
+    cube, basket, camera, seed
+        As of `pick_and_drop`.
+    """
+    robot = load_robot(ROBOT)
+    ends = np.cumsum(HOLDS)
+    times: Array = PERIOD * np.arange(round(ends[-1] / PERIOD), dtype=np.float64)
+    schedule = [
+        GripperEvent(time=float(ends[1] - _GRIPPING), closed=True),
+        GripperEvent(time=float(ends[3] - _DROPPING), closed=False),
+    ]
+    seen = _watched(camera, [[*cube.position, cube.yaw], [*basket.position, 0.0]], len(times), seed)
+    gripped = int((ends[1] - _GRIPPING) / PERIOD)
+    seen[gripped:, 0] = seen[gripped, 0]
+    stage = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
+    hand = robot.fkm(START)
+    samples = np.zeros((len(times), TIME + 1))
+    samples[:, TIME] = times
+    for k, at in enumerate(stage):
+        samples[k, POSE] = stops_of(hand, *seen[k])[at]
+    plant = _plant(cube, basket, camera, schedule)
+    prepared = law.prepare(robot, None, PERIOD, _UNSCALED, lagging_mode(plant))
+    record = simulate_prepared(prepared, plant, np.array(START), samples, seed=seed)
+    starts = np.searchsorted(times, np.r_[0.0, ends[:-1]])
+    errand = Errand(times[starts], samples[starts][:, POSE], schedule)
+    return PickAndDrop(plant, record, seen[0], errand)
+
+
+def _watched(camera: Camera, poses: list[list[float]], steps: int, seed: int) -> Array:
+    """Return the camera's estimate of things at rest at each sample, shape (steps, things, 3)."""
+    true = np.array(poses)
+    plan = camera.schedule(PERIOD, steps, len(true), seed + _OTHER_NOISE)
+    seen, estimate = np.zeros((steps, *true.shape)), camera.glance(true, seed)
+    for k in range(steps):
+        if plan.arrives[k]:
+            estimate = estimate + plan.weight * (true + plan.errors[k].reshape(-1, 3) - estimate)
+        seen[k] = estimate
+    return seen
+
+
+def _plant(cube: Cube, basket: Basket, camera: Camera, schedule: list[GripperEvent]) -> MobilePlant:
+    return MobilePlant(
         location="camera",
         camera=camera,
         link_mass=LINK_MASS,
-        gripper=Gripper(closes="y", schedule=errand.schedule),
+        gripper=Gripper(closes="y", schedule=schedule),
         scene=Scene(cubes=[cube], baskets=[basket]),
     )
-    reference = Points(errand.times, errand.poses)
-    unscaled = CommandLimits(velocity=False)
-    record = simulate(robot, reference, LAW, plant, START, PERIOD, limits=unscaled, seed=seed)
-    return PickAndDrop(plant, record, seen, errand)
 
 
 def _bearing(start: Array, end: Array) -> float:
