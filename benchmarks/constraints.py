@@ -21,7 +21,7 @@ import numpy as np
 from measure import Ratio, medians, table
 
 import dqcontrol as dqc
-from dqcontrol.geometry import Capsule
+from dqcontrol.geometry import Capsule, distance
 from dqcontrol.geometry import distance_kernels as geometry
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.measures.deadlock import deadlocks
@@ -102,6 +102,92 @@ def capsule_time() -> float:
     out = np.empty((len(a), geometry.FOUND))
     t = medians({"pairs": lambda: geometry.distances(a, b, out)}, 10, 9)
     return 1e3 * t["pairs"] / len(a)
+
+
+def capsule_ratio() -> list[Ratio]:
+    """Return a pair of capsules in a compiled loop against Coal from Python, distances compared."""
+    ours = capsule_time()
+    print(f"capsule and capsule in a loop: {ours:.0f} ns")
+    if not find_spec("coal"):
+        return []
+    import coal
+
+    rng = np.random.default_rng(2)
+    first, second = coal.Capsule(0.1, 1.0), coal.Capsule(0.1, 0.7)
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    places = [(coal.Transform3s(), coal.Transform3s()) for _ in range(100)]
+    for a, b in places:
+        a.setTranslation(rng.normal(size=3))
+        b.setTranslation(rng.normal(size=3) + 1.5)
+        for each in (a, b):
+            turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            each.setRotation(turn * np.sign(np.linalg.det(turn)))
+
+    def capsule(shape: Any, place: Any) -> Capsule:
+        half = shape.halfLength * place.getRotation()[:, 2]
+        return Capsule(place.getTranslation() - half, place.getTranslation() + half, shape.radius)
+
+    def theirs() -> None:
+        for a, b in places:
+            result.clear()
+            coal.distance(first, a, second, b, request, result)
+
+    for a, b in places:
+        result.clear()
+        found = distance(capsule(first, a), capsule(second, b)).distance
+        if not abs(coal.distance(first, a, second, b, request, result) - found) < 1e-9:
+            raise SystemExit("capsules: differs from Coal")
+    t = medians({"coal": theirs}, 10, 9)["coal"] / len(places)
+    return [Ratio("capsule and capsule in a loop", 1e-3 * ours, "µs", "Coal, from Python", t, "≤ 0.07")]
+
+
+def program_ratios() -> list[Ratio]:
+    """Return a program of 7 inputs and 40 rows, cold and from its own set, against DAQP's own timer."""
+    from program_samples import random_programs, solve
+
+    from dqcontrol.laws.constrained import active_set
+
+    n, m, count = 7, 40, 400
+    flat = random_programs(np.random.default_rng(6), count, n, m)
+    answers, sets, _ = solve(flat, n, m)
+    room = active_set.room_for(n, m, soft=False)
+    scratch, out = np.empty(active_set.scratch_size(n, m, room)), np.empty_like(answers)
+
+    def cold() -> None:
+        active_set.solve_programs(flat, n, m, 500, out, np.zeros((count, room + 2), np.intp), scratch)
+
+    def warm() -> None:
+        active_set.solve_programs(flat, n, m, 500, out, sets, scratch)
+
+    t = medians({"cold": cold, "warm": warm}, 5, 7)
+    print(f"program, n = 7, 40 rows: cold {t['cold'] / count:.2f}, warm {t['warm'] / count:.2f} µs")
+    if not find_spec("daqp"):
+        return []
+    import daqp
+
+    least = np.full(count, np.inf)
+    for _ in range(7):
+        for i, each in enumerate(flat):
+            program = active_set.unpack_program(each, n, m)
+            u, _, _, about = daqp.solve(
+                program.hessian.copy(),
+                program.gradient.copy(),
+                np.ascontiguousarray(program.columns.T),
+                np.concatenate([program.upper, program.bounds]),
+                np.concatenate([program.lower, np.full(m, -1e30)]),
+                np.zeros(n + m, np.int32),
+                primal_tol=1e-11,
+            )
+            if not np.abs(u - answers[i, :n]).max() < 1e-9:
+                raise SystemExit("program: differs from DAQP")
+            least[i] = min(least[i], 1e6 * (about["solve_time"] + about["setup_time"]))
+    theirs = float(least.mean())
+    return [
+        Ratio("program, n = 7, 40 rows, cold", t["cold"] / count, "µs", "DAQP, its own timer", theirs, "≤ 1"),
+        Ratio(
+            "program, n = 7, 40 rows, warm", t["warm"] / count, "µs", "DAQP, its own timer", theirs, "≤ 0.5"
+        ),
+    ]
 
 
 def level_times() -> tuple[float, float]:
@@ -206,8 +292,9 @@ def runs(count: int) -> None:
 def ratios(short: bool) -> list[Ratio]:
     """Return the step, and levels against one program."""
     levels, program = level_times()
-    print(f"capsule and capsule in a loop: {capsule_time():.0f} ns")
     return [
+        *capsule_ratio(),
+        *program_ratios(),
         *step_ratios(short),
         Ratio("three degenerate levels, n = 14", levels, "µs", "one program of their rows", program, "≤ 3"),
     ]

@@ -48,6 +48,7 @@ SLOW = {  # parts of commands and of Python
     ),
     "export.md": ("dqcontrol run", "bench", "aarch64"),
     "constraints.md": ("run examples/", "report results", "robots shapes"),
+    "examples.md": ("run examples/",),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "identify.md": ("excite", "results/excited"),
     "mobile-bases.md": ("run examples/",),

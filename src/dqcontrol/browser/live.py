@@ -15,6 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
+from dqcontrol.laws import Constraints
 from dqcontrol.loop import Clock, Record
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
@@ -159,6 +160,7 @@ class LiveRun:
         (case,) = setting.cases
         self.label, self.robot = case.names.label, case.scene.robot
         self.planned: Array = algebra.translation(np.ascontiguousarray(case.scene.samples[:, POSE]))
+        self.constraints: Constraints | None = case.variant.law.constraints
         self.failure: Error | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="dqcontrol-")
         self.path: Path = Path(self._folder.name) / "record.mcap"

@@ -32,6 +32,9 @@ def _block(label: str, css: str, reading: Reading) -> str:
         rows.append(
             (f"Of the speed limit of {reading.input}", f"{100 * reading.speed:.0f} %", reading.speed > 1)
         )
+    if reading.nearest is not None:
+        room = reading.nearest.room
+        rows.append((f"Beyond what is asked: {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))
     if reading.stopped:
         rows.append(("Ended by", reading.stopped, False))
     cells = "".join(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.browser.drawn_things import DrawnThings
 from dqcontrol.browser.layout import extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
@@ -190,6 +191,7 @@ class DrawnRun:
             mesh = self._scene.add_mesh_simple(f"{parent}/shape{j}", vertices, faces, color=shown)
             self._meshes.append(mesh)
         self._opacity = 1.0
+        self._around = DrawnThings(self._scene, self._name, track, size)
         self.redraw_paths()
 
     def redraw_paths(self) -> None:
@@ -209,6 +211,7 @@ class DrawnRun:
             node.show_axes = j in self._hands or (joint_frames and j < self._joints)
         pose = self.track.desired(k)
         self._desired.wxyz, self._desired.position = pose[:4], pose[4:]
+        self._around.show(k)
 
     def set_opacity(self, opacity: float) -> None:
         """Let what is behind show through, if below 1."""

@@ -9,6 +9,8 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.figures.tilted_base import recorded_frames
+from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.kept_scene import KeptScene, NearestPair
 from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.dh import compose, shift
@@ -22,7 +24,8 @@ class Reading(NamedTuple):
     """What the numbers beside the scene say of one sample.
 
     ``margin`` is the distance of the joint nearest to a position limit, rad or m as ``unit`` says, infinite without
-    limits; ``speed`` is the largest share of a velocity limit that is commanded, NaN if none is known.
+    limits; ``speed`` is the largest share of a velocity limit that is commanded, NaN if none is known; ``nearest`` the
+    pair of shapes with least room beyond what constraints ask for.
     """
 
     time: float
@@ -34,6 +37,7 @@ class Reading(NamedTuple):
     input: str
     speed: float
     stopped: str
+    nearest: NearestPair | None = None
 
 
 class Track:
@@ -47,6 +51,8 @@ class Track:
         The arm or whole body.
     record
         Its samples.
+    constraints
+        That its law kept: what is around the robot is drawn, and the nearest pair.
     planned
         Positions that the hand shall pass, shape (M, 3), m, if more is known than the record shows.
 
@@ -60,8 +66,17 @@ class Track:
     label: str
     robot: Robot
 
-    def __init__(self, label: str, robot: Robot, record: Record, planned: Array | None = None) -> None:
+    def __init__(
+        self,
+        label: str,
+        robot: Robot,
+        record: Record,
+        planned: Array | None = None,
+        constraints: Constraints | None = None,
+    ) -> None:
         self.label, self.robot, self._planned = label, robot, planned
+        period = float(record.time[1] - record.time[0]) if len(record) > 1 else 1e-3
+        self.around: KeptScene | None = KeptScene(constraints, robot, period) if constraints else None
         self.take(record)
 
     def take(self, record: Record) -> None:
@@ -94,6 +109,13 @@ class Track:
                 axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
                 poses.append(compose(poses[int(first) + 2], axle))
         return np.array(poses)
+
+    def nearest(self, k: int) -> NearestPair | None:
+        """Return the pair of shapes that is nearest to what constraints ask for; None without constraints."""
+        if self.around is None:
+            return None
+        k = int(self._shown[k])
+        return self.around.nearest(self.record.q[k], float(self.record.time[k]))
 
     def desired(self, k: int) -> Array:
         """Return the desired pose of the hand, [quaternion, position]; of a relative one where it is in the room."""
@@ -146,6 +168,7 @@ class Track:
             record.input_names[fastest] if record.input_names else "",
             float(shares[fastest]) if known.any() else np.nan,
             record.stopped if k == len(record) - 1 else "",
+            self.nearest(k),
         )
 
 

@@ -63,6 +63,7 @@ def clip(
         "azimuth": azimuth,
         "elevation": elevation,
         "overwrite": force,
+        "kept": first.law.constraints if first.law else None,
         "further": [(other.plant, other.record) for other in others],
         "labels": [folder.name for folder in folders] if others else (),
     }

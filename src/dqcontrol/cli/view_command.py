@@ -33,7 +33,10 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     import_viser()  # before the work: it may be missing
     recordings = {path: file for path in runs if (file := growing_recording(path))}
     saved = load_runs([path for path in runs if path not in recordings])
-    tracks = [Track(label, run.robot, run.record) for label, run in saved.items()]
+    tracks = [
+        Track(label, run.robot, run.record, constraints=run.law.constraints if run.law else None)
+        for label, run in saved.items()
+    ]
     running = LiveRun(live) if live is not None else None
     try:
         growing = [_follow(file, str(path), tracks) for path, file in recordings.items()]
@@ -77,7 +80,7 @@ def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording
         first = growing.first()
     except Error as error:
         raise running.failure or error from None
-    tracks.append(Track(running.label, running.robot, first, running.planned))
+    tracks.append(Track(running.label, running.robot, first, running.planned, running.constraints))
     return growing, tracks[-1]
 
 

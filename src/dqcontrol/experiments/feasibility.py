@@ -36,6 +36,7 @@ _ARRIVED = 50  # periods after which only what cannot be done is left of the fir
 _SHARES = 1 + 1e-6
 _ERROR = 1e-3  # of a dual quaternion: smaller ones have no direction that counts
 _NONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+_HAND_SPEED, _BALL = 0.25, 0.05  # m/s, m: an example of how much the lag of joints takes
 _ALL = 1 - 1e-6  # of an error: what is left of it leads out by itself
 
 
@@ -109,6 +110,7 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
     for case in setting.cases:
         yield from _of_singular_start(case)
         yield from _of_first_command(setting, case)
+        yield from _of_constraints(setting, case)
 
 
 def way_out(law: Law) -> str:
@@ -134,6 +136,28 @@ def _of_singular_start(case: Combination) -> Iterator[str]:
             f"{case.names.label}: starts in a singularity where no joint can move the hand towards the reference, so "
             f"that every command is zero; {way_out(law)}"
         )
+
+
+def _of_constraints(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
+    """Say which constraint has least room at the start, and how much more than asked is kept, for what."""
+    kept = case.prepare_law(setting.spec).constraints
+    if kept is None or not kept.labels:
+        return
+    room = kept.values(case.scene.start[None], [0.0])[0] - kept.asked
+    least, between = int(np.argmin(room)), np.where(kept.is_angle, 0.0, kept.allowances).max()
+    text = (
+        f"{case.names.label}: constraints: {len(kept.labels)} distances and angles; least room at the start: "
+        f"{kept.labels[least]}, {kept.text(least, room[least] + kept.asked[least])}; samples keep up to "
+        f"{1e3 * between:.2g} mm more, for what happens between them"
+    )
+    if late := kept.lag.late:
+        around = 1.5 * 0.5 * (_HAND_SPEED * max(kept.lag.times)) ** 2 / _BALL
+        text += (
+            f"; joints come up to {1e3 * late:.3g} ms late: their targets keep more as the hand goes faster, "
+            f"{1e3 * around:.2g} mm at {_HAND_SPEED:g} m/s around a ball of {1e3 * _BALL:.0f} mm, and "
+            f"{1e3 * late * 0.1:.2g} mm from what moves with 0.1 m/s"
+        )
+    yield text
 
 
 def _of_path(scene: PreparedRobot) -> Iterator[str]:

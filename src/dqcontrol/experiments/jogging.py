@@ -116,7 +116,9 @@ def _setting(source: str, ends: Ends) -> PreparedExperiment:
 def _start(setting: PreparedExperiment, poses: PointsWriter | None, speeds: Speeds | None) -> Jog:
     (case,), spec = setting.cases, setting.spec
     robot, start, plant = case.scene.robot, case.scene.start, case.plant
-    law = case.variant.law.prepare(robot, None, spec.period, case.limits, lagging_mode(plant))
+    law = case.variant.law.prepare(
+        robot, None, spec.period, case.limits, lagging_mode(plant), lag=plant.lag(robot)
+    )
     supervisor = spec.supervisor_of(plant) or Supervisor()
     guard = supervisor.prepare(robot, spec.period, command_mode(plant))
     warm_up(law, guard, start, case.scene.samples[0])

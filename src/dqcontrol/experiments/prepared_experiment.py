@@ -104,11 +104,11 @@ class Combination:
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
-        mode = lagging_mode(self.plant)
+        scene, mode, lag = self.scene, lagging_mode(self.plant), self.plant.lag(self.scene.robot)
         if self.prepared is not None:
-            return self.prepared.in_mode(mode)
+            return self.prepared.in_mode(mode, lag)
         return self.variant.law.prepare(
-            self.scene.robot, self.scene.reference, spec.period, self.limits, mode, self.scene.tasks
+            scene.robot, scene.reference, spec.period, self.limits, mode, scene.tasks, lag
         )
 
 

@@ -29,12 +29,14 @@ from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
 from dqcontrol.films.ghosts import COLOURS
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
+from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
+    from dqcontrol.laws.constrained.constraints import Constraints
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import PhysicsPicture, Plant
     from dqcontrol.robots.robot import Robot
@@ -61,6 +63,7 @@ def render_clip(
     further: Further = (),
     labels: Sequence[str] = (),
     overwrite: bool = False,
+    kept: Constraints | None = None,
     progress: Callable[[int, int], None] = lambda drawn, total: None,
 ) -> None:
     """Save a clip of an arm, or of a mobile manipulator, with the time in its corner.
@@ -89,6 +92,8 @@ def render_clip(
         One a run, the first's first, to stand in the picture's corner; none if omitted.
     overwrite
         True to replace an existing file.
+    kept
+        Constraints whose obstacles and zones are drawn, with the nearest pair.
     progress
         Told how many frames of how many are drawn.
 
@@ -120,7 +125,7 @@ def render_clip(
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)
     runs = [(plant, record), *further]
-    pictures = _pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels)
+    pictures = _pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels, kept)
     with writing(target), whole_file(target, overwrite=overwrite) as draft:
         write_clip((np.asarray(picture) for picture in _told(pictures, count, progress)), draft, rate)
 
@@ -138,15 +143,16 @@ def render_whole(
     further: Further = (),
     labels: Sequence[str] = (),
     overwrite: bool = False,
+    kept: Constraints | None = None,
 ) -> None:
     """Save one picture of a whole run as a PNG file.
 
     An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
-    manipulator, and of several runs, there is a strip of six pictures at equal times.
+    manipulator, of several runs, and where constraints are drawn, there is a strip of six pictures at equal times.
 
     Parameters
     ----------
-    robot, plant, record, azimuth, elevation, further, labels, overwrite
+    robot, plant, record, azimuth, elevation, further, labels, overwrite, kept
         As for `render_clip`.
     path
         Where to save it, ``.png``.
@@ -159,10 +165,16 @@ def render_whole(
         As `render_clip`.
     """
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
-    film = _film(robot, [(plant, record), *further])
-    if further or not film.is_overlaid:
+    film = _film(robot, [(plant, record), *further], kept)
+    if further or kept is not None or not film.is_overlaid:
         times = np.linspace(0.0, _end(record, further), 6).tolist()
-        look |= {"azimuth": azimuth, "elevation": elevation, "further": further, "labels": labels}
+        look |= {
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "further": further,
+            "labels": labels,
+            "kept": kept,
+        }
         render_strip(robot, plant, record, path, times, **look)
         return
     render_run(
@@ -192,6 +204,7 @@ def render_strip(
     further: Further = (),
     labels: Sequence[str] = (),
     overwrite: bool = False,
+    kept: Constraints | None = None,
 ) -> None:
     """Save pictures of a run at some times, side by side in one PNG file, each with its time.
 
@@ -207,7 +220,7 @@ def render_strip(
         Pictures in a row.
     width, height
         Of each picture, pixels.
-    azimuth, elevation, further, labels, overwrite
+    azimuth, elevation, further, labels, overwrite, kept
         As for `render_clip`.
 
     Raises
@@ -224,7 +237,7 @@ def render_strip(
     if not across:
         raise ValueRangeError("columns: must be ≥ 1, got 0")
     runs = [(plant, record), *further]
-    pictures = list(_pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels))
+    pictures = list(_pictures(robot, runs, moments, (width, height), (azimuth, elevation), labels, kept))
     rows = math.ceil(len(pictures) / across)
     sheet = importlib.import_module("PIL.Image").new("RGB", (across * width, rows * height), "white")
     for k, picture in enumerate(pictures):
@@ -253,6 +266,7 @@ def _pictures(
     size: tuple[int, int],
     view: tuple[float | None, float | None],
     labels: Sequence[str],
+    kept: Constraints | None,
 ) -> Iterator[Any]:
     """Give the pictures of runs at some times, with the time in their corner; a run that has ended stays as it was."""
     if min(as_count("width", size[0]), as_count("height", size[1])) < 1:
@@ -266,7 +280,7 @@ def _pictures(
     samples = [
         np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1) for _, record in runs
     ]
-    film = _film(robot, runs)
+    film = _film(robot, runs, kept)
     height = size[1] / 18
     for time, pixels in zip(times, frames(film, np.column_stack(samples), *size, *view), strict=True):
         picture = image.fromarray(pixels)
@@ -279,14 +293,16 @@ def _pictures(
         yield picture
 
 
-def _film(robot: Robot, runs: Further) -> Film:
+def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
     """Return what a camera needs of runs."""
     (plant, record), *further = runs
+    period = float(record.time[1] - record.time[0]) if len(record.time) > 1 else 1e-3
+    around = None if kept is None else KeptScene(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
     is_tree = isinstance(robot, TreeRobot) and not robot.bases and not robot.follows
     if isinstance(robot, SerialArm) or is_tree:
-        return film_arm(robot, plant, record, [each for _, each in further])
+        return film_arm(robot, plant, record, [each for _, each in further], around)
     return film_physics(
         robot, *_in_physics(robot, plant, record), [_in_physics(robot, *each) for each in further]
     )

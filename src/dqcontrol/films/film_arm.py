@@ -9,6 +9,7 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.drawn_scene import DrawnScene
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm, some_samples
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dqcontrol.arrays import Array
+    from dqcontrol.laws.constrained.kept_scene import KeptScene
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import Plant
     from dqcontrol.robots.robot import Robot
@@ -27,7 +29,13 @@ _PIECES = 150  # of a path, at most: they take most of the time
 _BALL = (0.55, 0.35, 0.65, 0.6)
 
 
-def film_arm(robot: Robot, plant: Plant | None, record: Record, further: Sequence[Record] = ()) -> Film:
+def film_arm(
+    robot: Robot,
+    plant: Plant | None,
+    record: Record,
+    further: Sequence[Record] = (),
+    kept: KeptScene | None = None,
+) -> Film:
     """Return what a camera needs of an arm's run, and of further ones that show through it.
 
     Raises
@@ -50,7 +58,11 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record, further: Sequenc
     framing = framing_of_arm(robot, postures, np.vstack([desired, *paths]), meshes)
     balls = plant.balls(record.time) if plant is not None else []
 
+    around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
+
     def decorate(scene: Any, k: int) -> None:
+        if around is not None:
+            around.add(mujoco, scene, k)
         for centers, radius in balls:
             if not np.isnan(centers[k, 0]):
                 _add_ball(mujoco, scene, centers[k], radius)
@@ -64,7 +76,7 @@ def film_arm(robot: Robot, plant: Plant | None, record: Record, further: Sequenc
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
-        decorations=2 * _PIECES + len(balls),
+        decorations=2 * _PIECES + len(balls) + (around.most if around else 0),
         further=[lambda _, q=each.q: q for each in further],
     )
 

@@ -27,7 +27,7 @@ from dqcontrol.laws.command_kernel import (
     step,
 )
 from dqcontrol.laws.constrained.constrained_step import keep_constraints
-from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
@@ -133,6 +133,7 @@ class Law(
         limits: CommandLimits | None = None,
         command_mode: CommandMode = "measured",
         tasks: PreparedTasks | None = None,
+        lag: Lag = AT_ONCE,
     ) -> PreparedLaw:
         """Check the parameters and compute what depends on time.
 
@@ -151,6 +152,8 @@ class Law(
             keeps the target within the limits, not the joints as they are measured.
         tasks
             What is to be done beside.
+        lag
+            How late the joints follow such a target: constraints keep more distance by what that can take.
 
         Raises
         ------
@@ -159,7 +162,7 @@ class Law(
         """
         dt = as_positive("dt", dt)
         rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
-        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits(), command_mode, tasks)
+        return PreparedLaw(self, robot, rows, dt, limits or CommandLimits(), command_mode, tasks, lag)
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
@@ -208,6 +211,7 @@ class PreparedLaw:
         limits: CommandLimits,
         command_mode: CommandMode,
         tasks: PreparedTasks | None = None,
+        lag: Lag = AT_ONCE,
     ) -> None:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
@@ -219,6 +223,7 @@ class PreparedLaw:
                 "'constraints', which keep them for all"
             )
         self._command_mode: CommandMode = command_mode
+        self._lag: Lag = lag
         empty, m, position = np.zeros(0), robot.input_size, limits.around
         self.constraints: PreparedConstraints | None = None
         if law.constraints is not None:
@@ -230,7 +235,7 @@ class PreparedLaw:
                 raise ShapeError(
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
-            self.constraints = PreparedConstraints(law.constraints, robot, dt, command_mode)
+            self.constraints = PreparedConstraints(law.constraints, robot, dt, command_mode, lag)
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -287,7 +292,7 @@ class PreparedLaw:
     def with_limits(self, limits: CommandLimits) -> PreparedLaw:
         """Return the same law with something else done to its commands before they leave."""
         return PreparedLaw(
-            self._law, self.robot, self.parameters, self.dt, limits, self._command_mode, self.tasks
+            self._law, self.robot, self.parameters, self.dt, limits, self._command_mode, self.tasks, self._lag
         )
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
@@ -300,16 +305,17 @@ class PreparedLaw:
             self._limits,
             self._command_mode,
             self.tasks,
+            self._lag,
         )
 
-    def in_mode(self, command_mode: CommandMode) -> PreparedLaw:
+    def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
         position = self._limits.position
         depends = self.constraints or (position and position.memory(self.robot, "integrated", self.dt))
-        if command_mode == self._command_mode or not depends:
+        if (command_mode, lag) == (self._command_mode, self._lag) or not depends:
             return self
         return PreparedLaw(
-            self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks
+            self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks, lag
         )
 
     @property

@@ -118,7 +118,13 @@ def simulate(
     further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
     return simulate_prepared(
         law.prepare(
-            robot, reference, period, limits_before(plant, limits, robot), lagging_mode(plant), further
+            robot,
+            reference,
+            period,
+            limits_before(plant, limits, robot),
+            lagging_mode(plant),
+            further,
+            plant.lag(robot),
         ),
         plant,
         q0,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
@@ -89,6 +90,10 @@ class Plant(
         None of plants without such targets.
         """
         return None
+
+    def lag(self, robot: Robot) -> Lag:
+        """Return how late its joints follow targets that commands move; none unless it says so."""
+        return AT_ONCE
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
         """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""

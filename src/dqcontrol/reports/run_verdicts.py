@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _ROUND_OFF = 1e-9  # as a share of a velocity limit
 _STUCK = 0.9  # share of the twist asked for, in the measure of the law's inverse, that the robot cannot give
 _CROSSED = 1e-9  # m or rad
+_ENDED = 0.1  # s before the end of a run
 _RISE = 1e-3  # of V in a sample, as a share of its first value
 
 Row = list[Cell]
@@ -149,7 +150,8 @@ def _kept(record: Record) -> Iterator[Row]:
     if found := deadlocks(record):
         longest = max(found, key=lambda each: each.end - each.begin)
         words = f"{longest.begin:.2f} … {longest.end:.2f} s by {', '.join(longest.names)}"
-        yield ["Deadlock", VerdictCell("held", None), words]
+        lasts = found[-1].end >= record.time[-1] - _ENDED
+        yield ["Deadlock", VerdictCell("held" if lasts else "left", None), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:

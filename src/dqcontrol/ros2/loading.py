@@ -88,8 +88,8 @@ class Loaded:
     def prepared_law(self, source: str) -> PreparedLaw:
         """Return the law ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
-        mode = lagging_mode(self.case.plant)
-        return self.law.prepare(self.robot, reference, self.period, self.case.limits, mode)
+        mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)
+        return self.law.prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""

@@ -87,6 +87,7 @@ class LawEvaluation:
         robot, plant = scenes[0].robot, family.plants[0]
         self._limits = spec.limits_of(plant, robot)
         self._mode: CommandMode = lagging_mode(plant)
+        self._lag = plant.lag(robot)
         limits = robot.limits
         if command_mode(plant) == "measured":  # its commands are no velocities of joints
             limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
@@ -132,8 +133,9 @@ class LawEvaluation:
         return made if depends else made * len(self._scenes)
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> PreparedLaw:
+        period, limits = self._spec.period, self._limits
         return law.prepare(
-            scene.robot, scene.reference, self._spec.period, self._limits, self._mode, scene.tasks
+            scene.robot, scene.reference, period, limits, self._mode, scene.tasks, lag=self._lag
         )
 
     def slack(self, law: Law) -> Slack:

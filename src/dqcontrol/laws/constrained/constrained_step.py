@@ -35,7 +35,7 @@ from dqcontrol.compiled.compile import (
     kernel,
     shared,
 )
-from dqcontrol.compiled.intrinsics import ADDRESS
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
 from dqcontrol.laws.constrained.active_set import (
     INDEFINITE,
     SOLVED,
@@ -46,9 +46,11 @@ from dqcontrol.laws.constrained.active_set import (
 )
 from dqcontrol.laws.constrained.constraint_layout import (
     APART,
+    AT_MOST,
     INSIDE,
     MOST_CUTS,
     ROUNDS,
+    SIGHT,
     head,
     memory_of,
     parameters_of,
@@ -60,6 +62,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
 from dqcontrol.laws.constrained.constraint_rows import (
     curvature,
     farther_than,
+    look_ahead,
     place_bodies,
     place_frames,
     place_obstacles,
@@ -76,11 +79,16 @@ from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
+_FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
+_ROUNDER = 1.5  # the bend of a way is that times what three of its points say at most
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
+_HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
+_STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
+_TRIES = 8
 
 # kinematics, chain, q, sample, its number, twist Jacobian, what further tasks add to H (m × m numbers, or none), state
 # (its end is the memory), parameters, work, command
@@ -138,10 +146,11 @@ def _collect(given, work, screws, report, settings, time, sample):
     for i in range(given.rows.shape[0]):
         row = row_of(given.rows[i])
         name = int(row.name)
-        reach = row.kept + (_fastest_change(given.levers[i], work) + row.speed) / settings.rate
+        span = 1.0 / settings.rate + settings.late
+        reach = row.kept + (_fastest_change(given.levers[i], work) + row.speed) * span
         if row.kind == APART and row.b >= given.bodies.shape[0]:
             drift = work.drift[int(row.b) - given.bodies.shape[0]]
-            reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) / settings.rate
+            reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) * span
         if row.kind == APART:
             apart = farther_than(work, row)
             if apart > reach and apart > report.least[name]:
@@ -156,8 +165,59 @@ def _collect(given, work, screws, report, settings, time, sample):
         if place >= 0:
             for j in range(work.line.shape[0]):
                 work.lines[place, j] = work.line[j]
+            work.value[place] = value
             count += 1 if place == count else 0
     return count
+
+
+@inline
+def _follow(given, memory, period):
+    """Let the joints follow their target for a period, as far as that is known."""
+    for i in range(memory.joint.shape[0]):
+        left = 0.0
+        if given.times[i] > 0.0:
+            left = math.exp(-period / given.times[i])
+        memory.joint[i] = memory.target[i] + (memory.joint[i] - memory.target[i]) * left
+
+
+@shared
+def _keep_more(chain, given, memory, work, settings, count):
+    """Let targets keep more than is asked by what it takes for joints that follow them to keep what is asked.
+
+    Joints move towards their target. Where their distance d(q) is what is asked, and that of the target d(z) larger by
+    m, it grows as it begins to if on the way it bends upwards by 2m at most, d(z) = d(q) + d' + ½ bend: the bend is
+    that of a parabola through joints, half way, and target. And points of the way, which the target moves by a share
+    of its own motion, come no nearer either. What moves by itself meets the joints later by lag and delay.
+    """
+    for part in range(4):  # at the joints, half way, a quarter, three quarters
+        share = 0.0 if part == 0 else 0.5 if part == 1 else 0.25 if part == 2 else 0.75
+        for i in range(work.trial.shape[0]):
+            work.trial[i] = memory.joint[i] + share * (memory.target[i] - memory.joint[i])
+        place_frames(chain, work.trial, given, work)
+        place_bodies(given, work)
+        for i in range(count):
+            row = row_of(given.rows[int(work.owners[i])])
+            found = value_of(given, work, row)
+            room = work.value[i] - row.kept
+            if part == 0:
+                work.press[i] = found
+                continue
+            if part == 1:
+                bend = 8.0 * (0.5 * (work.press[i] + work.value[i]) - found)
+                work.press[i] = room - _ROUNDER * 0.5 * max(bend, 0.0)
+            work.press[i] = min(work.press[i], (found - row.kept) / share)
+            if part < 3:
+                continue
+            moving = row.speed
+            if row.kind == APART and row.b >= given.bodies.shape[0]:
+                drift = work.drift[int(row.b) - given.bodies.shape[0]]
+                moving += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
+            before = max(settings.rate * room, -settings.recovery)
+            left = min(work.press[i], room) - moving * settings.late
+            give = max(settings.rate * left, -settings.recovery)
+            work.bounds[i] += give - before
+            work.required[i] += settings.period * (before - give)
+            work.press[i] = 0.0
 
 
 @shared
@@ -195,12 +255,12 @@ def _keeps(given, work, count, u):
 
 @shared
 def _verify(kinematics, chain, given, work, settings, originals, count, u, time, sample, adds):
-    """Compute what an input leads to; return the count with further rows, and the worst shortfall of a row.
+    """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
 
-    Rows whose line leaves more room than their curvature can take are sure, and not computed.
+    Distances from convex things whose line leaves more room than their curvature can take are sure, and not computed.
     """
     period, m = settings.period, u.shape[0]
-    worst, placed = 0.0, False
+    worst, worst_ahead, placed = 0.0, 0.0, False
     _, _, screws = split(work.buffer)
     if given.tree.shape[0] > 0:
         screws = work.tree_screws
@@ -208,7 +268,7 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
         owner = int(work.owners[i])
         row = row_of(given.rows[owner])
         spare = _line_change(work, i, u) + work.bounds[i]
-        if row.kind <= INSIDE and spare >= 0.5 * period * curvature(given.levers[owner], u):
+        if row.kind == APART and spare >= 0.5 * period * curvature(given.levers[owner], u):
             continue
         if not placed:
             placed = True
@@ -218,7 +278,8 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
             place_obstacles(given, work, time + period, sample + 1)
             if adds:
                 write_screws(kinematics, chain, work.trial, given, work)
-        short = work.required[i] - value_of(given, work, row)
+        value = value_of(given, work, row)
+        short = work.required[i] - value
         worst = max(worst, short)
         if adds and short > _SHORT and count < int(settings.capacity):
             write_line(given, work, row, screws, work.line)
@@ -229,7 +290,19 @@ def _verify(kinematics, chain, given, work, settings, originals, count, u, time,
             work.bounds[count], work.owners[count] = bound, float(owner)
             work.required[count], work.press[count] = work.required[i], 0.0
             count += 1
-    return count, worst
+        if row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT:
+            ahead = look_ahead(given, work, row, value, u, 1.0 / settings.rate - period, work.line)
+            short = min(row.kept, work.required[i]) - ahead
+            worst_ahead = max(worst_ahead, short)
+            if adds and short > _FAR_SHORT and count < int(settings.capacity):
+                bound = -short * settings.rate
+                for j in range(m):
+                    work.lines[count, j] = work.line[j]
+                    bound -= work.line[j] * u[j]
+                work.bounds[count], work.owners[count] = bound, float(owner)
+                work.required[count], work.press[count] = work.required[i], 0.0
+                count += 1
+    return count, worst, worst_ahead
 
 
 @shared
@@ -352,7 +425,7 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
         share *= 0.5
         for j in range(u.shape[0]):
             u[j] *= 0.5
-        _, short = _verify(kinematics, chain, given, work, settings, count, count, u, time, sample, False)
+        _, short, _ = _verify(kinematics, chain, given, work, settings, count, count, u, time, sample, False)
         if short < worst:
             worst, best_share = short, share
             for j in range(u.shape[0]):
@@ -387,7 +460,7 @@ def _constrain(
             _clip(work, u, work.low, work.high)
         if is_violated:
             break
-        more, worst = _verify(
+        more, worst, _ = _verify(
             kinematics, chain, given, work, settings, originals, count, u, time, sample, True
         )
         if more == count:
@@ -398,6 +471,60 @@ def _constrain(
             kinematics, chain, given, work, settings, originals, u, worst, time, sample
         )
     return count
+
+
+@shared
+def _go_aside(work, memory, settings, metric, u):
+    """Replace the wish while the hand goes aside: by the least motion that moves it so and turns it little."""
+    m = u.shape[0]
+    memory.escape[1] -= settings.period
+    inverse = as_matrix(work.solver[0 : m * m], m, m)
+    _write_objective(work, settings, metric, m)
+    if not invert_factor(work.hessian, inverse, m):
+        return
+    for i in range(m):
+        value = 0.0
+        for k in range(i + 1):
+            for axis in range(3):
+                value += inverse[i, k] * work.hand[3 + axis, k] * settings.escape * memory.aside[axis]
+        work.best[i] = value
+    for k in range(m):
+        value = 0.0
+        for i in range(k, m):
+            value += inverse[i, k] * work.best[i]
+        u[k] = value
+        work.wish[k] = value
+
+
+@shared
+def _watch_for_deadlock(work, memory, settings, report):
+    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go."""
+    asked, speed = report.numbers[4], report.numbers[5]
+    is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
+    memory.escape[0] = memory.escape[0] + settings.period if is_held else 0.0
+    if memory.escape[0] < _HELD + 1.5 * settings.period or memory.escape[2] >= _TRIES:
+        return
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(work.wish.shape[0]):
+        x += work.hand[3, j] * work.wish[j]
+        y += work.hand[4, j] * work.wish[j]
+        z += work.hand[5, j] * work.wish[j]
+    size = math.sqrt(x * x + y * y + z * z)
+    if size < 0.5 * asked:  # it is its turning that is held
+        return
+    x, y, z = x / size, y / size, z / size
+    a, b, c = -x * z, -y * z, 1.0 - z * z  # up, as far as that is across
+    if c < 0.1:
+        a, b, c = 1.0 - x * x, -x * y, -x * z
+    size = math.sqrt(a * a + b * b + c * c)
+    a, b, c = a / size, b / size, c / size
+    way = int(memory.escape[2]) % 4
+    if way == 1 or way == 2:
+        a, b, c = y * c - z * b, z * a - x * c, x * b - y * a
+    sign = 1.0 if way < 2 else -1.0
+    memory.aside[0], memory.aside[1], memory.aside[2] = sign * a, sign * b, sign * c
+    memory.escape[0], memory.escape[1] = 0.0, _ASIDE
+    memory.escape[2] += 1.0
 
 
 @shared
@@ -462,7 +589,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     settings = head(parameters)
     names, capacity, drives = int(settings.names), int(settings.capacity), int(settings.drives)
     given, work = _parts(parameters, scratch, settings, n, m)
-    memory = memory_of(state[state.shape[0] - 1 - n - m :], n, m)
+    memory = memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
     report = report_of(work.report, names)
     check = 0.0
     for j in range(m):
@@ -479,9 +606,10 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
-                memory.target[i] = q[i]
+                memory.target[i] = memory.joint[i] = q[i]
         else:
             advance(given.drives, memory.sent, settings.period, memory.target)
+            _follow(given, memory, settings.period)
         for i in range(n):
             work.config[i] = memory.target[i]
     if settings.integrates != 0.0 or branches:
@@ -503,6 +631,8 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         screws = work.tree_screws
     else:
         hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
+    if memory.escape[1] > 0.0:
+        _go_aside(work, memory, settings, metric, u)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
@@ -511,10 +641,14 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     _set_box(given, memory, work, work.config, settings.period)
     time = sample[TIME]
     originals = _collect(given, work, screws, report, settings, time, k)
-    count, short = originals, math.inf
+    if settings.lags != 0.0:
+        _keep_more(chain, given, memory, work, settings, originals)
+    count, short, ahead = originals, math.inf, 0.0
     if _keeps(given, work, count, u):
-        _, short = _verify(kinematics, chain, given, work, settings, originals, count, u, time, k, False)
-    if short > _ACCEPTED:
+        _, short, ahead = _verify(
+            kinematics, chain, given, work, settings, originals, count, u, time, k, False
+        )
+    if short > _ACCEPTED or ahead > _FAR_SHORT:
         sets = work.sets.view(np.intp)
         rows = capacity + 2 * m + 4 * drives
         count = _constrain(
@@ -533,6 +667,8 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
             k,
         )
     _report(given, memory, work, report, settings, originals, count, u)
+    if settings.escape > 0.0 and memory.escape[1] <= 0.0:
+        _watch_for_deadlock(work, memory, settings, report)
     return OK
 
 

@@ -23,8 +23,8 @@ BALL = SHAPE  # of a shape's numbers: centre (3) and radius of a ball around it;
 BODY = SHAPE + 4
 
 MOST_ROWS = 160  # of distances and angles in one program; of more the nearest
-MOST_CUTS = 16  # rows that verification adds
-ROUNDS = 6  # of it
+MOST_CUTS = 48  # rows that verification adds
+ROUNDS = 12  # of it
 
 
 class Head(NamedTuple):
@@ -38,10 +38,14 @@ class Head(NamedTuple):
         How many numbers these parts of the scratch have.
     integrates
         1 where commands move a target that joints follow with a lag: that target is then kept.
+    lags, late
+        1 where that lag or a delay is known; the longest of both together, s.
     rate
         η, 1/s.
     recovery
         Largest speed at which a distance that is too small is asked to grow, m/s or rad/s.
+    escape
+        Speed at which the hand goes aside where constraints hold it, m/s; 0: it does not.
     angular, free
         l² and ρ² of the objective, m².
     """
@@ -63,8 +67,11 @@ class Head(NamedTuple):
     levels: float
     sets: float
     integrates: float
+    lags: float
+    late: float
     rate: float
     recovery: float
+    escape: float
     angular: float
     free: float
 
@@ -164,6 +171,8 @@ class ConstraintParameters(NamedTuple):
         As the robot has them, and below them the speed limit of each one's rim.
     rims
         See ``drives``.
+    times
+        Of each coordinate: time constant of its lag, s.
     table
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
@@ -183,6 +192,7 @@ class ConstraintParameters(NamedTuple):
     levers: Annotated[Array, "rows", "m"]
     drives: Annotated[Array, "drives", DRIVE_COLUMNS]
     rims: Annotated[Array, "drives"]
+    times: Annotated[Array, "n"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 
 
@@ -195,12 +205,21 @@ class ConstraintMemory(NamedTuple):
         1 after the first sample.
     target
         Where commands have led, if they move a target.
+    joint
+        Where the joints are by what is known of their lag, but for the delay.
+    escape
+        For how long the hand has been held, for how long it still goes aside, s, and how often it has.
+    aside
+        Where to.
     sent
         The last command that left.
     """
 
     started: Annotated[Array, 1]
     target: Annotated[Array, "n"]
+    joint: Annotated[Array, "n"]
+    escape: Annotated[Array, 3]
+    aside: Annotated[Array, 3]
     sent: Annotated[Array, "m"]
 
 
@@ -251,9 +270,9 @@ class ConstraintWork(NamedTuple):
         Of one pair, and how the inputs change its distance.
     buffer, hand, jacobian
         Kinematics of the chain; Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
-    lines, bounds, owners, required, press
+    lines, bounds, owners, required, value, press
         Rows of the program, those that verification adds at the end: gradient of the distance, bound, which row of the
-        constraints, what it has to be after this period, multiplier.
+        constraints, what it has to be after this period, what it is, multiplier.
     hessian
         H.
     program, solver, levels, sets
@@ -282,6 +301,7 @@ class ConstraintWork(NamedTuple):
     bounds: Annotated[Array, "capacity"]
     owners: Annotated[Array, "capacity"]
     required: Annotated[Array, "capacity"]
+    value: Annotated[Array, "capacity"]
     press: Annotated[Array, "capacity"]
     best: Annotated[Array, "m"]
     hessian: Annotated[Array, "m", "m"]

@@ -6,6 +6,7 @@ import math
 
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.geometry.distance_kernels import (
+    ALONG,
     CENTER,
     CORE,
     KIND,
@@ -27,15 +28,15 @@ from dqcontrol.laws.constrained.constraint_layout import (
     INSIDE,
     MOTION,
     PLACE,
+    SIGHT,
     STRAIGHT,
     VELOCITY,
-    row_of,
     screw_of,
 )
 from dqcontrol.robots.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames
 from dqcontrol.robots.pose_task_kernels import place_tree
 
-_ALONG = 1e-9  # sine of an angle below which the plane in which it opens is unknown
+_PARALLEL = 1e-9  # sine of an angle below which the plane in which it opens is unknown
 
 
 @shared
@@ -192,7 +193,7 @@ def _angle(ax, ay, az, bx, by, bz):
     x, y, z = by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax
     sine = math.sqrt(x * x + y * y + z * z)
     cosine = ax * bx + ay * by + az * bz
-    if sine > _ALONG:
+    if sine > _PARALLEL:
         x, y, z = x / sine, y / sine, z / sine
     else:  # any that is across
         x, y, z = (0.0, bz, -by) if abs(bx) < 0.5 else (-bz, 0.0, bx)
@@ -263,6 +264,33 @@ def _add_distance(given, found, sign, screws, a, b, line):
             )
 
 
+@inline
+def _twist_of(given, screws, k, u):
+    """Return the twist [ω ; ṗ + p × ω] that inputs give what joint k carries."""
+    a, b, c, x, y, z = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    while k >= 0:
+        screw = screw_of(given.screws[k])
+        if screw.input >= 0.0:
+            rate = screw.scale * u[int(screw.input)]
+            a, b, c = a + screws[0, k] * rate, b + screws[1, k] * rate, c + screws[2, k] * rate
+            x, y, z = x + screws[3, k] * rate, y + screws[4, k] * rate, z + screws[5, k] * rate
+        k = int(screw.above)
+    return a, b, c, x, y, z
+
+
+@inline
+def _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line):
+    """Add −n·ω − t·(v − v_target) of what the inputs do to what joint k carries, with something at p."""
+    mx, my, mz = py * tz - pz * ty, pz * tx - px * tz, px * ty - py * tx
+    while k >= 0:
+        screw = screw_of(given.screws[k])
+        if screw.input >= 0.0:
+            turn = -(nx + mx) * screws[0, k] - (ny + my) * screws[1, k] - (nz + mz) * screws[2, k]
+            move = tx * screws[3, k] + ty * screws[4, k] + tz * screws[5, k]
+            line[int(screw.input)] += screw.scale * (turn - move)
+        k = int(screw.above)
+
+
 @shared
 def write_line(given, work, row, screws, line):
     """Write how the inputs change the value, as last found by `value_of`; return how it changes by itself."""
@@ -296,18 +324,70 @@ def write_line(given, work, row, screws, line):
         return 0.0
     lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
     _, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
-    # t: direction in which b turns towards l
+    # t: direction in which b turns towards l; φ̇ = n·ω − t·(v_target − v_camera)
     tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
-    mx, my, mz = py * tz - pz * ty, pz * tx - px * tz, px * ty - py * tx
-    while k >= 0:  # φ̇ = n·ω − t·(v_target − v_camera)
-        screw = screw_of(given.screws[k])
-        if screw.input >= 0.0:
-            turn = -(nx + mx) * screws[0, k] - (ny + my) * screws[1, k] - (nz + mz) * screws[2, k]
-            move = tx * screws[3, k] + ty * screws[4, k] + tz * screws[5, k]
-            line[int(screw.input)] += screw.scale * (turn - move)
-        k = int(screw.above)
+    _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
     moves = work.drift[int(row.b)]
     return tx * moves[0] + ty * moves[1] + tz * moves[2]
+
+
+@shared
+def look_ahead(given, work, row, value, u, span, line):
+    """Return what the room inside of something becomes if the motion goes on for a span, and write how u changes it.
+
+    The wall that a motion is heading for is another one than the nearest, which changes where the middle is crossed:
+    too late to brake before it. Its room is that of a straight motion, of angles in the plane that touches the sphere.
+    `value` is what `value_of` has just found.
+    """
+    for j in range(line.shape[0]):
+        line[j] = 0.0
+    screws = work.jacobian
+    if given.tree.shape[0] > 0:
+        screws = work.tree_screws
+    if row.kind == INSIDE:
+        a, b = work.world[int(row.a)], work.world[int(row.b)]
+        k = int(given.carriers[int(given.bodies[int(row.a), 0])])
+        wx, wy, wz, vx, vy, vz = _twist_of(given, screws, k, u)
+        cx, cy, cz = a[CORE], a[CORE + 1], a[CORE + 2]
+        vx, vy, vz = vx + wy * cz - wz * cy, vy + wz * cx - wx * cz, vz + wx * cy - wy * cx
+        along = vx * b[ALONG] + vy * b[ALONG + 1] + vz * b[ALONG + 2]
+        vx, vy, vz = vx - along * b[ALONG], vy - along * b[ALONG + 1], vz - along * b[ALONG + 2]
+        out = work.found[0] + a[RADIUS] + b[RADIUS]  # from the middle
+        x, y, z = (
+            out * work.found[1] + span * vx,
+            out * work.found[2] + span * vy,
+            out * work.found[3] + span * vz,
+        )
+        far = math.sqrt(x * x + y * y + z * z)
+        if far > 0.0:
+            for i, number in enumerate((x / far, y / far, z / far, cx, cy, cz)):
+                work.found[1 + i] = number
+        _add_distance(given, work.found, -1.0, screws, k, -1, line)
+        return value + out - far
+    k = int(given.carriers[int(row.a)])
+    wx, wy, wz, vx, vy, vz = _twist_of(given, screws, k, u)
+    if row.kind == SIGHT:
+        lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
+        moves = work.drift[int(row.b)]
+        vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
+        vx, vy, vz = (vx - moves[0]) / far, (vy - moves[1]) / far, (vz - moves[2]) / far
+        # the way to the target turns with −b × (v_camera − v_target)/far
+        wx, wy, wz = wx + by * vz - bz * vy, wy + bz * vx - bx * vz, wz + bx * vy - by * vx
+    else:
+        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        px, py, pz, far = 0.0, 0.0, 0.0, math.inf
+        bx, by, bz = row.other[0], row.other[1], row.other[2]
+    angle, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
+    spin = wx * lx + wy * ly + wz * lz
+    x = angle * nx + span * (wx - spin * lx)
+    y = angle * ny + span * (wy - spin * ly)
+    z = angle * nz + span * (wz - spin * lz)
+    size = math.sqrt(x * x + y * y + z * z)
+    if size > 0.0:
+        nx, ny, nz = x / size, y / size, z / size
+    tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
+    _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
+    return row.limit - size
 
 
 @inline
@@ -323,9 +403,3 @@ def curvature(levers, u):
         total += levers[j] * size * (size + 2.0 * before)
         before += size
     return total
-
-
-@inline
-def row_at(given, i):
-    """Return row i by name."""
-    return row_of(given.rows[i])

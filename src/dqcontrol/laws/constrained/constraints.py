@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -171,6 +171,11 @@ class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fie
         """Planes with their free sides inside, or what the ball is inside of."""
         raise NotImplementedError
 
+    @property
+    def solids(self) -> list[Shape]:
+        """What is drawn of it."""
+        return self.walls
+
 
 class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
     """A room with six walls about its position."""
@@ -180,9 +185,14 @@ class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
     rpy: Annotated[Number3, Meta(description="rad")] = (0.0, 0.0, 0.0)
 
     @property
+    def solids(self) -> list[Shape]:
+        """The box."""
+        return [Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))]
+
+    @property
     def walls(self) -> list[Shape]:
         """Six planes."""
-        box = Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
+        (box,) = self.solids
         turn = box.row[7:].reshape(3, 3)
         walls: list[Shape] = []
         for k in range(3):
@@ -307,6 +317,28 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     at_most: Annotated[float, Meta(ge=LEAST_CONE, lt=math.pi, description="rad")]
 
 
+class Lag(NamedTuple):
+    """How late joints follow targets that commands move.
+
+    Attributes
+    ----------
+    times
+        Time constant of each coordinate, s; empty: none.
+    delays
+        From command to joint, of each coordinate, s.
+    """
+
+    times: tuple[float, ...] = ()
+    delays: tuple[float, ...] = ()
+
+    @property
+    def late(self) -> float:
+        """The longest of time constant and delay together, s."""
+        return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
+
+
+AT_ONCE = Lag()
+
 PerInput = (
     Annotated[float, Meta(gt=0, description="rad/s² or m/s²")]
     | Annotated[list[Annotated[float, Meta(gt=0, description="rad/s² or m/s²")]], Meta(min_length=1)]
@@ -334,6 +366,10 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         Distance between links, m; ``margin`` if omitted.
     obstacles, zones, angles, sights
         By name.
+    escape
+        Where constraints hold the hand against what the law asks for 0.4 s, it goes aside at this speed for 1 s, m/s:
+        up, to the sides, down, in turn, eight times at most. It may find a way round; nothing is promised. If omitted
+        it stands there.
     recovery
         A run may start where distances are too small; they are then asked to grow this fast at most, m/s or rad/s. If
         omitted, such a start is refused.
@@ -367,6 +403,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     zones: dict[Name, AnyZone] = {}
     angles: dict[Name, Angle] = {}
     sights: dict[Name, LineOfSight] = {}
+    escape: Annotated[float, Meta(gt=0, le=2, description="m/s")] | None = None
     recovery: Annotated[float, Meta(gt=0, description="m/s or rad/s")] | None = None
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +80,11 @@ class ChainFrames:
         largest = np.maximum.accumulate(levers[coordinates][::-1])[::-1]
         return np.where((coordinates < frame) & (coordinates >= other), largest, 0.0)
 
+    def joints_before(self, frame: int) -> Iterator[tuple[Array, bool]]:
+        """Yield of each joint that carries a frame, the first first, its row in the table and whether it turns."""
+        for row, kind in zip(self.robot.chain[:frame], self.robot.joint_types, strict=False):
+            yield row, kind == "revolute"
+
     def turning(self, frame: int) -> Array:
         """Return how fast each input turns a frame."""
         return np.array([float(kind == "revolute") for kind in self.robot.input_types])
@@ -150,6 +156,12 @@ class TreeFrames:
         at = joints.coordinate[row]
         ends = joints.multiplier[row] * np.array([limits.lower[at], limits.upper[at]]) + joints.offset[row]
         return float(np.abs(ends).max())
+
+    def joints_before(self, frame: int) -> Iterator[tuple[Array, bool]]:
+        """Yield what `ChainFrames.joints_before` does."""
+        joints = self.robot.joints
+        for row in joints.path(frame - 1):
+            yield joints.fixed[row], bool(joints.kind[row] == REVOLUTE)
 
     def turning(self, frame: int) -> Array:
         """Return how fast each input turns a frame."""

@@ -41,9 +41,8 @@ from dqcontrol.laws.constrained.constraint_layout import (
     solver_sizes,
     work_of,
 )
-from dqcontrol.laws.constrained.constraints import HAND, Constraints, KeepOut, shapes_of, unit
+from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, KeepOut, Lag, shapes_of, unit
 from dqcontrol.laws.constrained.moving_frames import HandFrame, moving_frames
-from dqcontrol.robots.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 
@@ -65,6 +64,13 @@ class _Line(NamedTuple):
     curved: float  # share of (Σ lever u)² that an angle may curve beyond
 
 
+class ShapePair(NamedTuple):
+    """What a row is about: one or two shapes of the robot, or one and the number of what is around it."""
+
+    links: list[LinkShape]
+    obstacle: int | None
+
+
 class PreparedConstraints:
     """Constraints for one robot and period.
 
@@ -84,12 +90,17 @@ class PreparedConstraints:
         How much more than asked samples keep of each row, so that it holds between them too, m or rad.
     rate
         η, 1/s.
+    lag
+        Of joints behind their targets.
     parameters
         For compiled code.
     """
 
-    def __init__(self, given: Constraints, robot: Robot, dt: float, command_mode: str) -> None:
+    def __init__(
+        self, given: Constraints, robot: Robot, dt: float, command_mode: str, lag: Lag = AT_ONCE
+    ) -> None:
         self.given, self.robot, self.period = given, robot, dt
+        self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
                 f"constraints: {robot.name} takes the rates of its configuration, which its drives cannot all follow; "
@@ -165,6 +176,14 @@ class PreparedConstraints:
         if status:
             self.robot.fkm(rows)  # says what is wrong
         return out
+
+    def pair(self, row: int) -> ShapePair:
+        """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
+        found = self._lines[row].row
+        links = [self._bodies[int(found.a)]]
+        if found.b >= 0:
+            return ShapePair([*links, self._bodies[int(found.b)]], None)
+        return ShapePair(links, int(-1 - found.b))
 
     def violations(self, q: ArrayLike, time: float = 0.0) -> list[str]:
         """Return what a configuration, shape (n,), violates, one line each, the worst first."""
@@ -323,17 +342,17 @@ class PreparedConstraints:
                         )
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
-        """Return whether a shape turns with the first joint of an arm, about the normal of a plane: it stands there."""
-        row = self.robot.chain[body.frame - 1]
-        if (
-            not isinstance(shape, Plane)
-            or self.robot.parents[body.frame - 1] >= 0
-            or row[7] != REVOLUTE
-            or body.frame < 1
-        ):
+        """Return whether no joint changes a distance from a plane: of a base on its floor, of a link turning on it."""
+        if not isinstance(shape, Plane):
             return False
-        axis = algebra.matrix_from_pose(algebra.pose(row[:4], row[4:7]))[:3, 2]
-        return bool(abs(abs(float(axis @ shape.normal)) - 1) < 1e-9)
+        frame = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+        for row, turns in self._frames.joints_before(body.frame):
+            frame = algebra.multiply(frame, algebra.pose(row[:4], row[4:7]))
+            axis = algebra.matrix_from_pose(frame)[:3, 2]  # as it is at q = 0: those before it keep it so
+            along = abs(float(axis @ shape.normal))
+            if abs(along - float(turns)) > 1e-9:
+                return False
+        return True
 
     def _add_zones(self) -> None:
         for name, each in self.given.zones.items():
@@ -369,7 +388,8 @@ class PreparedConstraints:
                     other=other,
                 )
                 bend = 1 / math.tan(limit) if 0 < limit < math.pi else 0.0
-                curved = 1.0 + max(bend if most else -bend, 0.0)
+                # about a narrow cone an angle curves outwards
+                curved = 1.0 + max(-bend if most else bend, 0.0)
                 self._lines.append(_Line(row, name, self._frames.turning(frame), curved))
 
     def _add_sights(self) -> None:
@@ -479,8 +499,11 @@ class PreparedConstraints:
             drives=drives,
             **sizes,
             integrates=float(command_mode == "integrated"),
+            lags=float(self.lag.late > 0),
+            late=self.lag.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
+            escape=given.escape or 0.0,
             angular=_ANGULAR,
             free=_FREE,
         )
@@ -503,6 +526,7 @@ class PreparedConstraints:
             rims=np.array(
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
             ),
+            times=np.array(self.lag.times or np.zeros(n)),
             table=table,
         )
         self.parameters: Array = parameters_of.pack(**parts._asdict())

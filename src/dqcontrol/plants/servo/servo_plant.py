@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
+from dqcontrol.laws.constrained.constraints import Lag
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import (
@@ -194,6 +195,17 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
         return self.command_mode
+
+    def lag(self, robot: Robot) -> Lag:
+        """Return time constants and delays of its coordinates; of second order 2ζ/ω."""
+        n = robot.configuration_size
+        bandwidth, damping = self._each("bandwidth", n), self._each("damping_ratio", n)
+        second = bandwidth > 0
+        times = np.where(
+            second, 2 * damping / np.where(second, bandwidth, 1.0), self._each("time_constant", n)
+        )
+        times[base_coordinates(robot)] = self.base_time_constant
+        return Lag(tuple(times.tolist()), tuple(self._each("delay", n).tolist()))
 
     def encoder_errors(self) -> EncoderErrors:
         """Return noise and resolution of its encoders."""

@@ -1,0 +1,105 @@
+"""What constraints have around a robot, in a browser's scene: obstacles, zones, and the nearest pair in red."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.browser.robot_bodies import Colour, rod
+from dqcontrol.browser.run_view_model import Track
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.laws.constrained.kept_scene import NEAR
+
+_SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
+_OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4
+_THIN = 0.002  # m
+
+
+class DrawnThings:
+    """The nodes of what is around one run's robot."""
+
+    def __init__(self, scene: Any, name: str, track: Track, size: float) -> None:
+        self._scene, self._name, self._track, self._size = scene, name, track, size
+        self._frames: list[Any] = []
+        self._meshes: list[Any] = []
+        self._shown: Shape | None = None
+        self._pair: list[Any] = []
+        if track.around is None:
+            return
+        for i, thing in enumerate(track.around.things):
+            node = f"{name}/around{i}"
+            self._frames.append(scene.add_frame(node, show_axes=False))
+            opacity = _ZONE_OPACITY if thing.is_zone else _OPACITY
+            self._meshes.append(self._add(f"{node}/shape", thing.shape, self._colour(i), opacity))
+
+    def show(self, k: int) -> None:
+        """Show a sample."""
+        track = self._track
+        if track.around is None:
+            return
+        nearest = track.nearest(k)
+        near = nearest if nearest is not None and nearest.room < NEAR else None
+        shifts = track.around.shifts(track.record.time[k : k + 1])[:, 0]
+        for i, (frame, mesh) in enumerate(zip(self._frames, self._meshes, strict=True)):
+            frame.position = shifts[i]
+            colour = _CLOSE if near is not None and near.thing == i else self._colour(i)
+            if mesh is not None and tuple(mesh.color) != colour:
+                mesh.color = colour
+        for node in self._pair:
+            node.remove()
+        self._pair = []
+        if near is None or not len(near.on_a):
+            return
+        if near.link is not None and (link := self._add("nearest/link", near.link, _CLOSE, _LINK_OPACITY)):
+            self._pair.append(link)
+        ends = np.array([[near.on_a, near.on_b]])
+        self._pair.append(
+            self._scene.add_line_segments(f"{self._name}/nearest/line", ends, _CLOSE, thickness=0.004)
+        )
+
+    def _colour(self, i: int) -> Colour:
+        assert self._track.around is not None
+        return _ZONE if self._track.around.things[i].is_zone else _SOLID
+
+    def _add(self, name: str, shape: Shape, colour: Colour, opacity: float) -> Any:
+        """Add a shape's mesh; None of one that cannot be drawn, as a ball without size."""
+        mesh = _mesh(shape, self._size)
+        if mesh is None:
+            return None
+        path = name if name.startswith("/") else f"{self._name}/{name}"
+        return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
+
+
+def _mesh(shape: Shape, size: float) -> Any:
+    """Return the mesh of a shape; of one without end as much as a scene of this size, m, shows."""
+    import trimesh
+
+    if isinstance(shape, Sphere):
+        if shape.radius == 0:
+            return None
+        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+        mesh.apply_translation(shape.center)
+        return mesh
+    if isinstance(shape, Capsule):
+        return rod(shape.start, shape.end, shape.radius, round_ends=True)
+    if isinstance(shape, Cylinder):
+        along = size * shape.direction
+        return rod(shape.point - along, shape.point + along, shape.radius)
+    matrix = np.eye(4)
+    if isinstance(shape, Box):
+        matrix[:3, :3], matrix[:3, 3] = shape.row[7:].reshape(3, 3), shape.row[4:7]
+        return trimesh.creation.box(shape.size, matrix)
+    if isinstance(shape, Plane):
+        matrix[:3, :3] = _across(shape.normal)
+        matrix[:3, 3] = (shape.offset - 0.5 * _THIN) * shape.normal
+        return trimesh.creation.box([2 * size, 2 * size, _THIN], matrix)
+    return None
+
+
+def _across(normal: Array) -> Array:
+    """Return a rotation matrix whose z is a unit vector."""
+    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    first /= np.linalg.norm(first)
+    return np.column_stack([first, np.cross(normal, first), normal])

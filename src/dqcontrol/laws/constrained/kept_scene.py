@@ -1,0 +1,119 @@
+"""Constraints for the eye: what stands around a robot at a time, and which pair is nearest to what was asked."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.geometry import Shape, distance
+from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+from dqcontrol.robots.robot import Robot
+
+NEAR = 0.02  # m beyond what is asked: a pair that has less room is near
+
+
+class Thing(NamedTuple):
+    """Something around a robot.
+
+    Attributes
+    ----------
+    name
+        Of the constraint.
+    shape
+        At time 0.
+    is_zone
+        Whether it is to stay inside, or at the free side.
+    """
+
+    name: str
+    shape: Shape
+    is_zone: bool
+
+
+class NearestPair(NamedTuple):
+    """The pair of shapes that has least room beyond what is asked.
+
+    Attributes
+    ----------
+    label
+        As ``table: panda_link5``.
+    room
+        What is left beyond what was asked for, m.
+    on_a, on_b
+        Points of the robot and of the other shape, shape (3,), m; empty where there is no such pair.
+    link
+        The robot's shape; None of the hand's point.
+    thing
+        Number of the other shape among `KeptScene.things`; −1 where it is the robot's own.
+    """
+
+    label: str
+    room: float
+    on_a: Array
+    on_b: Array
+    link: Shape | None
+    thing: int
+
+
+class KeptScene:
+    """What constraints have around a robot.
+
+    Parameters
+    ----------
+    given
+        The constraints.
+    robot
+        Of the run.
+    period
+        Of the run, s.
+
+    Attributes
+    ----------
+    things
+        Obstacles first, in their order, then zones.
+    """
+
+    def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
+        self._given, self._robot = given, robot
+        self._prepared = PreparedConstraints(given, robot, period, "measured")
+        walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.solids]
+        self.things: list[Thing] = [
+            *(Thing(name, each.shape, False) for name, each in given.obstacles.items()),
+            *walls,
+        ]
+
+    def shifts(self, times: Array) -> Array:
+        """Return how far each thing has moved at times (N,), s: shape (things, N, 3), m."""
+        found = np.zeros((len(self.things), len(times), 3))
+        for k, each in enumerate(self._given.obstacles.values()):
+            if each.velocity is not None:
+                found[k] = np.outer(times, each.velocity)
+            elif each.path is not None:
+                path = np.asarray(each.path, np.float64)
+                for i in range(3):
+                    found[k, :, i] = np.interp(times, path[:, 0], path[:, 1 + i])
+        return found
+
+    def nearest(self, q: Array, time: float) -> NearestPair | None:
+        """Return the nearest pair at a configuration (n,), rad or m; None if only angles are kept."""
+        kept = self._prepared
+        if kept.is_angle.all() or not np.isfinite(q).all():
+            return None
+        room = np.where(kept.is_angle, np.inf, kept.values(q[None], [time])[0] - kept.asked)
+        i = int(np.argmin(room))
+        pair = kept.pair(i)
+        frames = self._robot.frames(q)
+        shown = [
+            each.shape if each.frame == 0 else each.shape.moved(frames[each.frame - 1]) for each in pair.links
+        ]
+        if pair.obstacle is not None and pair.obstacle < len(self._given.obstacles):
+            at = [*self.shifts(np.array([time]))[pair.obstacle, 0]]
+            shown.append(self.things[pair.obstacle].shape.moved([1, 0, 0, 0, 0, *(0.5 * np.array(at))]))
+        if len(shown) < 2:  # in a zone
+            return NearestPair(kept.labels[i], float(room[i]), np.empty(0), np.empty(0), None, -1)
+        found = distance(shown[0], shown[1])
+        number = -1 if pair.obstacle is None else pair.obstacle
+        return NearestPair(kept.labels[i], float(room[i]), found.on_a, found.on_b, shown[0], number)
