@@ -24,7 +24,7 @@ def loads(body, u):
     """Return each input's speed over its limit, then each drive's rim speed over its own."""
     inputs = np.abs(u) / body.limits.velocity
     rims = []
-    for k, (first, _, radius, _) in enumerate(body.drives):
+    for k, (first, _, radius, *_) in enumerate(body.drives):
         j = int(first) - k
         wheels = body.wheel_speeds(u)[j : j + 2]
         rims.append(radius * np.abs(wheels).max() / body.limits.velocity[j])
