@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.arrays import Array
 from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
@@ -92,14 +91,7 @@ def _mesh(shape: Shape, size: float) -> Any:
         matrix[:3, :3], matrix[:3, 3] = shape.row[7:].reshape(3, 3), shape.row[4:7]
         return trimesh.creation.box(shape.size, matrix)
     if isinstance(shape, Plane):
-        matrix[:3, :3] = _across(shape.normal)
+        matrix[:3, :3] = shape.axes
         matrix[:3, 3] = (shape.offset - 0.5 * _THIN) * shape.normal
         return trimesh.creation.box([2 * size, 2 * size, _THIN], matrix)
     return None
-
-
-def _across(normal: Array) -> Array:
-    """Return a rotation matrix whose z is a unit vector."""
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first), normal])

@@ -24,7 +24,7 @@ from dqcontrol.robots.description import rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.whole_body import Drive, base_coordinates, parts_with_offsets
+from dqcontrol.robots.whole_body import Drive, Mover, base_coordinates, parts_with_offsets
 
 Colour = tuple[int, int, int]
 
@@ -106,7 +106,7 @@ def chain_rows(robot: Robot) -> list[range]:
     ]
 
 
-def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Drive]]:
+def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Mover]]:
     """Yield the chains of a robot, each with its first row of `Robot.frames` and the row that carries it."""
     if isinstance(robot, TwoArms):
         first, below = 0, -1

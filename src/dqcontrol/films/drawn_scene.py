@@ -64,7 +64,7 @@ class DrawnScene:
             middle, turn = shape.row[4:7], shape.row[7:].reshape(3, 3)
         elif isinstance(shape, Plane) and not self._is_floor(shape):
             kind, size = mujoco.mjtGeom.mjGEOM_BOX, np.array([self._reach, self._reach, _THIN])
-            middle, turn = (shape.offset - _THIN) * shape.normal, _across(shape.normal)
+            middle, turn = (shape.offset - _THIN) * shape.normal, shape.axes
         else:
             return
         colour = np.array(rgba, dtype=np.float32)
@@ -86,10 +86,3 @@ class DrawnScene:
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
         mujoco.mjv_connector(geom, kind, radius, np.array(start), np.array(end))
         scene.ngeom += 1
-
-
-def _across(normal: Array) -> Array:
-    """Return a rotation matrix whose z is a unit vector."""
-    first = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first), normal])

@@ -266,6 +266,13 @@ class Plane(Shape):
         """Plane n + ε offset; a motion x = P + εD takes it to x♯ (n + ε offset) x*, x♯ = P − εD."""
         return algebra.DualQuaternion([0.0, *self.normal, self.offset, 0.0, 0.0, 0.0])
 
+    @property
+    def axes(self) -> Array:
+        """Rotation matrix (3, 3) whose z is the normal; x and y lie in the plane."""
+        first = np.cross(self.normal, np.eye(3)[int(np.argmin(np.abs(self.normal)))]).astype(np.float64)
+        first /= np.linalg.norm(first)
+        return np.column_stack([first, np.cross(self.normal, first), self.normal])
+
     def _carried(self, rotation: Array, position: Array) -> Self:
         normal = rotation @ self.normal
         return type(self)(normal, self.offset + float(normal @ position))

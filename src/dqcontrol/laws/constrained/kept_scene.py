@@ -77,18 +77,18 @@ class KeptScene:
     """
 
     def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
-        self._given, self._robot = given, robot
+        self._robot = robot
         self._prepared = PreparedConstraints(given, robot, period, "measured")
         walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.solids]
-        self.things: list[Thing] = [
-            *(Thing(name, each.shape, False) for name, each in given.obstacles.items()),
-            *walls,
-        ]
+        named = list(given.obstacles.items())
+        self._obstacles = [each for _, each in named for _ in each.shapes]
+        solids = [Thing(name, shape, False) for name, each in named for shape in each.shapes]
+        self.things: list[Thing] = [*solids, *walls]
 
     def shifts(self, times: Array) -> Array:
         """Return how far each thing has moved at times (N,), s: shape (things, N, 3), m."""
         found = np.zeros((len(self.things), len(times), 3))
-        for k, each in enumerate(self._given.obstacles.values()):
+        for k, each in enumerate(self._obstacles):
             if each.velocity is not None:
                 found[k] = np.outer(times, each.velocity)
             elif each.path is not None:
@@ -106,10 +106,10 @@ class KeptScene:
         i = int(np.argmin(room))
         pair = kept.pair(i)
         frames = self._robot.frames(q)
-        shown = [
+        shown: list[Shape] = [
             each.shape if each.frame == 0 else each.shape.moved(frames[each.frame - 1]) for each in pair.links
         ]
-        if pair.obstacle is not None and pair.obstacle < len(self._given.obstacles):
+        if pair.obstacle is not None and pair.obstacle < len(self._obstacles):
             at = [*self.shifts(np.array([time]))[pair.obstacle, 0]]
             shown.append(self.things[pair.obstacle].shape.moved([1, 0, 0, 0, 0, *(0.5 * np.array(at))]))
         if len(shown) < 2:  # in a zone
