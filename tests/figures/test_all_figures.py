@@ -21,6 +21,7 @@ DIMENSIONLESS = {
     *("margin / half range", "samples", "steps"),
     *("$q$", "$r$"),  # weights
     *("Err", "log₁₀ Err"),  # [P16] prints it without one
+    "orientation",  # of error quaternions
     "laws",  # names on the axis
 }
 MEANT = {*COLOURS, DESIRED, LIMIT, NEUTRAL, "#ffffff"}

@@ -170,7 +170,7 @@ def wheels(
     source
         .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
     drive
-        "differential", "mecanum", "omni", "car-like" or "tricycle", where the wheels do not tell.
+        Kind of base where the wheels do not tell: "differential", "mecanum", "omni", "car-like" or "tricycle".
     wheel_radius, track
         Where the file does not tell, m.
     """

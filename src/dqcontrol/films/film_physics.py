@@ -92,7 +92,7 @@ def with_rolling_wheels(robot: Robot, record: Record) -> Record:
     """
     if "wheel_angle" in record.readings:
         return record
-    _, _, radius, half_track = robot.drives[0]
+    _, _, radius, half_track, *_ = robot.drives[0]
     x, y, heading = record.q[:, :3].T
     middle = 0.5 * (heading[1:] + heading[:-1])
     ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)

@@ -17,7 +17,7 @@ _NOTHING: Array = np.zeros(0)
 _NOTHING.flags.writeable = False
 
 
-class JointControl(NamedTuple):
+class ControllerSettings(NamedTuple):
     """What joint controllers are told beside their targets, as each command of a Meka tells them.
 
     Attributes
@@ -123,7 +123,7 @@ class LivePlant:
     def rewind(self) -> None:
         """Use the drawn noise again from its start, for a plant that runs longer than it was started for."""
 
-    def set_joint_control(self, control: JointControl) -> None:
+    def set_joint_control(self, control: ControllerSettings) -> None:
         """Tell joint controllers their mode, stiffness and slew rate; a plant without such takes no notice."""
 
     def compiled(self) -> CompiledPlant | None:

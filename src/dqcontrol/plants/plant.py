@@ -19,7 +19,7 @@ from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import JointControl, LivePlant, MovedPlant
+from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import base_coordinates
 
@@ -129,9 +129,9 @@ class Plant(
         """Return the standard deviations of where a mobile base is measured, m, and of its heading, rad."""
         return 0.0, 0.0
 
-    def joint_control(self, joints: int) -> JointControl:
+    def joint_control(self, joints: int) -> ControllerSettings:
         """Return what so many joint controllers are told beside their targets; by default nothing."""
-        return JointControl()
+        return ControllerSettings()
 
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""

@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, suggest
-from dqcontrol.plants.live_plant import JointControl
+from dqcontrol.plants.live_plant import ControllerSettings
 
 NANOSECONDS = 1_000_000_000
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane
@@ -96,7 +96,7 @@ def trajectory_point(message: Any, wanted: Sequence[str]) -> Array:
     return by_name("trajectory", message.joint_names, message.points[0].positions, wanted)
 
 
-def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, JointControl]:
+def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, ControllerSettings]:
     """Return positions and joint control of a command to Meka's humanoid node.
 
     The node's own type, ``M3JointCmd``, is in no registry. In its stead a ``trajectory_msgs/JointTrajectory`` has the
@@ -117,7 +117,7 @@ def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, JointC
         raise RefusedError(
             f"mode: unknown name '{mode:.40}'{suggest(mode, _ANGLE_MODES)} (allowed: {', '.join(_ANGLE_MODES)})"
         )
-    return position, JointControl(mode, stiffness, slew_rate)
+    return position, ControllerSettings(mode, stiffness, slew_rate)
 
 
 def _each(

@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.limits.supervisor.prepared_supervisor import GO
-from dqcontrol.plants.live_plant import JointControl, LivePlant, live_plant
+from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
@@ -100,7 +100,7 @@ class RobotNode(Node):
         plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._plant = live_plant(plant)
         self._waits, self._fault, self._ticks = _NO_COMMANDS, "", 0
-        self._told: JointControl | None = None  # by a command, and not yet passed on
+        self._told: ControllerSettings | None = None  # by a command, and not yet passed on
         self._is_broken = False
         self._step, self._spread, self._has_missed = 0.0, 1.0, False
         self._input, self._before = np.zeros(robot.input_size), self._plant.measured.copy()

@@ -554,6 +554,7 @@ def _parts(parameters, scratch, settings, n, m):
     frames, screws = int(settings.frames), int(settings.screws)
     given = parameters_of(
         parameters,
+        n,
         m,
         frames,
         screws,

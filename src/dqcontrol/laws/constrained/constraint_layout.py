@@ -312,7 +312,17 @@ class ConstraintWork(NamedTuple):
 
 
 parameters_of = MemoryLayout(
-    ConstraintParameters, "m", "frames", "screws", "tree", "shapes", "obstacles", "rows", "drives", "moving"
+    ConstraintParameters,
+    "n",
+    "m",
+    "frames",
+    "screws",
+    "tree",
+    "shapes",
+    "obstacles",
+    "rows",
+    "drives",
+    "moving",
 )
 memory_of = MemoryLayout(ConstraintMemory, "n", "m")
 report_of = MemoryLayout(Report, "names")

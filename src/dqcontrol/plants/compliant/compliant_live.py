@@ -20,7 +20,7 @@ from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
-from dqcontrol.plants.live_plant import JointControl, LivePlant
+from dqcontrol.plants.live_plant import ControllerSettings, LivePlant
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.gravity import WORK
 
@@ -152,7 +152,7 @@ class LiveCompliant(LivePlant):
         self.memory.shared[column.ASKED_MODE] = column.MODES[mode]
         self.memory.shared[column.FAULT], self.fault = 0.0, ""
 
-    def set_joint_control(self, control: JointControl) -> None:
+    def set_joint_control(self, control: ControllerSettings) -> None:
         """Tell the joint controllers their mode, stiffness and slew rate, from the next tick on.
 
         Slew rates stay within those of the controller file. After a fault the motors stay off until `switch`.

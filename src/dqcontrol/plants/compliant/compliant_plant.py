@@ -18,7 +18,7 @@ from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Pu
 from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import JointControl
+from dqcontrol.plants.live_plant import ControllerSettings
 from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
 
@@ -217,10 +217,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """Return noise and resolution of its encoders."""
         return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
 
-    def joint_control(self, joints: int) -> JointControl:
+    def joint_control(self, joints: int) -> ControllerSettings:
         """Return its mode and stiffness, and its slew rate if it has one of its own."""
         slew_rate = None if self.slew_rate is None else as_each("plant.slew_rate", self.slew_rate, joints)
-        return JointControl(self.mode, as_each("plant.stiffness", self.stiffness, joints), slew_rate)
+        return ControllerSettings(self.mode, as_each("plant.stiffness", self.stiffness, joints), slew_rate)
 
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""
