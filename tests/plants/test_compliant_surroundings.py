@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, SafetyWarning, UnknownNameError
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Servo
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.live_plant import JointControl, live_plant
+from dqcontrol.plants.live_plant import ControllerSettings, live_plant
 
 pytest.importorskip("mujoco")
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -108,7 +108,7 @@ def test_joint_controllers_take_mode_stiffness_and_slew_rate_while_they_run(arm)
     for _ in range(50):
         live.step(np.zeros(7))
     stiff = np.abs(live.q - live.target).max()
-    live.set_joint_control(JointControl("", np.full(7, 0.5), np.full(7, 0.2)))
+    live.set_joint_control(ControllerSettings("", np.full(7, 0.5), np.full(7, 0.2)))
     assert live.mode == "THETA_GC"
     for _ in range(200):
         live.step(np.zeros(7))
@@ -116,12 +116,12 @@ def test_joint_controllers_take_mode_stiffness_and_slew_rate_while_they_run(arm)
     before = live.reference
     live.step(np.full(7, 50.0))
     assert np.abs(live.reference - before).max() == pytest.approx(0.2 * 0.008)
-    live.set_joint_control(JointControl("THETA_MJ", None, np.full(7, 99.0)))
+    live.set_joint_control(ControllerSettings("THETA_MJ", None, np.full(7, 99.0)))
     assert (live.memory.constants[:, column.SLEW] == np.minimum(own, 0.099)).all()  # never above the file's
     live.step(np.zeros(7))
     assert live.mode == "THETA_MJ"
     with pytest.raises(UnknownNameError, match="did you mean 'THETA'"):
-        live.set_joint_control(JointControl("THETTA"))
+        live.set_joint_control(ControllerSettings("THETTA"))
 
 
 def test_after_a_fault_no_command_switches_the_motors_on_again(arm):
@@ -131,7 +131,7 @@ def test_after_a_fault_no_command_switches_the_motors_on_again(arm):
     def drive():
         for _ in range(60):
             live.step(np.zeros(7))
-            live.set_joint_control(JointControl("THETA_GC"))
+            live.set_joint_control(ControllerSettings("THETA_GC"))
 
     with pytest.warns(SafetyWarning, match="encoder lost"):
         drive()
@@ -139,8 +139,8 @@ def test_after_a_fault_no_command_switches_the_motors_on_again(arm):
 
 
 def test_plants_without_joint_controllers_take_no_notice(arm):
-    assert Servo().joint_control(7) == JointControl()
-    live_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(JointControl("OFF"))
+    assert Servo().joint_control(7) == ControllerSettings()
+    live_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(ControllerSettings("OFF"))
     told = CompliantPlant(stiffness=0.7, slew_rate=2.0).joint_control(7)
     assert told.stiffness is not None
     assert told.slew_rate is not None

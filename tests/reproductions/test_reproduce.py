@@ -311,7 +311,7 @@ def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
     assert ran == names[:1]
     said = capsys.readouterr().out
     assert "resuming: 7 of 8 already done" in said
-    assert f"{names[0]}: 1 of 6" in said
+    assert f"{names[0]}: 1 of 8" in said
     assert (tmp_path / "gains" / "tables.md").is_file()
 
 

@@ -170,8 +170,10 @@ def wheels(
     source
         .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
     drive
-        Kind of base where the wheels do not tell: "differential", "mecanum", "omni", "car-like" or "tricycle".
-    wheel_radius, track
+        What the wheels do not tell: differential, mecanum, omni, car-like or tricycle.
+    wheel_radius
+        Where the file does not tell, m.
+    track
         Where the file does not tell, m.
     """
     from dqcontrol.cli.wheels_listing import list_wheels

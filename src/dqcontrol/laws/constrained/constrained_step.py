@@ -629,7 +629,10 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     if branches:
         hand_jacobian(position(work.buffer[0:8]), work.jacobian, work.hand)
         write_tree_screws(work.config, given, work)
-        screws = work.tree_screws
+        screws = work.first_screws
+        for i in range(6):
+            for j in range(screws.shape[1]):
+                screws[i, j] = work.tree_screws[i, j]
     else:
         hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
     if memory.escape[1] > 0.0:

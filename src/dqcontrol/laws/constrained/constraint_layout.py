@@ -260,8 +260,8 @@ class ConstraintWork(NamedTuple):
         Box of each input with its limit of acceleration and without.
     frames, places
         Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
-    tree_screws
-        Of a tree: of each joint, in the world.
+    tree_screws, first_screws
+        Of a tree: of each joint, in the world; and those at the configuration.
     world
         All shapes where they are.
     drift
@@ -290,6 +290,7 @@ class ConstraintWork(NamedTuple):
     frames: Annotated[Array, "8 * (frames + 1)"]
     places: Annotated[Array, "frames + 1", 12]
     tree_screws: Annotated[Array, 6, "screws"]
+    first_screws: Annotated[Array, 6, "screws"]
     world: Annotated[Array, "shapes + obstacles", BODY]
     drift: Annotated[Array, "obstacles", 3]
     found: Annotated[Array, FOUND]

@@ -343,7 +343,7 @@ def look_ahead(given, work, row, value, u, span, line):
         line[j] = 0.0
     screws = work.jacobian
     if given.tree.shape[0] > 0:
-        screws = work.tree_screws
+        screws = work.first_screws
     if row.kind == INSIDE:
         a, b = work.world[int(row.a)], work.world[int(row.b)]
         k = int(given.carriers[int(given.bodies[int(row.a), 0])])
