@@ -300,11 +300,19 @@ def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
         return {}
     n, m = parts.robot.configuration_size, parts.robot.input_size
     head = parts.supervisor[1].bounds.head
-    sizes = n, m, int(head[layout.DRIVES]), int(head[layout.POINTS])
+    numbers = (
+        layout.DRIVES,
+        layout.POINTS,
+        layout.TABLE_ROWS,
+        layout.TABLE_COLUMNS,
+        layout.TREE,
+        layout.FRAMES,
+    )
+    sizes = n, m, *(int(head[number]) for number in numbers)
     scratch = layout.supervisor_memory.place("scratch", *sizes)
     return {
-        "CHAIN": layout.supervisor_memory.place("chain", *sizes),
-        "BUFFER": scratch + layout.scratch_layout.place("buffer", n, m),
+        "CHAIN": layout.supervisor_memory.place("table", *sizes),
+        "BUFFER": scratch + layout.scratch_layout.place("buffer", n, m, int(head[layout.FRAMES])),
         "LAW_KINEMATICS": prepared_memory.place(
             "kinematics", *(parts.plan_field(name) for name in prepared_memory.sizes)
         ),

@@ -11,13 +11,19 @@ from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
 from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
 from dqcontrol.limits.supervisor.supervisor_step import supervise
-from dqcontrol.robots import kinematics_kernels as kernels
+from dqcontrol.robots.pose_task_kernels import COLUMNS
 from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import TreeRobot
 
 GO, END, STOP, RESET, FINISH = layout.GO, layout.END, layout.STOP_NOW, layout.RESET, layout.FINISH
 
 START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
 _NOTHING: Array = np.zeros(0)
+
+
+def tree_of(robot: Robot) -> Array:
+    """Return the rows of a tree's joints and of the frames of its task, its hands; none of a chain."""
+    return robot.table_with_hands if isinstance(robot, TreeRobot) else np.zeros((0, COLUMNS))
 
 
 class PreparedSupervisor:
@@ -41,9 +47,17 @@ class PreparedSupervisor:
     def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
         sizes = m, int(bounds[layout.DRIVES]), int(bounds[layout.POINTS])
-        scratch = np.zeros(layout.scratch_layout.size(n, m))
+        tree = tree_of(robot)
+        frames = len(tree) - 1 if len(tree) else n + 1
+        bounds[layout.TABLE_ROWS], bounds[layout.TABLE_COLUMNS] = robot.table.shape
+        bounds[layout.TREE], bounds[layout.FRAMES] = len(tree), frames
+        bounds[layout.HANDS] = len(tree) - len(robot.joint_table) if isinstance(robot, TreeRobot) else 1
+        scratch = np.zeros(layout.scratch_layout.size(n, m, frames))
         self.robot = robot
-        self.memory: Array = layout.supervisor_memory.pack(bounds=bounds, chain=robot.chain, scratch=scratch)
+        self.memory: Array = layout.supervisor_memory.pack(
+            bounds=bounds, table=robot.table, tree=tree, scratch=scratch
+        )
+        self._parts = layout.supervisor_memory(self.memory, n, *sizes, *robot.table.shape, len(tree), frames)
         self.bounds: layout.Bounds = layout.bounds_layout(self.memory[: len(bounds)], *sizes)
         self._moment = np.zeros(len(layout.Moment._fields))
         self._position, self._rate = (
@@ -114,11 +128,13 @@ class PreparedSupervisor:
         return state
 
     def _check_inside(self, measured: Array) -> None:
-        bounds, frames, hand = self.bounds, np.zeros(8 * (len(measured) + 1)), np.zeros(3)
-        if not is_inside(self.robot.chain, measured, bounds, 0.0, frames, hand):
-            box = bounds.head[layout.BOX : layout.BOX + 6]
+        bounds, hand = self.bounds, np.zeros(3 * layout.MOST_HANDS)
+        frames = np.zeros(8 * int(bounds.head[layout.FRAMES]))
+        if not is_inside(self._parts, measured, bounds, 0.0, frames, hand):
+            box, hands = bounds.head[layout.BOX : layout.BOX + 6], int(bounds.head[layout.HANDS])
+            places = " and ".join(str(each) for each in hand.reshape(-1, 3)[:hands].round(4))
             raise ValueRangeError(
-                f"supervisor.workspace: the hand starts at {hand.round(4)}, or a point of its links, outside "
+                f"supervisor.workspace: the hand starts at {places}, or a point of its links, outside "
                 f"{box[:3]} … {box[3:]} m"
             )
 
@@ -201,7 +217,7 @@ class PreparedSupervisor:
         """Write the inputs that leave; return whether the robot is stopped and at rest. What the loop calls."""
         moment, memory = self._moment, self.memory
         moment[0], moment[1], moment[2] = age, memory[layout.DT] if elapsed is None else elapsed, request
-        kinematics = kernels.twist_kinematics.pointer
+        kinematics = self.robot.kernels.twist_kinematics.pointer
         status = supervise(kinematics, memory, moment, q, wanted, effort, wrench, state, out)
         if status not in (0, layout.AT_REST):
             raise ShapeError(

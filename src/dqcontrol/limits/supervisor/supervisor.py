@@ -54,6 +54,9 @@ class DeclaredPayload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fie
 class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Bounds on what leaves for the robot, whatever the law says, and when to stop.
 
+    The hand is the end of a chain; of a tree, and of two arms, it is each frame of what the law drives: both are to be
+    in the box and below the speed. The singular values are those of what the law drives.
+
     The supervisor keeps a position command p and moves it; all bounds are on p and its rates, not on the law's u (where
     u is counted from the measured joints, it also holds the arm against gravity: 14 rad/s on average in [P16]). Each
     period p moves by T v with |v| ≤ velocity (the whole command scaled, so that the hand keeps its direction),
@@ -196,8 +199,13 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         ShapeError, UnknownNameError, ValueRangeError
             If a parameter is not allowed, or the robot has no velocity limits and none are given.
         """
-        if isinstance(robot, TreeRobot):
-            raise ValueRangeError(f"supervisor: guards chains, and {robot.name} is a tree of them")
+        if isinstance(robot, TreeRobot) and len(robot.task.frames) > 1:
+            for field in ("contact_force", "contact_torque"):
+                if getattr(self, field) is not None:
+                    raise ValueRangeError(
+                        f"supervisor.{field}: is of one hand, and {robot.task.label} of {robot.name} has two; bound "
+                        "'effort' or 'contact_effort', or drive one hand"
+                    )
         dt, m = as_positive("dt", dt), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
         if not np.isfinite(velocity).all():
@@ -300,10 +308,11 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         rows = []
         for k, point in enumerate(self.workspace.points):
             field = f"supervisor.workspace.points[{k}]"
-            if point.joint not in robot.joint_names:
-                raise unknown_name(f"{field}.joint", point.joint, robot.joint_names)
+            names = robot.joints.names if isinstance(robot, TreeRobot) else robot.joint_names
+            if point.joint not in names:
+                raise unknown_name(f"{field}.joint", point.joint, names)
             offset = as_array(f"{field}.offset", point.offset, (3,))
-            rows.append([robot.joint_names.index(point.joint), *offset])
+            rows.append([names.index(point.joint), *offset])
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 

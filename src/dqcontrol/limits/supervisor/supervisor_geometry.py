@@ -27,9 +27,11 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     HAND_BEFORE,
     HAND_SPEED_LIMIT,
     HAND_TOLERANCE,
+    HANDS,
     HOLD,
     HOLDING,
     INDEX,
+    MOST_HANDS,
     PAYLOAD_CENTER,
     PAYLOAD_WEIGHT,
     SLOW,
@@ -39,6 +41,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.robots.dexterity_step import smallest_singular_value
 from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, joint_frames
+from dqcontrol.robots.pose_task_kernels import place_tree
 from dqcontrol.robots.singular_bound import exceeds
 
 _FAR = 1.1  # share of the singular value that slows: further away it is not computed
@@ -60,7 +63,7 @@ def _write_hand_jacobian(scratch):
 def avoid_singularity(kinematics, known, memory, state, parts):
     """Slow the rates, or hold, where they lead towards a singularity; return which."""
     kept, scratch = parts.memory, parts.scratch
-    if known == 0.0 and call_chain(kinematics, parts.chain, kept.good, scratch.buffer) != OK:
+    if known == 0.0 and call_chain(kinematics, parts.table, kept.good, scratch.buffer) != OK:
         return 0
     _write_hand_jacobian(scratch)
     if exceeds(scratch.jacobian, _FAR * parts.bounds.head[SLOW]):
@@ -72,7 +75,7 @@ def avoid_singularity(kinematics, known, memory, state, parts):
 @apart
 def _slow_down(kinematics, memory, state):
     """Do what `avoid_singularity` does where a singularity may be near."""
-    chain, bounds, kept, scratch = taken_apart(memory, state)
+    table, _, bounds, kept, scratch = taken_apart(memory, state)
     good, rates, input_coordinates, is_joint = kept.good, scratch.rates, bounds.coordinate, bounds.is_joint
     n, m, config = good.shape[0], rates.shape[0], scratch.config
     slow, hold = bounds.head[SLOW], bounds.head[HOLD]
@@ -90,7 +93,7 @@ def _slow_down(kinematics, memory, state):
             for i in range(m):
                 if is_joint[i] != 0.0:
                     config[int(input_coordinates[i])] += 1e-3 * rates[i] / fastest
-            if call_chain(kinematics, chain, config, scratch.buffer) != OK:
+            if call_chain(kinematics, table, config, scratch.buffer) != OK:
                 return 0
             _write_hand_jacobian(scratch)
         value = smallest_singular_value(scratch.jacobian, scratch.gram, scratch.vectors)
@@ -113,14 +116,17 @@ def _slow_down(kinematics, memory, state):
 
 
 @apart
-def _write_frames(chain, config, frames):
-    return joint_frames(chain, config, frames)
+def place_robot(table, tree, config, frames):
+    """Write the poses of all joints, then of the hands."""
+    if tree.shape[0] > 0:
+        return place_tree(tree, config, frames)
+    return joint_frames(table, config, frames)
 
 
 @inline
-def is_inside(chain, config, bounds, tolerance, frames, hand):
-    """Write where the hand is, m; return whether it and all points to be kept inside are in the box."""
-    if _write_frames(chain, config, frames) != OK:
+def is_inside(robot, config, bounds, tolerance, frames, hand):
+    """Write where each hand is, m; return whether all of them, and all points to be kept inside, are in the box."""
+    if place_robot(robot.table, robot.tree, config, frames) != OK:
         return False
     head, points = bounds.head, bounds.points
     inside = True
@@ -136,18 +142,22 @@ def is_inside(chain, config, bounds, tolerance, frames, hand):
         hand[2] += c + w * tc + x * tb - y * ta
         for i in range(3):
             inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
-    translation(frames[frames.shape[0] - 8 :], hand)
-    for i in range(3):
-        inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
+    for k in range(int(head[HANDS])):
+        at = frames.shape[0] - 8 * (int(head[HANDS]) - k)
+        place = hand[3 * k : 3 * k + 3]
+        translation(frames[at : at + 8], place)
+        for i in range(3):
+            inside = inside and head[BOX + i] - tolerance <= place[i] <= head[BOX + 3 + i] + tolerance
     return inside or head[BOXED] == 0.0
 
 
 @apart
 def measured_outside(memory, state):
-    """Return whether the hand or a point of a link is measured outside the box, by more than is tolerated."""
-    chain, bounds, kept, scratch = taken_apart(memory, state)
+    """Return whether a hand or a point of a link is measured outside the box, by more than is tolerated."""
+    parts = taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     tolerance = bounds.head[HAND_TOLERANCE]
-    return not is_inside(chain, kept.good, bounds, tolerance, scratch.frames, scratch.ahead)
+    return not is_inside(parts, kept.good, bounds, tolerance, scratch.frames, scratch.ahead)
 
 
 @apart
@@ -156,9 +166,9 @@ def take_off_payload(memory, state):
 
     With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
     """
-    chain, bounds, kept, scratch = taken_apart(memory, state)
+    table, tree, bounds, kept, scratch = taken_apart(memory, state)
     frames, contact = scratch.frames, scratch.column
-    _write_frames(chain, kept.good, frames)
+    place_robot(table, tree, kept.good, frames)
     hand, head = frames[frames.shape[0] - 8 :], bounds.head
     w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
     a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
@@ -175,39 +185,45 @@ def take_off_payload(memory, state):
 
 @apart
 def _commanded_hand(memory, state, ahead, hand):
-    """Write where the hand is commanded, m, ``ahead`` s later at the rates."""
-    chain, bounds, kept, scratch = taken_apart(memory, state)
+    """Write where each hand is commanded, m, ``ahead`` s later at the rates."""
+    parts = taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     config = scratch.config
     for i in range(config.shape[0]):
         config[i] = kept.good[i]
     for i in range(scratch.rates.shape[0]):
         if bounds.is_joint[i] != 0.0:
             config[int(bounds.coordinate[i])] = kept.sent[i] + ahead * scratch.rates[i]
-    is_inside(chain, config, bounds, 0.0, scratch.frames, hand)
+    is_inside(parts, config, bounds, 0.0, scratch.frames, hand)
 
 
 @inline
-def _distance(a, b):
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+def _distance(head, a, b):
+    """Return how far the hand is from where it was, of several the farthest."""
+    farthest = 0.0
+    for k in range(0, 3 * int(head[HANDS]), 3):
+        away = math.sqrt((a[k] - b[k]) ** 2 + (a[k + 1] - b[k + 1]) ** 2 + (a[k + 2] - b[k + 2]) ** 2)
+        farthest = max(farthest, away) if away == away else away
+    return farthest
 
 
 @apart
 def limit_hand_speed(memory, state, is_bounded):
-    """Write where the hand is commanded; if it ``is_bounded``, scale the rates so that it keeps its speed.
+    """Write where the hands are commanded; if they are ``is_bounded``, scale the rates so that they keep their speed.
 
     Return what was done.
     """
-    _, bounds, kept, scratch = taken_apart(memory, state)
+    _, _, bounds, kept, scratch = taken_apart(memory, state)
     numbers, hand, ahead, rates = kept.numbers, scratch.hand, scratch.ahead, scratch.rates
     _commanded_hand(memory, state, 0.0, hand)
     if numbers[STARTED] == 0.0:
-        for i in range(3):
+        for i in range(3 * MOST_HANDS):
             numbers[HAND_BEFORE + i] = hand[i]
     limit, dt = bounds.head[HAND_SPEED_LIMIT], bounds.head[DT]
     if not is_bounded or not limit < math.inf:
         return 0
     _commanded_hand(memory, state, dt, ahead)
-    speed = _distance(ahead, hand) / dt
+    speed = _distance(bounds.head, ahead, hand) / dt
     if not speed > limit:
         return 0
     for i in range(rates.shape[0]):
@@ -220,31 +236,36 @@ def limit_hand_acceleration(memory, state):
     """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
 
     With the share s of the change the hand's acceleration is c + s d to first order in T: the largest s in 0 … 1 with
-    |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast).
+    |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast). Of
+    several hands the least share.
     """
-    _, bounds, kept, scratch = taken_apart(memory, state)
+    _, _, bounds, kept, scratch = taken_apart(memory, state)
     m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
     rates, rate, trial = scratch.rates, kept.rate, scratch.trial
-    cc, cd, dd = 0.0, 0.0, 0.0
+    hands = int(bounds.head[HANDS])
     _commanded_hand(memory, state, dt, scratch.ahead)
-    for i in range(3):  # the column holds x with all of the change, as it is overwritten below
+    for i in range(3 * hands):  # the column holds x with all of the change, as it is overwritten below
         scratch.column[i] = scratch.ahead[i]
     for i in range(m):
         trial[i], rates[i] = rates[i], rate[i]
     _commanded_hand(memory, state, dt, scratch.ahead)
-    for i in range(3):
-        c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (dt * dt)
-        d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
-        cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
-    share = 1.0
-    if cc + 2.0 * cd + dd > limit * limit:
-        share = 0.0
-        if dd > 0.0:
-            inner = cd * cd - dd * (cc - limit * limit)
-            share = min(max((math.sqrt(max(inner, 0.0)) - cd) / dd, 0.0), 1.0)
+    least = 1.0
+    for k in range(hands):
+        cc, cd, dd = 0.0, 0.0, 0.0
+        for i in range(3 * k, 3 * k + 3):
+            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (dt * dt)
+            d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
+            cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
+        share = 1.0
+        if cc + 2.0 * cd + dd > limit * limit:
+            share = 0.0
+            if dd > 0.0:
+                inner = cd * cd - dd * (cc - limit * limit)
+                share = min(max((math.sqrt(max(inner, 0.0)) - cd) / dd, 0.0), 1.0)
+        least = min(least, share)
     for i in range(m):
-        rates[i] = rate[i] + share * (trial[i] - rate[i])
-    return HAND_ACCELERATION if share < 1.0 else 0
+        rates[i] = rate[i] + least * (trial[i] - rate[i])
+    return HAND_ACCELERATION if least < 1.0 else 0
 
 
 @inline
@@ -254,8 +275,8 @@ def _decayed(rate, change):
 
 
 @inline
-def _stays_safe(chain, bounds, memory, scratch, share):
-    """Return whether the commanded hand keeps box and speed after these rates, and in each period of braking from them.
+def _stays_safe(robot, bounds, memory, scratch, share):
+    """Return whether the commanded hands keep box and speed after these rates, and in each period of braking from them.
 
     The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
     smoothing: rates from before still come out of its window when all joints brake.
@@ -271,7 +292,7 @@ def _stays_safe(chain, bounds, memory, scratch, share):
         look[i], sums[i] = memory.sent[i], 0.0
         for k in range(window):
             sums[i] += past[k, i]
-    for k in range(3):
+    for k in range(3 * int(head[HANDS])):
         scratch.column[k] = scratch.hand[k]
     row, quiet = int(memory.numbers[INDEX]), 0
     for step in range(_BRAKING_STEPS + 2 * window):
@@ -292,13 +313,13 @@ def _stays_safe(chain, bounds, memory, scratch, share):
                 config[int(bounds.coordinate[i])] = look[i]
                 trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
-        if not is_inside(chain, config, bounds, 0.0, scratch.frames, scratch.ahead):
+        if not is_inside(robot, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
         limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
-        if not _distance(scratch.ahead, scratch.column) <= limit:
+        if not _distance(head, scratch.ahead, scratch.column) <= limit:
             return False
-        for k in range(3):
+        for k in range(3 * int(head[HANDS])):
             scratch.column[k] = scratch.ahead[k]
         quiet = 0 if moving else quiet + 1
         if quiet >= window:
@@ -308,11 +329,12 @@ def _stays_safe(chain, bounds, memory, scratch, share):
 
 @apart
 def keep_safe(memory, state):
-    """Mix the rates with full braking until the hand keeps box and speed; return what was done."""
-    chain, bounds, kept, scratch = taken_apart(memory, state)
+    """Mix the rates with full braking until the hands keep box and speed; return what was done."""
+    parts = taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     share = 1.0
     while True:
-        is_safe = _stays_safe(chain, bounds, kept, scratch, share)
+        is_safe = _stays_safe(parts, bounds, kept, scratch, share)
         if is_safe or share == 0.0:
             break
         share = 0.5 * share if share > 0.2 else 0.0

@@ -8,6 +8,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.robots.driving import DRIVE_COLUMNS
+from dqcontrol.robots.pose_task_kernels import COLUMNS
 
 AT_REST = 50  # status: stopped, and no longer moving
 GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests
@@ -39,12 +40,26 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     BOX,
 ) = range(22)
 PAYLOAD_CENTER = BOX + 6  # (3)
-COORDINATES, INPUTS, DRIVES, POINTS = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 7)
-HEAD = PAYLOAD_CENTER + 7
+# sizes: of the robot, of drives and points; rows and columns of what its kinematics read, rows of its tree (none of a
+# chain) and of all its frames, and how many of these, the last, are hands
+(
+    COORDINATES,
+    INPUTS,
+    DRIVES,
+    POINTS,
+    TABLE_ROWS,
+    TABLE_COLUMNS,
+    TREE,
+    FRAMES,
+    HANDS,
+) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 12)
+HEAD = PAYLOAD_CENTER + 12
 
-# memory: single numbers of the state; the last is the commanded hand one period ago
+MOST_HANDS = 2  # as many frames as a task has
+
+# memory: single numbers of the state; the last are the commanded hands one period ago
 MODE, FAULT, SCALE, HOLDING, ENDING, BAD, NOW, INDEX, SILENT, LATENESS, STARTED, HAND_BEFORE = range(12)
-MEMORY = HAND_BEFORE + 3
+MEMORY = HAND_BEFORE + 3 * MOST_HANDS
 
 
 class Moment(NamedTuple):
@@ -76,7 +91,7 @@ class Bounds(NamedTuple):
     coordinate, is_joint
         Index of the coordinate that an input moves, and whether that is a joint.
     drives, points
-        Rows of 4: differential drives; index of a joint, and a point fixed to its link, m.
+        Rows of 4: differential drives; row of a joint, and a point fixed to its link, m.
     """
 
     head: Annotated[Array, HEAD]
@@ -136,9 +151,9 @@ class Scratch(NamedTuple):
     gram: Annotated[Array, 6, 6]
     vectors: Annotated[Array, 6, 6]
     column: Annotated[Array, 6]
-    frames: Annotated[Array, "8 * (coordinates + 1)"]
-    hand: Annotated[Array, 3]
-    ahead: Annotated[Array, 3]
+    frames: Annotated[Array, "8 * frames"]
+    hand: Annotated[Array, 3 * MOST_HANDS]
+    ahead: Annotated[Array, 3 * MOST_HANDS]
     config: Annotated[Array, "coordinates"]
     look: Annotated[Array, "inputs"]
     trial: Annotated[Array, "inputs"]
@@ -149,24 +164,40 @@ class Scratch(NamedTuple):
 
 moment_layout, bounds_layout = MemoryLayout(Moment), MemoryLayout(Bounds, "inputs", "drives", "points")
 state_layout = MemoryLayout(Memory, "coordinates", "inputs")
-scratch_layout = MemoryLayout(Scratch, "coordinates", "inputs")
+scratch_layout = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
 
 
 class SupervisorMemory(NamedTuple):
-    """What a supervisor was prepared with, and scratch: `Bounds`, the robot's chain, `Scratch`."""
+    """What a supervisor was prepared with, and scratch: `Bounds`, the robot's table and its tree, `Scratch`.
+
+    The table is what its kinematics read. The tree has the rows of all joints, then those of the hands; a chain has
+    none: its frames are found from its table.
+    """
 
     bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "points")]
-    chain: Annotated[Array, "coordinates + 1", 8]
-    scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs")]
+    table: Annotated[Array, "table_rows", "table_columns"]
+    tree: Annotated[Array, "tree", COLUMNS]
+    scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
 
 
-supervisor_memory = MemoryLayout(SupervisorMemory, "coordinates", "inputs", "drives", "points")
+supervisor_memory = MemoryLayout(
+    SupervisorMemory,
+    "coordinates",
+    "inputs",
+    "drives",
+    "points",
+    "table_rows",
+    "table_columns",
+    "tree",
+    "frames",
+)
 
 
 class Parts(NamedTuple):
     """All that a supervisor's two arrays hold, by name."""
 
-    chain: Array
+    table: Array
+    tree: Array
     bounds: Bounds
     memory: Memory
     scratch: Scratch
@@ -177,10 +208,13 @@ def taken_apart(memory, state):
     """Return the parts of what a supervisor was prepared with, and of its state."""
     n, m = int(memory[COORDINATES]), int(memory[INPUTS])
     drives, points = int(memory[DRIVES]), int(memory[POINTS])
-    prepared = supervisor_memory(memory, n, m, drives, points)
+    rows, columns = int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])
+    tree, frames = int(memory[TREE]), int(memory[FRAMES])
+    prepared = supervisor_memory(memory, n, m, drives, points, rows, columns, tree, frames)
     return Parts(
-        prepared.chain,
+        prepared.table,
+        prepared.tree,
         bounds_layout(prepared.bounds, m, drives, points),
         state_layout(state, n, m),
-        scratch_layout(prepared.scratch, n, m),
+        scratch_layout(prepared.scratch, n, m, frames),
     )

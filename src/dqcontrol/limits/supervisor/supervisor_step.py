@@ -35,6 +35,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     INDEX,
     INPUTS,
     MODE,
+    MOST_HANDS,
     NOW,
     RAMP,
     RETURNING,
@@ -251,7 +252,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         now |= keep_safe(memory, state)
     if looks_at_hand:
         numbers[STARTED] = 1.0
-        for i in range(3):
+        for i in range(3 * MOST_HANDS):
             numbers[HAND_BEFORE + i] = scratch.hand[i]
     still = _commit(bounds, kept, rates)
     if _breaks_bounds(bounds, kept):
