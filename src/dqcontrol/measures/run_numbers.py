@@ -20,8 +20,7 @@ from dqcontrol.measures.metrics import SETTLED_FRACTION
 from dqcontrol.measures.table_cells import Column
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
-from dqcontrol.robots.end_poses import LANES, WORK, all_turn, end_poses
-from dqcontrol.robots.kinematics_kernels import call_chain
+from dqcontrol.robots.end_poses import LANES, WORK, all_turn, end_poses, task_poses
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 
@@ -95,7 +94,6 @@ MEASURE = STATUS(ADDRESS, READ2, READ2, READ2, READ2, READ, READ, READ, types.in
 
 _DESIRED = WORK  # scratch behind that of `end_poses`: the desired poses, and what the errors are
 _DISTANCE, _TURN, _ERROR = WORK + 7 * LANES, WORK + 8 * LANES, WORK + 9 * LANES
-_POSE = WORK + 10 * LANES
 _DEGREES = 16.0 * 180.0 / math.pi
 
 
@@ -143,22 +141,6 @@ def _write_errors(samples, first, work):
         work[_TURN + lane] = _DEGREES * t * (1.0 - u * series)
 
 
-@inline
-def _poses_of_task(forward, table, q, first, work):
-    """Do what `end_poses` does for robots whose kinematics is a kernel of their own."""
-    last = q.shape[0] - 1
-    for lane in range(LANES):
-        pose = work[_POSE : _POSE + 8]
-        status = call_chain(forward, table, q[min(first + lane, last)], pose)
-        if status != OK:
-            return status
-        for part in range(4):
-            work[part * LANES + lane] = pose[part]
-        x, y, z = position(pose)
-        work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane] = x, y, z
-    return OK
-
-
 @kernel(MEASURE)
 def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed, skipped, work, out):
     """Write all `NUMBERS` of a run; NaN where one does not exist."""
@@ -178,10 +160,11 @@ def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed,
     for k in range(count):
         lane = k % LANES
         if lane == 0:
-            if forward == 0:
-                status = end_poses(table, turning, q, k, work)
-            else:
-                status = _poses_of_task(forward, table, q, k, work)
+            status = (
+                end_poses(table, turning, q, k, work)
+                if forward == 0
+                else task_poses(forward, table, q, k, work)
+            )
             if status != OK:
                 return status
             _write_errors(samples, k, work)
@@ -304,7 +287,7 @@ class RunMeasure:
         self._table = robot.table
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
         self._per_speed = 1.0 / np.asarray(limits.velocity, dtype=np.float64)
-        self._work = np.zeros(WORK + 10 * LANES + 8)
+        self._work = np.zeros(WORK + 10 * LANES)
 
     def __call__(self, samples: Array, q: Array, command: Array, skipped: int) -> Array:
         """Return all `NUMBERS` of a run of two samples or more; NaN where one does not exist.

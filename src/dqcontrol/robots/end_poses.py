@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import OK, inline
-from dqcontrol.robots.kinematics_kernels import REVOLUTE, joint_frames
+from dqcontrol.robots.kinematics_kernels import REVOLUTE, call_chain, joint_frames
 from dqcontrol.robots.sin_cos import FARTHEST, sine_cosine
 
 LANES = 8
@@ -75,8 +75,27 @@ def end_poses(chain, turning, q, first, work):
         status = joint_frames(chain, q[min(first + lane, last)], pose)
         if status != OK:
             return status
-        for part in range(4):
-            work[part * LANES + lane] = pose[part]
-        x, y, z = position(pose)
-        work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane] = x, y, z
+        _put(pose, lane, work)
     return OK
+
+
+@inline
+def task_poses(forward, table, q, first, work):
+    """Do what `end_poses` does with the forward kinematics of a robot's own, which `call_chain` calls."""
+    last = q.shape[0] - 1
+    for lane in range(LANES):
+        pose = work[_POSE : _POSE + 8]
+        status = call_chain(forward, table, q[min(first + lane, last)], pose)
+        if status != OK:
+            return status
+        _put(pose, lane, work)
+    return OK
+
+
+@inline
+def _put(pose, lane, work):
+    """Write a pose (8,) beside the others."""
+    for part in range(4):
+        work[part * LANES + lane] = pose[part]
+    x, y, z = position(pose)
+    work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane] = x, y, z
