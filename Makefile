@@ -66,10 +66,10 @@ style: $(VENV)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
 
-# Types of tests, which take as long as all others together, are checked by `make release-check`.
+# Types of tests, examples and benchmarks, which take longer than those of src, are checked by `make release-check`.
 types: $(VENV)/test
 	@$(BIN)/mypy
-	@$(BIN)/pyright src examples benchmarks tests/test_typed_program.py
+	@$(BIN)/pyright src tests/test_typed_program.py
 
 pytest: $(VENV)/test
 	@$(BIN)/pytest $(WORKERS)

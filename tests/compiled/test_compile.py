@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,12 @@ def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
     before = indexes(cache)[0].stat().st_mtime_ns
     assert call(cache) == (0.0, 1, "[]", "")
     assert indexes(cache)[0].stat().st_mtime_ns == before
+
+
+def test_of_processes_that_begin_at_once_one_compiles(tmp_path):
+    with ThreadPoolExecutor() as pool:
+        calls = [pool.submit(call, tmp_path) for _ in range(3)]
+    assert sorted(each.result()[1] for each in calls) == [0, 1, 1]
 
 
 SINGULAR = """

@@ -129,17 +129,20 @@ class Kernel:
         """
         if not portable:
             return numba_used.bitcode_of(self.compiled, self.signature)
-        place = f"{self.__name__}-{self.function.__code__.co_firstlineno}"
-        if self._cached and (found := kernel_cache.read_bitcode(self.function.__module__, place)):
-            return found
+        if not self._cached:
+            return self._portable()
+        with kernel_cache.one_process_at_a_time(self.function):
+            if (found := kernel_cache.read_bitcode(self.function)) is None:
+                found = self._portable()
+                kernel_cache.keep_bitcode(self.function, found)
+        return found
+
+    def _portable(self) -> tuple[bytes, str]:
         fastmath = False if self._strict else FAST
         with numba_used.scalar_code():
             dispatcher = numba_used.jit(self.function, fastmath, ours=self._cached, kept=False)
             dispatcher.compile(self.signature)
-            found = numba_used.bitcode_of(dispatcher, self.signature)
-        if self._cached:
-            kernel_cache.keep_bitcode(self.function.__module__, place, found)
-        return found
+            return numba_used.bitcode_of(dispatcher, self.signature)
 
 
 def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:
@@ -150,7 +153,10 @@ def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., A
 def _compile(function: Callable[..., Any], signature: Any, fastmath: set[str] | bool) -> Any:
     kernel_cache.announce(function)
     try:
-        return _compiled(function, signature, fastmath)
+        if kernel_cache.is_kept(function):
+            return _compiled(function, signature, fastmath)
+        with kernel_cache.one_process_at_a_time(function):
+            return _compiled(function, signature, fastmath)
     except Exception:
         if not kernel_cache.clear(function.__module__):
             raise

@@ -16,8 +16,8 @@ import shutil
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -141,25 +141,51 @@ def clear(module: str) -> bool:
     return True
 
 
-def read_bitcode(module: str, place: str) -> tuple[bytes, str] | None:
+def _place(function: Callable[..., Any]) -> str:
+    """Return how the files of a kernel begin."""
+    return f"{function.__name__}-{function.__code__.co_firstlineno}"
+
+
+def is_kept(function: Callable[..., Any]) -> bool:
+    """Return whether a kernel lies in the cache."""
+    return root() is not None and any(module_folder(function.__module__).glob(f"*{_place(function)}.*.nbi"))
+
+
+@contextmanager
+def one_process_at_a_time(function: Callable[..., Any]) -> Iterator[None]:
+    """Let one process compile a kernel: others that need it wait, and then find it kept."""
+    with ExitStack() as held:
+        with suppress(
+            ImportError, OSError
+        ):  # Windows, or a cache that cannot be written: each compiles its own
+            import fcntl
+
+            if root() is not None:
+                name = module_folder(function.__module__) / f"{_place(function)}.lock"
+                fcntl.flock(held.enter_context(name.open("a")), fcntl.LOCK_EX)
+        yield
+
+
+def read_bitcode(function: Callable[..., Any]) -> tuple[bytes, str] | None:
     """Return the portable code of a kernel and its name there, None if it is not kept."""
     if root() is None:
         return None
     try:
-        name, _, code = (module_folder(module) / f"{place}.portable").read_bytes().partition(b"\n")
+        name, _, code = _bitcode_file(function).read_bytes().partition(b"\n")
     except OSError:
         return None
     return code, name.decode()
 
 
-def keep_bitcode(module: str, place: str, code: tuple[bytes, str]) -> None:
+def keep_bitcode(function: Callable[..., Any], code: tuple[bytes, str]) -> None:
     """Keep the portable code of a kernel and its name there, if the folder can be written."""
     if root() is not None:
-        with (
-            suppress(OSError),
-            whole_file(module_folder(module) / f"{place}.portable", overwrite=True) as file,
-        ):
+        with suppress(OSError), whole_file(_bitcode_file(function), overwrite=True) as file:
             file.write_bytes(code[1].encode() + b"\n" + code[0])
+
+
+def _bitcode_file(function: Callable[..., Any]) -> Path:
+    return module_folder(function.__module__) / f"{_place(function)}.portable"
 
 
 def announce(function: Callable[..., Any]) -> None:
@@ -167,7 +193,7 @@ def announce(function: Callable[..., Any]) -> None:
     global _announced
     if root() is None:
         warn_unwritable()
-    elif not _announced and not any(module_folder(function.__module__).glob(f"*{function.__name__}-*.nbi")):
+    elif not _announced and not is_kept(function):
         _announced = True
         print(
             "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
