@@ -5,8 +5,10 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
 WITH_GROUPS := pip>=25.1
 TESTED := .[physics,robots,ros2,coppeliasim]
-# Each worker begins with a run of files of its own: of kernels that several files use, few are compiled twice.
-WORKERS := -n auto --maxprocesses 4 --dist worksteal
+# One worker more than cores, since tests in real time wait. Each begins with a run of files of its own: few of them
+# wait for the same kernel.
+CORES := $(shell getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
+WORKERS := -n $(shell echo $$(($(CORES) + 1))) --maxprocesses 4 --dist worksteal
 LOCKED := $(if $(CI),-c ci.lock)
 
 # Without bytecode kept beside them, each process that a test starts would compile all modules anew.
