@@ -44,10 +44,12 @@ def test_the_loop_does_what_a_simulation_does(tmp_path, over):
     assert len(sink.rows) == len(rows.time)
     assert not rows.command[-1].any(), "it comes to rest"
     assert "soft stop" in seen[-1][1]
-    if rows.time[40] == pytest.approx(0.4):  # no period was missed
-        simulated = dqc.run(SHORT)
-        np.testing.assert_array_equal(rows.command[:40], simulated.command[:40])
-        np.testing.assert_array_equal(rows.q[:40], simulated.q[:40])
+    simulated = dqc.run(SHORT)
+    on_time = np.isclose(rows.time[:40], simulated.time[:40])
+    on_time[1:] &= (np.diff(rows.q[:40], axis=0) != 0).any(axis=1)  # the robot's answer came
+    same = slice(40 if on_time.all() else np.argmin(on_time))  # after that a simulation has other samples
+    np.testing.assert_array_equal(rows.command[same], simulated.command[same])
+    np.testing.assert_array_equal(rows.q[same], simulated.q[same])
 
 
 @needs_c
