@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
@@ -70,12 +69,7 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
 def _paintings(conditions: Conditions) -> Reproduced:
     """Paint each drawing once; their runs in one table, their pictures side by side and one by one."""
     specs = drawing_specs(conditions.plant)
-    report = conditions.of("light-painting")
-    studies = {}
-    for count, (name, spec) in enumerate(specs.items(), 1):
-        studies[name] = run_study(spec, jobs=conditions.jobs)
-        if report:
-            report(count, len(specs))
+    studies = {name: conditions.run_study(name, spec) for name, spec in specs.items()}
     runs = {name: next(iter(study.runs.values())) for name, study in studies.items()}
     table = summary(runs, f"Light paintings · {conditions.plant}")
     figures = painting_figures({name: run.record for name, run in runs.items()})
