@@ -18,7 +18,8 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement, verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import printed_factors, with_hundredfold
-from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
+from dqcontrol.reproductions.pereira2016.own_durations import late_laws, own_durations_table
+from dqcontrol.reproductions.pereira2016.own_periods import LateLaw, LateRun
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import study_figures
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
@@ -273,6 +274,12 @@ def test_integrals_over_the_durations_that_table_61_prints():
     assert {line[0] for line in table.rows} == {"LQR-DQ"}  # at 20 ms the other one kept its period
     assert [line[2] for line in table.rows] == ["Err", "θ̇ [rad]", "Eff [rad s]"]
     assert table.rows[0][6:] == pytest.approx([1.0587, 2.1174, 2.1174 / 5.593])
+    (late,) = late_laws(cells, {"": prepare(spec_path("circle"))}, {"": "circle"})
+    assert late == LateLaw("circle", "LQR-DQ", "q=1 r=0.001")
+    runs = {late: LateRun(dict.fromkeys(METRICS, 3.0))}
+    table = own_durations_table(cells, Results({"": rows}), {"": prepare(spec_path("circle"))}, runs=runs)
+    assert table
+    assert table.rows[0][9:] == pytest.approx([3.0, 3.0 / 5.593])
     k = [cell for cell in pereira2016.published_cells("circle") if cell.law == "K"]
     assert own_durations_table(k, Results({"": rows}), {"": prepare(spec_path("circle"))}) is None
 

@@ -137,10 +137,10 @@ def count_reached(trial: Trial) -> Counted:
         random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
     )
     runs = [
-        run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits)
+        RaceOutcome.of(run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits), period)
         for goal in goals[: trial.number]
     ]
-    return Counted(counted(runs, period))
+    return Counted(counted(runs))
 
 
 def _goals_table(numbers: Mapping[str, int], count: int, conditions: Conditions) -> Table:

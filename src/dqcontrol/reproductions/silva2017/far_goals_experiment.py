@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
 from dqcontrol.measures import task_range
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.plants import Integrator, MobilePlant
+from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.references import random_goals
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
@@ -24,9 +27,11 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
     SECONDS,
     UNLIMITED,
     counted,
+    has_arrived,
     median_final,
     run_to_goal,
 )
+from dqcontrol.reproductions.silva2017.race import RaceOutcome
 from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
 from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
 
@@ -102,32 +107,27 @@ def reached(trial: Trial) -> Reached:
     goals = scene.robot.fkm(
         random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
     )
-    free, limited = (
-        [run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits) for goal in goals]
-        for limits in (UNLIMITED, LIMITED)
-    )
-    plant = MobilePlant()
-    physics = [
-        run_to_goal(scene.robot, scene.start, goal, law, plant, period, LIMITED)
-        for goal in goals[: trial.in_physics]
-    ]
-    lost = [run for run in free if not has_arrived(run)]
-    judged = lost if trial.law in (S17, OURS) else []
+
+    def runs(plant: Plant, limits: CommandLimits, some: Array) -> Iterator[Record]:
+        return (run_to_goal(scene.robot, scene.start, goal, law, plant, period, limits) for goal in some)
+
+    free, outside = [], []
     inverse = getattr(law, "inverse", FilteredInverse())
+    for run in runs(Integrator(), UNLIMITED, goals):
+        free.append(RaceOutcome.of(run, period))
+        if trial.law in (S17, OURS) and not has_arrived(free[-1]):
+            outside.append(float(task_range(scene.robot, run, inverse=inverse).share[-1]))
+    limited = [RaceOutcome.of(run, period) for run in runs(Integrator(), LIMITED, goals)]
+    physics = [RaceOutcome.of(run, period) for run in runs(MobilePlant(), LIMITED, goals[: trial.in_physics])]
     return Reached(
-        counted(free, period),
-        counted(limited, period),
-        counted(physics, period) if physics else "",
+        counted(free),
+        counted(limited),
+        counted(physics) if physics else "",
         median_final(limited),
         median_final(physics) if physics else None,
-        (len(free) - len(lost), sum(map(has_arrived, limited))),
-        [float(task_range(scene.robot, run, inverse=inverse).share[-1]) for run in judged],
+        (sum(map(has_arrived, free)), sum(map(has_arrived, limited))),
+        outside,
     )
-
-
-def has_arrived(run: Record) -> bool:
-    """Tell whether the last error of a run is small enough."""
-    return bool(run.error[-1] < ARRIVED)
 
 
 def _table(box: GoalBox, found: dict[str, Reached], count: int, in_physics: int) -> Table:
