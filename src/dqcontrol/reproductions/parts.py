@@ -54,6 +54,8 @@ def work_through(
     ExistsError
         If the folder holds results of another experiment or version.
     """
+    if not parts:
+        return []
     report, found = progress or (lambda done, total: None), {}
     kept = nullcontext() if folder is None else WorkingFolder(folder, spec, _fingerprint(function, parts))
     with kept as working:
