@@ -124,6 +124,7 @@ def test_a_controller_of_a_robot_with_a_pace_of_its_own_steps_by_its_clock_from_
     node.create_subscription(JointTrajectory, "/humanoid_command", print, 1)
     assert node.serve(lambda: controller.count_subscribers("/humanoid_command"))
     following, steps = controller.following, []
+    assert following
     state = JointState(name=list(following.loaded.robot.joint_names))
     start = following.loaded.case.scene.start
 

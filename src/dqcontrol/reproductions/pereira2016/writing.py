@@ -97,7 +97,8 @@ def _drawn(
     study: str, data: dict[str, Any], laws: Mapping[str, Any], conditions: Conditions
 ) -> dict[str, Record]:
     """Return the record of the drawing under each law."""
-    runs = conditions.run_study(study, data | {"laws": dict(laws)}).runs.values()
+    numbered = {f"law {number}": law for number, law in enumerate(laws.values())}  # no folder is named "1/s"
+    runs = conditions.run_study(study, data | {"laws": numbered}).runs.values()
     return {label: run.record for label, run in zip(laws, runs, strict=True)}
 
 
