@@ -1,11 +1,12 @@
 """Write what `dqcontrol reproduce` left of a thesis into docs: all tables as they are, and some of the pictures.
 
 `dqcontrol reproduce pereira2016 --repeats 2 --out FOLDER`, then `python tools/update_theses.py pereira2016 FOLDER`;
-likewise silva2017. Nothing on the pages comes from elsewhere.
+likewise silva2017. Sections of experiments that FOLDER lacks stay as they are.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -105,11 +106,15 @@ def section(source: str, short: str, folder: Path) -> str:
 
 def main(source: str, folder: str) -> None:
     """Write the page of a thesis from the folder that its complete reproduction left."""
-    parts = [PAGES[source].head]
+    page, parts = DOCS / f"{source}-tables.md", [PAGES[source].head]
+    before = re.split("^## ", page.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
+    kept = {text.split("\n", 1)[0]: f"## {text}" for text in before}
     for name in names(source):
         short = name.partition("/")[2]
-        parts.append(section(source, short, Path(folder) / short))
-    (DOCS / f"{source}-tables.md").write_text("\n".join(parts), encoding="utf-8")
+        results = Path(folder) / short
+        part = section(source, short, results) if results.is_dir() else kept[name]
+        parts.append(part.rstrip() + "\n")
+    page.write_text("\n".join(parts), encoding="utf-8")
 
 
 if __name__ == "__main__":
