@@ -1,7 +1,7 @@
 """Print what the assumptions behind the reproductions of [P16] matter.
 
 `python tools/pereira2016_sensitivity.py` for the arm in physics, `… servo` for servos; names of variants after that
-choose some.
+choose some. `… iiwa` for the simulated iiwa of appendix C, whose simulator is not described.
 
 Each variant of the plant has its first number fitted anew to the error of K on the spiral with the best gains, if it
 has one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how
@@ -83,6 +83,16 @@ CELLS = (
     ("circle", "LQR-R8", "q=1 r=0.001"),
     ("circle", "LQR-DQ", "q=1 r=0.001"),
 )
+ON_THE_IIWA: dict[str, Variant] = {
+    "as chosen: measured + T u, τ = 60 ms": {},
+    "last target + T u": {"command_mode": "integrated"},
+    "τ = 30 ms": {"time_constant": 0.03},
+    "τ = 90 ms": {"time_constant": 0.09},
+    "one period of delay": {"delay": 0.025},
+    "τ = 35 ms, one period of delay": {"time_constant": 0.035, "delay": 0.025},
+    "last target + T u, one period of delay": {"command_mode": "integrated", "delay": 0.025},
+}
+IIWA_LAWS = {"K": "fixed", "K+FF": "fixed", "LQR-R8": "q=1 r=0.001"}
 GAIN, SPEED = 125.0, 1.409  # of K, spiral, best: gain, 1/s, and printed integral of the hand's speed, m
 FACTORS = (20, 30, 40, 60, 100)
 DAMPINGS = (1e-6, 0.03, 0.1, 0.2)  # λ of the damped pseudoinverse
@@ -238,6 +248,32 @@ def damped_inverse() -> Table:
     return Table([*columns, Column("Err of LQR-DQ over K's", "", ".2f")], rows, title)
 
 
+def iiwa() -> Table:
+    """Return Err of the iiwa over the printed ones, circle and square, for readings of its simulator."""
+    rows = []
+    for label, variant in ON_THE_IIWA.items():
+        cells: list[Any] = [label]
+        for shape in ("circle", "square"):
+            spec = published_spec(f"iiwa-{shape}")
+            for law, parameters in IIWA_LAWS.items():
+                found = metrics(spec, law, spec["parameter_sets"][parameters][law], variant)
+                cells.append(error(found) / printed_of_iiwa(shape, law, parameters))
+        rows.append(cells)
+    names = [f"{shape}: {law}" for shape in ("circle", "square") for law in IIWA_LAWS]
+    columns = [Column("Simulator"), *(Column(name, "", ".2f") for name in names)]
+    return Table(columns, rows, "Err on the iiwa over print")
+
+
+def printed_of_iiwa(shape: str, law: str, parameters: str) -> float:
+    """Return a printed error of appendix C's iiwa."""
+    wanted = (f"iiwa {shape}", law, "" if parameters == "fixed" else parameters, "error")
+    return next(
+        cell.mean
+        for cell in published_cells("circle-and-square")
+        if (cell.experiment, cell.law, cell.set, cell.metric) == wanted
+    )
+
+
 def with_feedforward(folder: str) -> str:
     """Write the Meka's controllers with feed-forward in their torque loops, and return the file."""
     text = read_text(Path(controller_file.__file__).parent / "controllers" / "meka-a2.yaml")
@@ -250,6 +286,9 @@ def main() -> None:
     """Print the tables."""
     warnings.simplefilter("ignore")
     plant = sys.argv[1] if len(sys.argv) > 1 else PLANTS[0]
+    if plant == "iiwa":
+        print(iiwa().markdown())
+        return
     if plant not in PLANTS:
         sys.exit(f"plant: one of {', '.join(PLANTS)}")
     known, wanted = SERVOS if plant == SERVO else IN_PHYSICS, sys.argv[2:]

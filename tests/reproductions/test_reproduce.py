@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dqcontrol import reproductions as published
-from dqcontrol.errors import LimitWarning, UnknownNameError
+from dqcontrol.errors import ExistsError, LimitWarning, UnknownNameError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.spec import read_spec
@@ -18,7 +18,8 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement, verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import printed_factors, with_hundredfold
-from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
+from dqcontrol.reproductions.pereira2016.own_durations import late_laws, own_durations_table
+from dqcontrol.reproductions.pereira2016.own_periods import LateLaw, LateRun
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import study_figures
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
@@ -208,8 +209,57 @@ def test_an_interrupted_study_of_an_experiment_resumes_with_the_runs_that_are_le
     resumed = Conditions(jobs=1, unfinished=tmp_path).run_study("circle", spec)
     assert resumed.taken_over == 3
     assert resumed.rows == Conditions(jobs=1).run_study("circle", spec).rows
-    assert Conditions(jobs=1, unfinished=tmp_path / "one").run_study("one", spec | {"repeats": 1}).runs
-    assert not (tmp_path / "one").exists()  # a single run is not resumed
+    laws = {"slow": spec.pop("law"), "fast": {"kind": "proportional", "gain": 10}}
+    single = spec | {"repeats": 1, "laws": laws}
+
+    def stop_after_one(label, done, total):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Conditions(jobs=1, progress=stop_after_one, unfinished=tmp_path).run_study("single", single)
+    resumed, whole = (
+        Conditions(jobs=1, unfinished=each).run_study("single", single) for each in (tmp_path, None)
+    )
+    assert resumed.taken_over == 1
+    assert list(resumed.runs) == list(whole.runs)
+    assert len(whole.runs) == 2
+    for label, run in whole.runs.items():
+        assert resumed.runs[label].metrics == run.metrics
+        assert (resumed.runs[label].record.measured == run.record.measured).all()
+        assert resumed.runs[label].expected is not None
+
+
+@dataclasses.dataclass(frozen=True)
+class Worked:
+    number: int
+    last: float
+
+
+def test_parts_of_an_experiment_are_worked_through_once(tmp_path):
+    worked = []
+
+    def work(number):
+        worked.append(number)
+        return Worked(number, float("inf"))
+
+    def stop_after_two(label, done, total):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    def found(parts, progress=None):
+        conditions = Conditions(jobs=1, progress=progress, unfinished=tmp_path)
+        return conditions.each("goals", work, Worked, parts, "name: goals\n")
+
+    work.__module__ = "dqcontrol.reproductions.silva2017.goal_runs"
+    with pytest.raises(KeyboardInterrupt):
+        found(range(5), stop_after_two)
+    assert worked == [0, 1]
+    for _ in range(2):
+        assert found(range(5)) == [Worked(number, np.inf) for number in range(5)]
+    assert worked == [0, 1, 2, 3, 4]
+    with pytest.raises(ExistsError, match="another version"):
+        found(range(4))
 
 
 def test_integrals_over_the_durations_that_table_61_prints():
@@ -224,6 +274,12 @@ def test_integrals_over_the_durations_that_table_61_prints():
     assert {line[0] for line in table.rows} == {"LQR-DQ"}  # at 20 ms the other one kept its period
     assert [line[2] for line in table.rows] == ["Err", "θ̇ [rad]", "Eff [rad s]"]
     assert table.rows[0][6:] == pytest.approx([1.0587, 2.1174, 2.1174 / 5.593])
+    (late,) = late_laws(cells, {"": prepare(spec_path("circle"))}, {"": "circle"})
+    assert late == LateLaw("circle", "LQR-DQ", "q=1 r=0.001")
+    runs = {late: LateRun(dict.fromkeys(METRICS, 3.0))}
+    table = own_durations_table(cells, Results({"": rows}), {"": prepare(spec_path("circle"))}, runs=runs)
+    assert table
+    assert table.rows[0][9:] == pytest.approx([3.0, 3.0 / 5.593])
     k = [cell for cell in pereira2016.published_cells("circle") if cell.law == "K"]
     assert own_durations_table(k, Results({"": rows}), {"": prepare(spec_path("circle"))}) is None
 

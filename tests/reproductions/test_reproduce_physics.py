@@ -14,6 +14,7 @@ from dqcontrol.plants import CompliantPlant
 from dqcontrol.reproductions import pereira2016
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import with_hundredfold
+from dqcontrol.reproductions.pereira2016.own_periods import late_record, stretch
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO, drawings
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import lamp_on
 from dqcontrol.reproductions.pereira2016.published_specs import drawing_specs, published_spec
@@ -38,6 +39,19 @@ def test_the_meka_is_compliant_and_the_iiwa_stays_simulated(name):
     assert (plant.exchange_period, plant.stiffness) == (0.01, 0.7 if name.startswith("meka-") else 1)
     del on_servos["plant"], in_physics["plant"]
     assert in_physics == on_servos
+
+
+def test_a_law_runs_at_the_mean_period_that_was_printed_sample_by_sample():
+    data = published_spec("spiral", PHYSICS)
+    data["reference"]["duration"] = 1.0
+    setting = prepare(data | {"laws": {"K": data["laws"]["K"]}, "parameter_sets": {"best": {"K": {}}}})
+    (case,) = setting.cases
+    usual, late = (late_record(setting, case, factor) for factor in (1.0, stretch("LQR-R8", 0.008)))
+    np.testing.assert_array_equal(usual.measured, execute(setting, case).measured)
+    assert len(late) == len(usual)
+    assert set(np.rint(1e3 * np.diff(late.time))) == {8, 9}
+    assert np.diff(late.time).mean() == pytest.approx(0.008239, rel=1e-3)
+    assert np.abs(late.measured - usual.measured).max() > 1e-4  # out of step with the exchange at 100 Hz
 
 
 def test_what_was_done_on_the_arm_runs_in_physics_unless_told():

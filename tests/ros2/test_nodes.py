@@ -26,6 +26,7 @@ from dqcontrol.loop.control import Control, Phase
 from dqcontrol.recording import load_record
 from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.messages import nanoseconds
 from dqcontrol.ros2.recorder import Recorder
 
 IIWA = dqc.load_robot("iiwa7")
@@ -313,12 +314,15 @@ def test_pereira_s_kuka_draws_its_circle_to_the_end(start):
 
 @pytest.mark.slow
 def test_pereira_s_meka_in_physics_is_told_mode_and_stiffness_with_each_command(start, node):
-    commands, wrenches = [], []
+    commands, wrenches, states = [], [], []
     node.create_subscription(JointTrajectory, "/humanoid_command", commands.append, 100)
+    node.create_subscription(JointState, "/humanoid_state", states.append, 100)
     node.create_subscription(WrenchStamped, "/loadx6_right_state", wrenches.append, 100)
     launch = start("pereira2016", until="robot_controlling_node]: active")
     assert node.serve(lambda: len(commands) > 100 and len(wrenches) > 100)
     assert {message.header.frame_id for message in commands} == {"THETA_GC"}
     assert {tuple(message.points[0].effort) for message in commands} == {(1.0,) * 7}
+    stamps = [nanoseconds(message.header.stamp) for message in states]
+    assert not (np.diff(stamps) % 10_000_000).any()  # 100 Hz, as Meka's own hum_controller
     launch.send_signal(signal.SIGINT)
     assert launch.wait(PATIENCE) == 0

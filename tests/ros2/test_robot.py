@@ -93,14 +93,9 @@ def test_the_humanoid_node_takes_mode_and_stiffness_with_each_command_and_passes
     from dqcontrol.ros2.robot_node import RobotNode
 
     plant = {"kind": "compliant", "command_mode": "measured", "exchange_period": 0.01, "encoder_noise": 1e-3}
-    robot, told = RobotNode(load(spec(robot="meka-a2", period=0.008, plant=plant)), interface="humanoid"), {}
+    robot, told = RobotNode(load(spec(robot="meka-a2", period=0.008, plant=plant)), interface="humanoid"), []
     node.host(robot)
-
-    def hear(message):
-        ticks = (nanoseconds(message.header.stamp) - robot._origin) // 8_000_000
-        told.setdefault(8 * ticks // 10, []).append(message.position[1])  # by exchanges of 10 ms
-
-    node.create_subscription(JointState, "/joint_states", hear, 1000)
+    node.create_subscription(JointState, "/joint_states", told.append, 1000)
     commands = node.create_publisher(JointTrajectory, "/humanoid_command", 1)
     command = JointTrajectory(joint_names=list(robot._joints))
     command.points = [JointTrajectoryPoint(positions=robot._plant.measured.tolist(), effort=[0.6] * 7)]
@@ -109,9 +104,48 @@ def test_the_humanoid_node_takes_mode_and_stiffness_with_each_command_and_passes
     assert (robot._plant.memory.constants[:, column.STIFFNESS] == 0.6).all()
     command.header.frame_id = "TORQUE"
     assert node.publish(commands, command, lambda: "mode: unknown name 'TORQUE'" in last_refused(diagnostics))
-    assert node.serve(lambda: sum(len(each) > 1 for each in told.values()) > 3)
-    assert all(len(set(each)) == 1 for each in told.values())  # between exchanges nothing new
-    assert len({each[0] for each in told.values()}) > 3
+    assert node.serve(lambda: len(told) > 20)
+    since = np.array([nanoseconds(message.header.stamp) - robot._origin for message in told])
+    assert not (since % 10_000_000).any()  # 100 a second, not the 125 of the spec's period
+    assert (np.diff(since) > 0).all()
+    assert len({message.position[1] for message in told}) == len(told)  # each of them new
+
+
+def test_a_controller_of_a_robot_with_a_pace_of_its_own_steps_by_its_clock_from_the_last_states(
+    spec, node, monkeypatch
+):
+    from dqcontrol.ros2.controller_node import ControllerNode
+
+    plant = {"kind": "compliant", "command_mode": "measured", "exchange_period": 0.01}
+    path = spec(robot="meka-a2", period=0.008, plant=plant, supervisor={"stale_after": 1000.0})
+    controller = ControllerNode(path, interface="humanoid")
+    node.host(controller)
+    controller.configure()
+    node.create_subscription(JointTrajectory, "/humanoid_command", print, 1)
+    assert node.serve(lambda: controller.count_subscribers("/humanoid_command"))
+    following, steps = controller.following, []
+    assert following
+    state = JointState(name=list(following.loaded.robot.joint_names))
+    start = following.loaded.case.scene.start
+
+    def hear(exchange):
+        state.position = (start + 1e-3 * exchange).tolist()
+        state.header.stamp.sec, state.header.stamp.nanosec = 5, 10_000_000 * exchange
+        following._hear_joints(state)
+
+    hear(0)
+    following._step_by_clock()  # nothing before it is active
+    following.activate()
+    monkeypatch.setattr(following, "_step", lambda passed, measured, now: steps.append((passed, measured)))
+    hear(1)
+    assert not steps
+    following._step_by_clock()
+    following._step_by_clock()
+    hear(2)
+    following._step_by_clock()
+    (first, a), (second, b), (third, c) = steps
+    assert 0 < first < second < third
+    np.testing.assert_allclose([a - start, b - start, c - start], [[1e-3] * 7, [1e-3] * 7, [2e-3] * 7])
 
 
 def last_refused(diagnostics, name="/robot"):

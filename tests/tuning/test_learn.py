@@ -70,6 +70,29 @@ def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path):
     assert [each["position"] for each in history["repeats"]] == [each.position for each in found.repeats]
 
 
+def test_what_was_interrupted_goes_on_with_the_repeats_that_are_left(tmp_path, monkeypatch):
+    def stop_after_two(done, total):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    whole = dqc.learn(noisy("proportional"), repeats=3)
+    with pytest.raises(KeyboardInterrupt):
+        dqc.learn(noisy("proportional"), repeats=3, journal=tmp_path / "kept", progress=stop_after_two)
+    ran = []
+
+    def counted(*given, **options):
+        ran.append(options["seed"])
+        return simulate_prepared(*given, **options)
+
+    monkeypatch.setattr("dqcontrol.tuning.learning.run_learning.simulate_prepared", counted)
+    resumed = dqc.learn(noisy("proportional"), repeats=3, journal=tmp_path / "kept")
+    assert ran == list(range(2, len(whole.repeats)))
+    assert resumed.repeats == whole.repeats
+    assert (resumed.last.pose == whole.last.pose).all()
+    with pytest.raises(Error, match=r"^journal: runs on the clock are not resumed; leave it out$"):
+        dqc.learn(spec(), journal=tmp_path / "kept", real_time=True)
+
+
 def test_a_shift_and_its_error_are_opposites():
     rng = np.random.default_rng(3)
     robot = dqc.load_robot("iiwa7")

@@ -82,6 +82,27 @@ def test_an_interrupted_search_is_resumed_without_running_anything_again(problem
     assert resumed.winners() == whole.winners()
 
 
+def test_a_search_with_a_journal_of_its_own_keeps_what_it_found(problem, tuned, tmp_path, monkeypatch):
+    def stop_after_one(done, total):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        dqc.tune(problem, jobs=1, journal=tmp_path / "kept", progress=stop_after_one)
+    searched, run = [], LawSearch.run
+
+    def noted(self):
+        searched.append(self.label)
+        return run(self)
+
+    monkeypatch.setattr(LawSearch, "run", noted)
+    for _ in range(2):
+        assert dqc.tune(problem, jobs=1, journal=tmp_path / "kept").winners() == tuned.winners()
+    assert searched == ["K+FF+I"]
+    with pytest.raises(Error, match=r"kept: holds finished trials of another spec"):
+        dqc.tune(problem, jobs=1, journal=tmp_path / "kept", budget=17)
+
+
 def test_what_is_free_may_be_said(problem):
     problem["laws"] = {"HIRT": {"kind": "h-infinity-tracking", "orientation_gain": 8, "translation_gain": 4}}
     problem["tune"]["free"] = {

@@ -23,7 +23,7 @@ def reproduce(
     """Run published experiments again: tables beside the printed ones, and verdicts on what was claimed.
 
     Rerun the same command to resume after an interruption: experiments that are in the folder from before are left as
-    they are, and of the one that was interrupted the repeated runs that had ended are kept.
+    they are, and of the one that was interrupted the runs, searches and repeats that had ended are kept.
 
     Parameters
     ----------

@@ -13,11 +13,12 @@ from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
-from dqcontrol.experiments.run import Run
+from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.study import Study, by_label
-from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
+from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs, trial_folder
 from dqcontrol.experiments.working_folder import working_folder
+from dqcontrol.recording import load_record
 
 StudyProgress = Callable[[float, int], None]  # trials done, with parts of the one that runs; trials in all
 
@@ -42,8 +43,8 @@ def run_study(
     progress
         Called with the number of trials done, with parts of the one that runs, and of trials in all.
     journal
-        Working folder that keeps finished trials, so that the same call resumes after an interruption; it stays there
-        when the study is complete. Needs pyarrow.
+        Working folder that keeps finished trials, with their records where the study gives them, so that the same call
+        resumes after an interruption; it stays there when the study is complete. Needs pyarrow.
 
     Raises
     ------
@@ -151,7 +152,21 @@ def _run(
         if journal:
             journal.add(outcome)
         report(len(rows), len(order))
+    if recordings and spec.repeats == 1:
+        runs = _read_back(setting, recordings)
+        runs = {trial: replace(run, expected=expected[trial.names]) for trial, run in runs.items()}
     metrics = by_label(rows[trial] for trial in order)
     warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
     labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
     return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)
+
+
+def _read_back(setting: PreparedExperiment, recordings: Path) -> dict[Trial, Run]:
+    """Return the runs that a study without repeats has left in its folder; those that diverged left none."""
+    runs = {}
+    for case in setting.cases:
+        trial = Trial(case.names, 0)
+        file = trial_folder(recordings, trial) / "record.mcap"
+        if file.exists():
+            runs[trial] = as_run(setting, case, 0, load_record(file))
+    return runs

@@ -86,7 +86,7 @@ class WorkingFolder:
         return ""
 
     def _empty(self) -> None:
-        for path in self.parts().values():
+        for path in self.folder.glob("part-*"):
             path.unlink()
         shutil.rmtree(self.recordings, ignore_errors=True)
         (self.folder / _FINGERPRINT).unlink()  # last: until then the rest is known to be ours

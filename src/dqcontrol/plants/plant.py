@@ -133,6 +133,10 @@ class Plant(
         """Return what so many joint controllers are told beside their targets; by default nothing."""
         return ControllerSettings()
 
+    def state_period(self, period: float) -> float:
+        """Return how often its joint controllers tell their angles to a control loop of some period, s."""
+        return period
+
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""
         return _COMPILED_STEP if is_compiled else _INTERPRETED_STEP

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.tables import Column, Table
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.study import Study
     from dqcontrol.reproductions.reproduced import Reproduced
 
+P = TypeVar("P")
+R = TypeVar("R")
 SOURCES = ("pereira2016", "silva2017")
 SAMPLES = 500  # of each run in real time
 
@@ -54,8 +56,8 @@ class Conditions:
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
     unfinished
-        Folder that keeps the finished trials of studies, so that the same call resumes after an interruption; None:
-        they are lost with the process.
+        Folder that keeps finished trials, searches and repeats, so that the same call resumes after an interruption;
+        None: they are lost with the process.
     """
 
     plant: str = ""
@@ -71,11 +73,22 @@ class Conditions:
         return None if report is None else lambda done, total: report(label, done, total)
 
     def run_study(self, label: str, source: dict[str, Any]) -> Study:
-        """Run one study of an experiment; what is repeated resumes with the trials that are left."""
+        """Run one study of an experiment; it resumes with the trials that are left."""
         from dqcontrol.experiments.run_study import run_study
 
-        journal = self.unfinished / label if self.unfinished and source.get("repeats", 1) > 1 else None
-        return run_study(source, jobs=self.jobs, progress=self.of(label), journal=journal)
+        return run_study(source, jobs=self.jobs, progress=self.of(label), journal=self.journal(label))
+
+    def each(
+        self, label: str, function: Callable[[P], R], kind: type[R], parts: Sequence[P], spec: str
+    ) -> list[R]:
+        """Return what a function gives for each part of an experiment; see `work_through`."""
+        from dqcontrol.reproductions.parts import work_through
+
+        return work_through(function, kind, parts, spec, self.jobs, self.of(label), self.journal(label))
+
+    def journal(self, label: str) -> Path | None:
+        """Return the folder that keeps what is finished of one part of an experiment; None if nothing is kept."""
+        return self.unfinished / label if self.unfinished else None
 
 
 class Publication(Protocol):

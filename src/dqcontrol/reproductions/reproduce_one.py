@@ -46,8 +46,8 @@ def reproduce(
     progress
         Called with the name of what is run, how much of it is done, and how much it is in all.
     unfinished
-        Working folder that keeps finished trials, so that the same call resumes after an interruption; it stays there
-        when all is done. Needs pyarrow.
+        Working folder that keeps finished trials, searches and repeats, so that the same call resumes after an
+        interruption; it stays there when all is done. Needs pyarrow.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def reproduce(
     ValueRangeError
         If ``repeats`` is below 1.
     ExistsError
-        If ``unfinished`` holds trials of another experiment, number of repeats or version.
+        If ``unfinished`` holds results of another experiment, number of repeats or version.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A configured controller at its topics: it hears joint states and sends a command for each."""
+"""A configured controller at its topics: it hears joint states and sends a command for each, or at its own pace."""
 
 from __future__ import annotations
 
@@ -54,6 +54,9 @@ _HEARTBEAT = 0.05  # s
 class Following:
     """A loaded spec that follows what its source says, with a robot behind topics.
 
+    It takes a step for each joint states. A robot that tells them at a pace of its own, as its plant says, is another
+    matter: then steps come by this computer's clock, once a control period, from the last joint states.
+
     Parameters
     ----------
     node
@@ -99,11 +102,10 @@ class Following:
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self.control: Control = Control(law, self.target, supervisor)
-        self._periods, self._stamps = PeriodMonitor(loaded.period), Stamps("joint states")
+        self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
-        self._origin = self._passed = self._stepped = self._steady_since = (
-            0.0  # s, by stamps, and by our clock
-        )
+        self._origin = self._passed = 0.0  # s, by stamps
+        self._activated = self._stepped = self._steady_since = 0.0  # s, by our clock
         self._slept, self._due = False, np.inf
         self.longest_period = 0.0
         self._enabled = -np.inf
@@ -142,6 +144,9 @@ class Following:
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
+        self._has_own_pace = loaded.state_period != loaded.period
+        if self._has_own_pace:
+            steady_timer(node, loaded.period, self._step_by_clock)
         self._alarm = steady_timer(node, self._patience, self._watch)  # each message puts it off
 
     def activate(self) -> None:
@@ -173,6 +178,7 @@ class Following:
             self.let_go()
         self._periods.start(heard, stamp)
         self._origin, self._passed, self._stepped, self.longest_period = stamp, 0.0, now, 0.0
+        self._activated = now
         self._step(0.0, measured, now)
 
     def let_go(self) -> None:
@@ -305,7 +311,7 @@ class Following:
         if not self.control.is_commanding:
             if self.control.phase is Phase.INACTIVE and now - self._steady_since > _STEADY:
                 self._ready()
-        elif self._periods.hear(now, stamp) and not late:
+        elif self._periods.hear(now, stamp) and not late and not self._has_own_pace:
             self._step(stamp - self._origin, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
@@ -318,11 +324,19 @@ class Following:
         if isinstance(self.target, TwistTarget):
             self.target.ask(self.control.time, linear, angular, of_hand=frame == self._tool)
 
+    def _step_by_clock(self) -> None:
+        """Take a step from the last joint states; the supervisor stops when these have become too old."""
+        if self.control.is_commanding:
+            now = time.monotonic()
+            self._step(now - self._activated, self._measured.copy(), now)
+
     def _watch(self) -> None:
         """Go on without joint states: the supervisor stops when they stay away."""
         now, period = time.monotonic(), self.loaded.period
         late = self._has_slept(now)
         self._watch_in(0.5 * period if late else period)
+        if self._has_own_pace:
+            return
         if not late and self.control.is_commanding and self._periods.is_overdue(now):
             self._step(self._passed + period, None, now)
 

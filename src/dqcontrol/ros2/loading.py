@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -63,6 +63,16 @@ class Loaded:
     def period(self) -> float:
         """Control period, s."""
         return self.setting.spec.period
+
+    @property
+    def state_period(self) -> float:
+        """How often the robot tells its states, s: each control period, if its plant has no exchange of its own."""
+        return self.case.plant.state_period(self.period)
+
+    def at_state_period(self) -> Loaded:
+        """Return the same with the period of the robot's states for its control period, as the robot's node has it."""
+        spec = msgspec.structs.replace(self.setting.spec, period=self.state_period)
+        return replace(self, setting=replace(self.setting, spec=spec))
 
     @cached_property
     def parts(self) -> RobotParts:

@@ -58,6 +58,8 @@ _CATCH_UP = 0.05  # of its usual speed, that a robot adds to make up for positio
 class RobotNode(Node):
     """Moves a spec's plant in real time as commands say; publishes its joint states, and odometry and wrench if any.
 
+    It does so once a period of the spec, or at the pace of the plant's own exchange with its joint controllers.
+
     Whatever arrives, the position command that reaches the plant keeps the supervisor's limits. Joints and base without
     commands for ``command_timeout`` brake and hold.
 
@@ -90,6 +92,7 @@ class RobotNode(Node):
         wrench_node: str | None = None,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
+        loaded = loaded.at_state_period()
         self._parts = parts = loaded.parts
         spec, robot, start = loaded.setting.spec, parts.driven, loaded.case.scene.start
         self._period, self._joints, self._interface = loaded.period, parts.joint_names, interface

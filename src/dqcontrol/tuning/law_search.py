@@ -51,7 +51,7 @@ class LawTask:
     program
         Versions that it must run with.
     file
-        Where what was evaluated is kept while it runs, on this machine; None: nowhere.
+        Where what was evaluated is kept while it runs, on this machine, and beside it what was found; None: nowhere.
     """
 
     problem: TuneProblem
@@ -70,9 +70,15 @@ class LawTask:
         """
         if program() != self.program:
             raise Error("a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same")
+        found = self.file.with_suffix(".found") if self.file else None
+        if found and found.exists():
+            return self.part, msgspec.msgpack.decode(found.read_bytes(), type=LawResult)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # hundreds of laws; what is chosen is checked
-            return self.part, LawSearch(self.problem, self.label, self.file).run()
+            result = LawSearch(self.problem, self.label, self.file).run()
+        if found:
+            write_whole(found, msgspec.msgpack.encode(result))
+        return self.part, result
 
 
 class LawResult(msgspec.Struct, frozen=True):

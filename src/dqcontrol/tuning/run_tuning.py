@@ -231,6 +231,7 @@ def tune(
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: TuneProgress | None = None,
+    journal: str | Path | None = None,
     **block: Any,
 ) -> Tuning:
     """Find the best parameters of every law of a spec, all under the same budget, and judge them on unseen runs.
@@ -246,6 +247,9 @@ def tune(
         Address of a Dask scheduler, whose workers search in place of processes here.
     progress
         Called with laws done, and in all.
+    journal
+        Working folder that keeps what was evaluated, so that the same call resumes after an interruption; it stays
+        there when the search is complete. Needs pyarrow.
     **block
         Keys of ``tune`` that differ, as ``budget=100``.
 
@@ -268,7 +272,10 @@ def tune(
     ('proportional-feedforward', True)
     """
     problem, jobs = read_tune(source, **block), checked_jobs(jobs)
-    return _tuned(problem, jobs, scheduler, None, progress)
+    if journal is None:
+        return _tuned(problem, jobs, scheduler, None, progress)
+    with _working_folder(Path(journal), problem) as kept:
+        return _tuned(problem, jobs, scheduler, kept, progress)
 
 
 def tune_to(
@@ -299,9 +306,7 @@ def tune_to(
     problem, target, jobs = read_tune(source), Path(folder), checked_jobs(jobs)
     check_new(target, force=force)
     ready_problem(problem)
-    with WorkingFolder(
-        working_folder(target), tune_text(problem), _fingerprint(problem), force=force
-    ) as kept:
+    with _working_folder(working_folder(target), problem, force=force) as kept:
         found = _tuned(problem, jobs, scheduler, kept, progress)
         with new_folder(target, force=force) as new:
             found.write(new)
@@ -406,8 +411,9 @@ def _without_empty(block: Any) -> Any:
     return block
 
 
-def _fingerprint(problem: TuneProblem) -> str:
-    return prepare_spec(problem.spec, problem.folder, {}).fingerprint()
+def _working_folder(folder: Path, problem: TuneProblem, *, force: bool = False) -> WorkingFolder:
+    fingerprint = prepare_spec(problem.spec, problem.folder, {}).fingerprint()
+    return WorkingFolder(folder, tune_text(problem), fingerprint, force=force)
 
 
 def _in_short(value: Any) -> str:

@@ -222,6 +222,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         slew_rate = None if self.slew_rate is None else as_each("plant.slew_rate", self.slew_rate, joints)
         return ControllerSettings(self.mode, as_each("plant.stiffness", self.stiffness, joints), slew_rate)
 
+    def state_period(self, period: float) -> float:
+        """Return its exchange period; the loop's own where the joint controllers have none."""
+        return self.exchange_period or period
+
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""
         return _STEP + _TICK[self.accurate] * period / TICK

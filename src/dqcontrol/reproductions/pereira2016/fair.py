@@ -52,8 +52,9 @@ _COMPARISONS = (
 def reproduce_fair(conditions: Conditions) -> Reproduced:
     """Tune the six laws on a circle, judge them on the spiral, and let the best one learn it."""
     data, plant = fair_spec(conditions.plant), conditions.plant
-    report = conditions.of("tuning")
-    tuning = tune(data, jobs=conditions.jobs, progress=report)
+    tuning = tune(
+        data, jobs=conditions.jobs, progress=conditions.of("tuning"), journal=conditions.journal("tuning")
+    )
     repeats = conditions.repeats or _REPEATS.get(plant, _FEW)
     judged = _spiral(data) | {
         "laws": {each.label: each.result.law for each in tuning.laws},
@@ -65,7 +66,7 @@ def reproduce_fair(conditions: Conditions) -> Reproduced:
         tuning.table(),
         confidence_table(study.rows, _SHOWN, "P16's spiral, every law at its own best: mean ± 95 % interval"),
         _ranking(tuning, results),
-        _learnt(data, tuning),
+        _learnt(data, tuning, conditions),
         verdict_table(
             [claim for name in ("circle", "spiral") for claim in claims(name) if claim.id in _COMPARISONS],
             _judged(results),
@@ -178,7 +179,7 @@ def _judged(results: Results) -> dict[str, Judgement]:
     }
 
 
-def _learnt(data: dict[str, Any], tuning: Tuning) -> Table:
+def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Table:
     """Return what the best law misses of the spiral, before and after it has learnt it."""
     spiral = {key: value for key, value in _spiral(data).items() if key != "laws"}
     found = learn(
@@ -187,6 +188,8 @@ def _learnt(data: dict[str, Any], tuning: Tuning) -> Table:
         measured_by="tracker",
         return_time=5.0,
         model=linear_twin(data["plant"]),
+        progress=conditions.of("learning"),
+        journal=conditions.journal("learning"),
     )
     first, best = found.repeats[0], found.repeats[found.best]
     rows: list[list[Cell]] = [

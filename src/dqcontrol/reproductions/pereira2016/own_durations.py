@@ -4,7 +4,7 @@ Their commands took longer than the period, and so did their runs: "their numeri
 their own duration" [P16 5.7], and Table 61 prints the mean period of each law. The program multiplied commands by the
 nominal period all the same, as far as the numbers tell: then the mean of each criterion over the samples stays what it
 was (within 1 %, `dqcontrol reproduce pereira2016/spiral`, duration-does-not-matter), and its integral grows by the
-printed period over the nominal one. No number is fitted.
+printed period over the nominal one. No number is fitted. In physics they also run so: see `own_periods`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.table_cells import Ratio
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
+from dqcontrol.reproductions.pereira2016.own_periods import LateLaw, LateRun, stretch
 from dqcontrol.reproductions.printed import PublishedCell
 from dqcontrol.reproductions.printed_comparison import NAMES
 from dqcontrol.reproductions.results import Results
@@ -23,17 +23,20 @@ _LATE = 1.01  # times the nominal period, from which a law is listed
 _OVER_TIME = ("error", "control", "joint_step")  # the hand's path is as long however long it takes
 
 
-def stretch(law: str, period: float) -> float:
-    """Return the mean period that Table 61 prints of a law over the nominal one, s; 1 where it prints none.
+def late_laws(
+    cells: Sequence[PublishedCell], settings: Mapping[str, PreparedExperiment], specs: Mapping[str, str]
+) -> list[LateLaw]:
+    """Return the laws and sets of the cells that did not keep their period; ``specs`` by the experiment's name."""
+    found = (
+        LateLaw(specs[cell.experiment], cell.law, cell.set)
+        for cell in cells
+        if cell.metric in _OVER_TIME and _lateness(cell, settings) > _LATE
+    )
+    return list(dict.fromkeys(found))
 
-    Examples
-    --------
-    >>> round(stretch("LQR-DQ", 0.02), 4), stretch("LQR-DQ", 0.025)
-    (1.0587, 1.0)
-    """
-    label = f"{1e3 * period:g} ms"
-    means = [c.mean for c in published_cells("sampling-time") if (c.law, c.set) == (law, label)]
-    return means[0] / period if means else 1.0
+
+def _lateness(cell: PublishedCell, settings: Mapping[str, PreparedExperiment]) -> float:
+    return stretch(cell.law, settings[cell.experiment].spec.period)
 
 
 def own_durations_table(
@@ -41,6 +44,7 @@ def own_durations_table(
     ours: Results,
     settings: Mapping[str, PreparedExperiment],
     title: str = "",
+    runs: Mapping[LateLaw, LateRun] | None = None,
 ) -> Table | None:
     """Return the cells of laws that did not keep their period, ours over the printed duration; None without any.
 
@@ -54,10 +58,13 @@ def own_durations_table(
         The specs made ready, by the experiment's name in the published tables.
     title
         Appended to the caption.
+    runs
+        Of the `late_laws`, at their printed periods; None where there are none.
     """
     rows: list[list[Cell]] = []
+    late = {(run.law, run.set): each.criteria for run, each in (runs or {}).items()}
     for cell in cells:
-        factor = stretch(cell.law, settings[cell.experiment].spec.period)
+        factor = _lateness(cell, settings)
         if cell.metric in _OVER_TIME and factor > _LATE:
             mean = ours.mean(cell.law, cell.set, cell.metric, cell.experiment)
             longer = factor * mean
@@ -72,6 +79,8 @@ def own_durations_table(
                     factor,
                     longer,
                     Ratio(longer / cell.mean),
+                    *([late[cell.law, cell.set][cell.metric]] if late else []),
+                    *([Ratio(late[cell.law, cell.set][cell.metric] / cell.mean)] if late else []),
                 ]
             )
     if not rows:
@@ -86,6 +95,7 @@ def own_durations_table(
         Column("Period, printed over nominal", "", ".4g"),
         Column("Ours over that duration"),
         Column("Ratio", "", ".3g"),
+        *([Column("Ours, run at that period"), Column("Ratio", "", ".3g")] if late else []),
     ]
     caption = "Over the durations of Table 61, of laws whose commands took longer than their period"
     return Table(columns, rows, " · ".join(filter(None, (caption, title))))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol.experiments.study import Study
 from dqcontrol.measures.attenuation import attenuation_table
@@ -15,10 +14,12 @@ from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.fair import reproduce_fair
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
-from dqcontrol.reproductions.pereira2016.own_durations import own_durations_table
+from dqcontrol.reproductions.pereira2016.own_durations import late_laws, own_durations_table
+from dqcontrol.reproductions.pereira2016.own_periods import LateRun, run_late
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
     EXACT,
     EXPERIMENTS,
+    PHYSICS,
     SERVO,
     SOURCE,
     Reproduction,
@@ -64,18 +65,13 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
             source["repeats"] = min(source.get("repeats", 1), conditions.repeats)
     studies = {label: conditions.run_study(label, source) for label, source in sources.items()}
     figures = study_figures(name, studies)
-    return _compared(name, chosen, plant, studies, figures)
+    return _compared(name, chosen, conditions, studies, figures)
 
 
 def _paintings(conditions: Conditions) -> Reproduced:
     """Paint each drawing once; their runs in one table, their pictures side by side and one by one."""
     specs = drawing_specs(conditions.plant)
-    report = conditions.of("light-painting")
-    studies = {}
-    for count, (name, spec) in enumerate(specs.items(), 1):
-        studies[name] = run_study(spec, jobs=conditions.jobs)
-        if report:
-            report(count, len(specs))
+    studies = {name: conditions.run_study(name, spec) for name, spec in specs.items()}
     runs = {name: next(iter(study.runs.values())) for name, study in studies.items()}
     table = summary(runs, f"Light paintings · {conditions.plant}")
     figures = painting_figures({name: run.record for name, run in runs.items()})
@@ -83,10 +79,14 @@ def _paintings(conditions: Conditions) -> Reproduced:
 
 
 def _compared(
-    name: str, chosen: Reproduction, plant: str, studies: Mapping[str, Study], figures: Mapping[str, Draw]
+    name: str,
+    chosen: Reproduction,
+    conditions: Conditions,
+    studies: Mapping[str, Study],
+    figures: Mapping[str, Draw],
 ) -> Reproduced:
     """Hold the studies against the printed tables and claims."""
-    cells = published_cells(name)
+    cells, plant = published_cells(name), conditions.plant
     ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
     settings = {where: studies[spec].setting() for where, spec in chosen.specs.items()}
     title = "" if plant == SERVO else plant
@@ -97,8 +97,11 @@ def _compared(
         tables += comparison_tables(here, ours, _SHORT, suffixes=_BESIDE, title=title if in_physics else "")
     if any(cell.metric == "control" for cell in cells):
         tables.append(command_table(cells, ours, settings, title, suffixes=_BESIDE))
-        if late := own_durations_table(cells, ours, settings, title):
-            tables.append(late)
+        late = late_laws(cells, settings, chosen.specs) if plant == PHYSICS else []
+        text = "".join(setting.text for setting in settings.values())
+        runs = conditions.each("own periods", run_late, LateRun, late, text)
+        if table := own_durations_table(cells, ours, settings, title, dict(zip(late, runs, strict=True))):
+            tables.append(table)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
     evidence = Evidence(ours, settings, plant, name)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.run import Run, run
 from dqcontrol.loop import Record
 from dqcontrol.measures.table_cells import Cell, Column, VerdictCell
 from dqcontrol.measures.tables import Table
@@ -42,32 +41,36 @@ def reproduce_writing(conditions: Conditions) -> Reproduced:
         data | {"laws": kinds},
         jobs=conditions.jobs,
         progress=conditions.of("tuning"),
+        journal=conditions.journal("tuning"),
         budget=_BUDGET.get(plant, _IN_PHYSICS),
         held_out={"seeds": 1, "starts": [data["start"]]},
     )
     best = {each.label: each.result.law for each in tuned.laws}
     lag = _lag(data)
     ahead = data | {"reference": data["reference"] | {"preview": {"delay": lag}}}
-    records: dict[str, Record] = {
-        f"K, k = {_GAIN:g} 1/s": _run(data | {"law": kinds["K"]}).record,
-        f"K tuned, k = {best['K']['gain']:.3g} 1/s": _run(data | {"law": best["K"]}).record,
-        f"K+FF tuned, k = {best['K+FF']['gain']:.3g} 1/s": _run(data | {"law": best["K+FF"]}).record,
-        f"the same, {1e3 * lag:.2g} ms ahead": _run(ahead | {"law": best["K+FF"]}).record,
+    laws = {
+        f"K, k = {_GAIN:g} 1/s": kinds["K"],
+        f"K tuned, k = {best['K']['gain']:.3g} 1/s": best["K"],
+        f"K+FF tuned, k = {best['K+FF']['gain']:.3g} 1/s": best["K+FF"],
     }
+    records = _drawn("drawings", data, laws, conditions)
+    records |= _drawn("ahead", ahead, {f"the same, {1e3 * lag:.2g} ms ahead": best["K+FF"]}, conditions)
     learnt = learn(
         data | {"law": kinds["K+FF"]},
         repeats=4,
         measured_by="tracker",
         return_time=10.0,
         model=linear_twin(data["plant"]),
+        progress=conditions.of("learning"),
+        journal=conditions.journal("learning"),
     )
     records[f"K+FF, k = {_GAIN:g} 1/s, learnt in {learnt.best} repeats"] = learnt.last
     if plant != SERVO:
         whole = data | {
             "plant": published_spec("light-painting", plant)["plant"] | {"command_mode": "integrated"}
         }
-        label = "K+FF, with friction and a shaking base"
-        records[label] = _run(whole | {"law": kinds["K+FF"]}).record
+        shaken = {"K+FF, with friction and a shaking base": kinds["K+FF"]}
+        records |= _drawn("shaken", whole, shaken, conditions)
     asked = learnt.first.desired_position
     tables = [_table(records, asked), tuned.table(), learnt.table()]
     figures = {"writing": lambda: writing_figure(records, asked)}
@@ -90,8 +93,13 @@ def writing_spec(plant: str) -> dict[str, Any]:
     }
 
 
-def _run(data: dict[str, Any]) -> Run:
-    return run(data)
+def _drawn(
+    study: str, data: dict[str, Any], laws: Mapping[str, Any], conditions: Conditions
+) -> dict[str, Record]:
+    """Return the record of the drawing under each law."""
+    numbered = {f"law {number}": law for number, law in enumerate(laws.values())}  # no folder is named "1/s"
+    runs = conditions.run_study(study, data | {"laws": numbered}).runs.values()
+    return {label: run.record for label, run in zip(laws, runs, strict=True)}
 
 
 def _lag(data: dict[str, Any]) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
@@ -22,7 +23,7 @@ from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import COUNTED, LIMITED, UNLIMITED, counted, run_to_goal
 from dqcontrol.reproductions.silva2017.parsimonious import parsimonious_law
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, until_good_enough
-from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED
+from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, S17, setting_of, spec_data, verdicts
 from dqcontrol.robots import Robot
 
@@ -39,7 +40,7 @@ def reproduce(conditions: Conditions, count: int = 100, programs: int = 10) -> R
     data = spec_data("baselines")
     setting = prepare(data)
     scene, spec = setting.scene, setting.spec
-    study = run_study(data, jobs=conditions.jobs, progress=conditions.of("baselines"))
+    study = conditions.run_study("baselines", data)
     records = {label.partition(" · ")[0]: run.record for label, run in study.runs.items()}
     records[PARSIMONIOUS] = simulate(
         scene.robot,
@@ -50,11 +51,10 @@ def reproduce(conditions: Conditions, count: int = 100, programs: int = 10) -> R
         spec.period,
         spec.duration,
     )
-    limited = {PARSIMONIOUS: parsimonious_law(scene.robot, _GAIN, limits_period=spec.period)}
-    laws = spec.law_by_label | {PARSIMONIOUS: parsimonious_law(scene.robot, _GAIN)}
+    numbers = dict.fromkeys(spec.law_by_label, count) | {PARSIMONIOUS: min(count, programs)}
     tables = [
         _table(scene.robot, records, spec.period),
-        _goals_table(laws, limited, count, programs, conditions),
+        _goals_table(numbers, count, conditions),
         verdicts("baselines", _judge(scene.robot, records, spec.period)),
     ]
     return Reproduced("silva2017/baselines", tables, {"baselines": study}, _figures(records))
@@ -107,36 +107,60 @@ def _table(robot: Robot, records: dict[str, Record], period: float) -> Table:
     return Table(columns, rows, "Laws that S17 cites, on the goal of its comparison; ideal joints, no limits")
 
 
-def _goals_table(
-    laws: Mapping[str, Law], limited: Mapping[str, Law], count: int, programs: int, conditions: Conditions
-) -> Table:
-    """Return one row a law; ``limited`` are those with limits of their own."""
-    setting = setting_of("baselines")
+class Trial(NamedTuple):
+    """A law, and how many of the drawn goals it is sent to, with or without limits."""
+
+    law: str
+    box: GoalBox
+    is_limited: bool
+    number: int
+    drawn: int
+
+
+@dataclass(frozen=True)
+class Counted:
+    """How many goals were reached, as `counted` tells it."""
+
+    words: str
+
+
+def count_reached(trial: Trial) -> Counted:
+    """Run a law to goals; parsimonious control keeps limits by itself."""
+    setting, box = setting_of("baselines"), trial.box
     scene, period = setting.scene, setting.spec.period
-    progress = conditions.of("random goals")
-    rows: list[list[Cell]] = []
-    for done, (label, law) in enumerate(laws.items()):
-        if progress:
-            progress(done, len(laws))
-        number = min(count, programs) if label in limited else count
-        row: list[Cell] = [label, number]
-        for box in BOXES:
-            drawn = random_goals(
-                scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED
-            )
-            goals = scene.robot.fkm(drawn)[:number]
-            for each, limits in (
-                (law, UNLIMITED),
-                (limited.get(label, law), UNLIMITED if label in limited else LIMITED),
-            ):
-                runs = [
-                    run_to_goal(scene.robot, scene.start, goal, each, Integrator(), period, limits)
-                    for goal in goals
-                ]
-                row.append(counted(runs, period))
-        rows.append(row)
-    if progress:
-        progress(len(laws), len(laws))
+    if trial.law == PARSIMONIOUS:
+        law: Law = parsimonious_law(scene.robot, _GAIN, limits_period=period if trial.is_limited else None)
+        limits = UNLIMITED
+    else:
+        law, limits = setting.spec.law_by_label[trial.law], LIMITED if trial.is_limited else UNLIMITED
+    goals = scene.robot.fkm(
+        random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
+    )
+    runs = [
+        RaceOutcome.of(run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits), period)
+        for goal in goals[: trial.number]
+    ]
+    return Counted(counted(runs))
+
+
+def _goals_table(numbers: Mapping[str, int], count: int, conditions: Conditions) -> Table:
+    """Return one row a law, which is run to so many of the goals that are drawn."""
+    trials = [
+        Trial(law, box, is_limited, number, count)
+        for law, number in numbers.items()
+        for box in BOXES
+        for is_limited in (False, True)
+    ]
+    text = setting_of("baselines").text
+    found = conditions.each("random goals", count_reached, Counted, trials, text)
+    rows: list[list[Cell]] = [
+        [
+            law,
+            number,
+            *(each.words for trial, each in zip(trials, found, strict=True) if trial.law == law),
+        ]
+        for law, number in numbers.items()
+    ]
     columns = [Column("Law"), Column("Goals of each kind")]
     for box in BOXES:
         columns += [Column(f"{box.name}, no limits"), Column(f"{box.name}, limits of joints and wheels")]

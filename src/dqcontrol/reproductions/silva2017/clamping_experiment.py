@@ -7,7 +7,6 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import Combination
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
 from dqcontrol.loop.record import Record, part_of
 from dqcontrol.loop.simulate import simulate_prepared
@@ -34,7 +33,7 @@ _CLOSE = 0.02
 
 def reproduce(conditions: Conditions, count: int = 100, beyond: int = 20) -> Reproduced:
     """Run without clamping, with the modified and with the original one; then random goals within limits and beyond."""
-    study = run_study(spec_data("clamping"), jobs=conditions.jobs, progress=conditions.of("clamping"))
+    study = conditions.run_study("clamping", spec_data("clamping"))
     setting = setting_of("clamping")
     robot, period = setting.scene.robot, setting.spec.period
     by_law = {

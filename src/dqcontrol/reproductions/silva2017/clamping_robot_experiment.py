@@ -6,7 +6,6 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.experiments.prepared_experiment import Combination
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import simulate_prepared
@@ -31,9 +30,7 @@ MOTORS = TiringMotors()  # in place of the spec's ideal joints
 
 def reproduce(conditions: Conditions) -> Reproduced:
     """Run both laws without and with clamping on motors that give up."""
-    study = run_study(
-        spec_data("clamping-robot"), jobs=conditions.jobs, progress=conditions.of("clamping-robot")
-    )
+    study = conditions.run_study("clamping-robot", spec_data("clamping-robot"))
     setting = setting_of("clamping-robot")
     records = {case.names.law: _records(case, setting.spec.period) for case in setting.cases}
     robot, shown = setting.scene.robot, records[OURS]

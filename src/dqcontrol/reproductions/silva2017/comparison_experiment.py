@@ -12,7 +12,6 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.loop.simulate import simulate
@@ -25,7 +24,7 @@ from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import UNLIMITED
 from dqcontrol.reproductions.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, matched_gain, outcome, until_good_enough
-from dqcontrol.reproductions.silva2017.random_races import BOXES, random_table
+from dqcontrol.reproductions.silva2017.random_races import random_tables
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, printed, spec_data, verdicts
 
 CLASSIC, MATCHED = "classic", "classic, matched to S17's"
@@ -80,17 +79,16 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: bool = True)
     by_default, _ = compared(OURS, False)
     if gain is not None:
         data["laws"][MATCHED] = data["laws"][CLASSIC] | {"gain": gain}
-    study = run_study(data, jobs=conditions.jobs, progress=conditions.of("comparison"))
+    study = conditions.run_study("comparison", data)
     runs = {tuple(label.split(" · ")): run for label, run in study.runs.items()}
     named = _named(runs, data)
     ideal, camera = (
         {law: run for (law, where), run in named.items() if where == plant} for plant in ("ideal", "camera")
     )
-    progress = conditions.of("random goals")
     tables = [
         _table(ideal, spec.period, gain),
         *([_physics_table(setting)] if in_physics else []),
-        *(random_table(box, laws, count, progress) for box in BOXES),
+        *random_tables(count, conditions),
         verdicts(
             "comparison",
             _judge(as_printed, {each: ideal[each] for each in (S17, CLASSIC)}, camera),

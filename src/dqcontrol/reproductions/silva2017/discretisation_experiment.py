@@ -9,7 +9,6 @@ import numpy as np
 from msgspec.structs import replace
 
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.simulate import simulate_prepared
@@ -30,8 +29,7 @@ _STEPS = 400
 
 def reproduce(conditions: Conditions) -> Reproduced:
     """Run the comparison's law with several periods, and near its stability limit."""
-    progress = conditions.of("discretisation")
-    study = run_study(spec_data("discretisation"), jobs=conditions.jobs, progress=progress)
+    study = conditions.run_study("discretisation", spec_data("discretisation"))
     settings = {period: setting_of("discretisation", period=period) for period in PERIODS}
     records = {period: _record(setting) for period, setting in settings.items()}
     law = cast(FeedbackLinearization, settings[PERIODS[0]].cases[0].variant.law)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
 import numpy as np
 
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
 from dqcontrol.measures import task_range
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.plants import Integrator, MobilePlant
+from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.references import random_goals
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
@@ -20,9 +27,11 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
     SECONDS,
     UNLIMITED,
     counted,
+    has_arrived,
     median_final,
     run_to_goal,
 )
+from dqcontrol.reproductions.silva2017.race import RaceOutcome
 from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
 from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
 
@@ -34,59 +43,98 @@ _INSIDE = 0.05  # of the twist asked for: a smaller share outside the range of J
 def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) -> Reproduced:
     """Count which goals each law reaches: without limits, with them, and with them in physics."""
     setting = setting_of("comparison")
-    laws = setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0)}
-    tables, judged, planned = [], {}, {}
-    for box in BOXES:
-        rows: list[list[Cell]] = []
-        progress = conditions.of(f"{box.name} goals")
-        for done, (label, law) in enumerate(laws.items()):
-            if progress:
-                progress(done, len(laws))
-            free, limited, physics = _runs(box, label, law, count, in_physics)
-            rows.append(_row(label, free, limited, physics, setting.spec.period))
-            if box.name == "far" and label in (S17, OURS):
-                judged[label] = _judge(free, law)
-            if box.name == "far" and label == _REMEDY:
-                planned = _judge_plan(free, limited)
-        if progress:
-            progress(len(laws), len(laws))
-        tables.append(_table(box, rows, count, in_physics))
-    claims = verdicts("far-goals", judged[S17] | planned, judged[OURS])
+    trials = [
+        Trial(box, label, count, in_physics if label in _IN_PHYSICS else 0)
+        for box in BOXES
+        for label in _laws(setting)
+    ]
+    found = dict(zip(trials, conditions.each("goals", reached, Reached, trials, setting.text), strict=True))
+    tables = [
+        _table(box, {trial.law: each for trial, each in found.items() if trial.box == box}, count, in_physics)
+        for box in BOXES
+    ]
+    far = {trial.law: each for trial, each in found.items() if trial.box == BOXES[-1]}
+    claims = verdicts(
+        "far-goals", _judge(far[S17], count) | _judge_plan(far[_REMEDY], count), _judge(far[OURS], count)
+    )
     return Reproduced("silva2017/far-goals", [*tables, claims])
 
 
-def _runs(
-    box: GoalBox, label: str, law: Law, count: int, in_physics: int
-) -> tuple[list[Record], list[Record], list[Record]]:
-    setting = setting_of("comparison")
+class Trial(NamedTuple):
+    """A law, the goals that it is sent to, and how many of them in physics, too."""
+
+    box: GoalBox
+    law: str
+    drawn: int
+    in_physics: int
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What came of a trial.
+
+    Attributes
+    ----------
+    free, limited, physics
+        Runs to each goal without limits, with them, and in physics with them, as `counted` tells them.
+    limited_final, physics_final
+        Medians of the last errors.
+    arrived
+        How many runs without limits arrived, and how many with them.
+    outside
+        Of runs without limits that did not, of S17's law and ours: the share of the twist asked for that was outside
+        the range of J.
+    """
+
+    free: str
+    limited: str
+    physics: str
+    limited_final: float
+    physics_final: float | None
+    arrived: tuple[int, int]
+    outside: list[float]
+
+
+def _laws(setting: PreparedExperiment) -> dict[str, Law]:
+    return setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0)}
+
+
+def reached(trial: Trial) -> Reached:
+    """Run a law to the goals of a box."""
+    setting, box = setting_of("comparison"), trial.box
     scene, period = setting.scene, setting.spec.period
+    law = _laws(setting)[trial.law]
     goals = scene.robot.fkm(
-        random_goals(scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED)
+        random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
     )
-    free, limited = (
-        [run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits) for goal in goals]
-        for limits in (UNLIMITED, LIMITED)
-    )
-    some = goals[:in_physics] if label in _IN_PHYSICS else goals[:0]
-    plant = MobilePlant()
-    physics = [run_to_goal(scene.robot, scene.start, goal, law, plant, period, LIMITED) for goal in some]
-    return free, limited, physics
 
+    def runs(plant: Plant, limits: CommandLimits, some: Array) -> Iterator[Record]:
+        return (run_to_goal(scene.robot, scene.start, goal, law, plant, period, limits) for goal in some)
 
-def _row(
-    label: str, free: list[Record], limited: list[Record], physics: list[Record], period: float
-) -> list[Cell]:
-    return [
-        label,
-        counted(free, period),
-        counted(limited, period),
+    free, outside = [], []
+    inverse = getattr(law, "inverse", FilteredInverse())
+    for run in runs(Integrator(), UNLIMITED, goals):
+        free.append(RaceOutcome.of(run, period))
+        if trial.law in (S17, OURS) and not has_arrived(free[-1]):
+            outside.append(float(task_range(scene.robot, run, inverse=inverse).share[-1]))
+    limited = [RaceOutcome.of(run, period) for run in runs(Integrator(), LIMITED, goals)]
+    physics = [RaceOutcome.of(run, period) for run in runs(MobilePlant(), LIMITED, goals[: trial.in_physics])]
+    return Reached(
+        counted(free),
+        counted(limited),
+        counted(physics) if physics else "",
         median_final(limited),
-        counted(physics, period) if physics else "",
         median_final(physics) if physics else None,
+        (sum(map(has_arrived, free)), sum(map(has_arrived, limited))),
+        outside,
+    )
+
+
+def _table(box: GoalBox, found: dict[str, Reached], count: int, in_physics: int) -> Table:
+    rows: list[list[Cell]] = [
+        [law, each.free, each.limited, each.limited_final, each.physics, each.physics_final]
+        for law, each in found.items()
     ]
-
-
-def _table(box: GoalBox, rows: list[list[Cell]], count: int, in_physics: int) -> Table:
     columns = [
         Column("Law"),
         Column(f"Of {count}, no limits"),
@@ -102,29 +150,27 @@ def _table(box: GoalBox, rows: list[list[Cell]], count: int, in_physics: int) ->
     return Table(columns, rows, title)
 
 
-def _judge(free: list[Record], law: Law) -> dict[str, Judgement]:
+def _judge(found: Reached, count: int) -> dict[str, Judgement]:
     """Judge what S17 says of the range of J, by the runs that did not arrive."""
-    robot = setting_of("comparison").scene.robot
-    inverse = getattr(law, "inverse", FilteredInverse())
-    lost = [task_range(robot, run, inverse=inverse).share[-1] for run in free if run.error[-1] > ARRIVED]
+    lost = found.outside
     if not lost:
-        return {"range-of-jacobian": Judgement(None, f"all {len(free)} arrive: nothing to tell")}
+        return {"range-of-jacobian": Judgement(None, f"all {count} arrive: nothing to tell")}
     inside = sum(share < _INSIDE for share in lost)
     return {
         "range-of-jacobian": Judgement(
             inside == 0,
-            f"{len(lost)} of {len(free)} do not arrive, {inside} of them with the twist asked for inside the range; "
+            f"{len(lost)} of {count} do not arrive, {inside} of them with the twist asked for inside the range; "
             f"median share outside {np.median(lost):.2f}",
         )
     }
 
 
-def _judge_plan(free: list[Record], limited: list[Record]) -> dict[str, Judgement]:
+def _judge_plan(found: Reached, count: int) -> dict[str, Judgement]:
     """Judge what S17 says of trajectories in the range of J, by the remedy, which follows one."""
-    arrived = [sum(bool(run.error[-1] < ARRIVED) for run in runs) for runs in (free, limited)]
+    free, limited = found.arrived
     return {
         "tracking-in-range": Judgement(
-            arrived == [len(free), len(limited)],
-            f"along a plan {arrived[0]} of {len(free)} arrive without limits, {arrived[1]} with them",
+            free == limited == count,
+            f"along a plan {free} of {count} arrive without limits, {limited} with them",
         )
     }

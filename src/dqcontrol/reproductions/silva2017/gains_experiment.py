@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.run_study import run_study
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement, listed
@@ -31,7 +30,7 @@ _NONE = 1e-3  # an overshoot below it is none
 def reproduce(conditions: Conditions) -> Reproduced:
     """Run the five sets."""
     data = spec_data("gains")
-    study = run_study(data, jobs=conditions.jobs, progress=conditions.of("gains"))
+    study = conditions.run_study("gains", data)
     runs = {law: {label: _run(study.runs, law, label) for label in DAMPED | STIFF} for law in data["laws"]}
     figures: dict[str, Draw] = {
         "figure-5.2": lambda: _poses({label: runs[S17][label] for label in DAMPED}),

@@ -42,14 +42,18 @@ def run_to_goal(
     return replace(record, desired=desired)
 
 
-def counted(runs: Sequence[Record], period: float) -> str:
+def counted(outcomes: Sequence[RaceOutcome]) -> str:
     """Return of how many runs the error was first below 0.04, below it for good, and below 0.001 at the end."""
-    outcomes = [RaceOutcome.of(run, period) for run in runs]
     first = sum(math.isfinite(each.first_below) for each in outcomes)
     settled = sum(math.isfinite(each.settling) for each in outcomes)
-    return f"{first}, {settled}, {sum(each.final < ARRIVED for each in outcomes)}"
+    return f"{first}, {settled}, {sum(has_arrived(each) for each in outcomes)}"
 
 
-def median_final(runs: Sequence[Record]) -> float:
+def has_arrived(outcome: RaceOutcome) -> bool:
+    """Tell whether the last error of a run is small enough."""
+    return outcome.final < ARRIVED
+
+
+def median_final(outcomes: Sequence[RaceOutcome]) -> float:
     """Return the median of the last errors."""
-    return float(np.median([run.error[-1] for run in runs]))
+    return float(np.median([each.final for each in outcomes]))

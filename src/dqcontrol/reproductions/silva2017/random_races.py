@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -12,11 +13,13 @@ import numpy as np
 from dqcontrol.laws import Law
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
+from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, S17, setting_of
 
 SEED = 2017
 _SECONDS = 120.0
+_AT_ONCE = 5  # goals
 _SETTLED = 1e-3  # last error norm of a run that has arrived
 _CLASSIC, _MATCHED = "classic", "classic, matched to S17's on each goal"
 _GUIDED = "remedy: guided K along a planned way"
@@ -34,23 +37,49 @@ class GoalBox:
 BOXES = (GoalBox("near", 0.5, math.pi / 4), GoalBox("far", 1.5, math.pi))
 
 
-def random_table(
-    box: GoalBox, laws: Mapping[str, Law], count: int, progress: Callable[[float, int], None] | None = None
-) -> Table:
-    """Return one row a law: how many goals it reached, and medians over those that it shares with the classic law.
+class Heat(NamedTuple):
+    """Some of the goals of a box: `first`, and those after it before `last`, of so many drawn."""
+
+    box: GoalBox
+    drawn: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class HeatOutcome:
+    """By law what came of its run to each goal; None where there was none."""
+
+    found: dict[str, list[RaceOutcome | None]]
+
+
+def random_tables(count: int, conditions: Conditions) -> list[Table]:
+    """Return of each box one row a law: how many goals it reached, and medians over those shared with the classic law.
 
     The goals are hand poses of configurations with the base in the box and the arm within its limits; runs last two
     minutes on ideal joints, without limits, which the remedy's plan keeps nevertheless.
     """
-    setting = setting_of("comparison", duration=_SECONDS)
-    scene, period = setting.scene, setting.spec.period
+    heats = [
+        Heat(box, count, first, min(first + _AT_ONCE, count))
+        for box in BOXES
+        for first in range(0, count, _AT_ONCE)
+    ]
+    text = setting_of("comparison", duration=_SECONDS).text
+    outcomes = dict(
+        zip(heats, conditions.each("random goals", run_heat, HeatOutcome, heats, text), strict=True)
+    )
+    return [_table(box, count, [outcomes[heat] for heat in heats if heat.box == box]) for box in BOXES]
+
+
+def run_heat(heat: Heat) -> HeatOutcome:
+    """Run all laws to some goals."""
+    setting, box = setting_of("comparison", duration=_SECONDS), heat.box
+    scene, period, laws = setting.scene, setting.spec.period, setting.spec.law_by_label
     goals = scene.robot.fkm(
-        random_goals(scene.robot, scene.start, count, reach=box.reach, heading=box.heading, seed=SEED)
+        random_goals(scene.robot, scene.start, heat.drawn, reach=box.reach, heading=box.heading, seed=SEED)
     )
     found: dict[str, list[RaceOutcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
-    if progress:
-        progress(0, count)
-    for done, goal in enumerate(goals):
+    for goal in goals[heat.first : heat.last]:
         samples = SetPoint(goal).samples(scene.samples[:, -1])
 
         def run(law: Law, samples: np.ndarray = samples) -> RaceOutcome:
@@ -67,8 +96,11 @@ def random_table(
         found[_MATCHED].append(
             None if gain is None else run(msgspec.structs.replace(laws[_CLASSIC], gain=gain))
         )
-        if progress:
-            progress(done + 1, count)
+    return HeatOutcome(found)
+
+
+def _table(box: GoalBox, count: int, heats: Sequence[HeatOutcome]) -> Table:
+    found = {label: [outcome for heat in heats for outcome in heat.found[label]] for label in heats[0].found}
     rows = [_row(label, found[label], found[_CLASSIC], found[S17]) for label in found]
     columns = [
         Column("Law"),

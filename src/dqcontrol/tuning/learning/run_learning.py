@@ -23,6 +23,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.working_folder import WorkingFolder
 from dqcontrol.files.plain_data import write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
@@ -32,6 +33,7 @@ from dqcontrol.measures.table_cells import Cell, Column
 from dqcontrol.measures.tables import Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
+from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
@@ -209,10 +211,7 @@ class Learning:
 
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
-        block = msgspec.to_builtins(self.problem.block, enc_hook=str)
-        text = yaml_text(
-            self.problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}}
-        )
+        text = _text(self.problem)
         (folder / SPEC_FILE).write_text(text, encoding="utf-8")
         copy_inputs(parse_yaml("spec", text), folder)
         law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))
@@ -246,6 +245,7 @@ def learn(
     real_time: bool = False,
     runner: MotionRunner | None = None,
     progress: LearnProgress | None = None,
+    journal: str | Path | None = None,
     **block: Any,
 ) -> Learning:
     """Run a motion, and shift its reference from repeat to repeat until the hand goes where it should.
@@ -263,6 +263,9 @@ def learn(
         What runs motions in place of the spec's plant, as `dqcontrol.ros2.repeated_motion.RobotBehindTopics`.
     progress
         Called with runs done, and at most.
+    journal
+        Working folder that keeps the records of runs in simulation, so that the same call resumes after an
+        interruption; it stays there when all is learnt. Needs pyarrow.
     **block
         Keys of ``learn`` that differ.
 
@@ -290,7 +293,13 @@ def learn(
         )
     if runner is not None and real_time:
         raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
-    return _Session(problem, real_time=real_time, runner=runner).run(progress or (lambda done, total: None))
+    if journal is not None and (runner is not None or real_time):
+        raise ValueRangeError("journal: runs on the clock are not resumed; leave it out")
+    session, report = _Session(problem, real_time=real_time, runner=runner), progress or _no_progress
+    if journal is None:
+        return session.run(report)
+    with WorkingFolder(Path(journal), _text(problem), session.setting.fingerprint()) as session.kept:
+        return session.run(report)
 
 
 def learn_to(
@@ -325,6 +334,7 @@ class _Session:
         self.convergence = self._convergence()
         self._delay = problem.block.sensor_delay / problem.spec.period
         self._law = self.case.prepare_law(problem.spec)
+        self.kept: WorkingFolder | None = None
 
     def _check_motion(self) -> None:
         """Raise if the motion cannot be repeated, or what it asks cannot be learnt."""
@@ -450,11 +460,20 @@ class _Session:
         return samples
 
     def _execute(self, motion: Points | None, number: int) -> Record:
-        """Run a motion, or that of the spec."""
-        spec, case = self.problem.spec, self.case
+        """Run a motion, or that of the spec; or give the record of the run that an earlier call has kept."""
         samples = self.samples if motion is None else self._sampled(motion)
         if self._runner is not None:
             return self._aligned(self._runner(self.problem, motion, number), samples)
+        file = self.kept.recordings / str(number) / "record.mcap" if self.kept else None
+        if file and file.exists():
+            return load_record(file)
+        record = self._simulated(samples, number)
+        if file:
+            save_record(record, file)
+        return record
+
+    def _simulated(self, samples: Array, number: int) -> Record:
+        spec, case = self.problem.spec, self.case
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NoteWarning)
             return simulate_prepared(
@@ -551,6 +570,16 @@ class _Session:
                 f"encoders: they see {best.seen:.2g} of {best.position:.2g} mm; what sag, springs and filters behind "
                 "them hide is not learnt (learn.measured_by: tracker)"
             )
+
+
+def _no_progress(done: int, total: int) -> None:
+    pass
+
+
+def _text(problem: LearnProblem) -> str:
+    """Return spec and block as YAML."""
+    block = msgspec.to_builtins(problem.block, enc_hook=str)
+    return yaml_text(problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}})
 
 
 def _linear(problem: LearnProblem, case: Combination, plant: Plant) -> LinearModel:

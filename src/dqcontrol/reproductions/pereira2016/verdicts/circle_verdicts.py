@@ -6,7 +6,7 @@ import numpy as np
 
 from dqcontrol.reproductions.judgement import Judgement, listed
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX
-from dqcontrol.reproductions.pereira2016.own_durations import stretch
+from dqcontrol.reproductions.pereira2016.own_periods import stretch
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
     LAWS,

@@ -11,7 +11,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.references import Sample
 from dqcontrol.reproductions.judgement import ABOUT_THE_PROGRAM, ABOUT_THE_ROBOT, Judgement, listed
-from dqcontrol.reproductions.pereira2016.own_durations import stretch
+from dqcontrol.reproductions.pereira2016.own_periods import stretch
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import LAWS, LQR, Evidence, decides, record_of
