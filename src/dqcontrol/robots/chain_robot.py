@@ -71,7 +71,9 @@ class ChainRobot:
     chain: Array  # may not be written
     table: Array  # what the kernels read: the chain
     _table: Array  # the same, as compiled code takes it at once: an array that may not be written costs 0.3 µs more
-    _compute: Callable[..., int] | None  # machine code of `kinematics_apart`: three look-ups less than asking for it
+    _compute: (
+        Callable[..., int] | None
+    )  # machine code of `kinematics_apart`: three look-ups less than asking for it
     configuration_size: int
     input_size: int
 

@@ -72,7 +72,7 @@ def add_arm(parent: Any, robot: Robot) -> None:
         body = carrier.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
         body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
-        joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1])
+        joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1], ref=-robot.joint_offsets[i])
         if np.isfinite(lower) and np.isfinite(upper):
             joint.range, joint.limited = (lower, upper), mujoco.mjtLimited.mjLIMITED_TRUE
         draw.drum(body, i)
