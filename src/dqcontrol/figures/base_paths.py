@@ -196,11 +196,11 @@ def silhouette(robot: Robot, frames: Array) -> tuple[list[Array], list[Array]]:
     """Return the points from joint to joint up to each hand, and the rim of each base with a stroke to its front."""
     bases = _bases(robot)
     hidden = {first + k for first, _ in robot.bases for k in (0, 1)}
-    foot = [] if robot.bases else [robot.chain[0, 4:7]]
     branches = []
     for end in robot.ends:
         rows = [row for row in _carriers(robot, end) if row not in hidden]
-        branches.append(np.vstack([*foot, algebra.translation(frames[rows])]))
+        first = [] if robot.bases else [robot.chain[rows[0], 4:7]]
+        branches.append(np.vstack([*first, algebra.translation(frames[rows])]))
     discs = []
     angles = np.linspace(0, 2 * np.pi, 40)
     for first, radius in bases:

@@ -51,14 +51,15 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
     desired = translation(desired_in_room(robot, record.q, record.desired_pose))
     first, every = branches[0][0], np.vstack(branches)
     onto = _view(np.nanmean(desired, axis=0) - first)
-    foot = np.array([*first[:2], min(0.0, float(every[:, 2].min()))])
+    floor = min(0.0, float(every[:, 2].min()))
     reach = float(np.ptp(every @ onto.T, axis=0).max()) or 1.0
-    _floor(axes, foot, 0.35 * reach, onto)
+    middle = np.mean([links[0] for links in branches], axis=0)
+    _floor(axes, np.array([*middle[:2], floor]), 0.35 * reach, onto)
     for disc in discs:
         axes.fill(*(disc[1:] @ onto.T).T, color=_SHELL, ec=_EDGE, lw=0.8)
-    post = [] if robot.bases else [foot]  # it carries the first joint
     for width, colour in ((8.5, _EDGE), (6.5, _SHELL)):
         for links in branches:
+            post = [] if robot.bases else [[*links[0, :2], floor]]  # it carries the first joint
             rods = np.vstack([*post, links]) @ onto.T
             axes.plot(*rods.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
     for links in branches:

@@ -85,6 +85,7 @@ def film_arm(
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
+        is_overlaid=not boxes,
         decorations=(1 + len(actual)) * _PIECES + len(balls) + len(boxes) + (around.most if around else 0),
         further=[lambda _, q=each.q: q for each in further],
     )
