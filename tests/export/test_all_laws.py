@@ -80,7 +80,8 @@ OF_BODIES = {
     "guided-proportional": {"law": {"kind": "guided-proportional", "gain": 1}, "reference": DRIVE_TO},
     "best-heading": {"law": K | {"null_space": {"kind": "best-heading"}}, "reference": SET_POINT},
 }
-KEEP_OUT = Path(__file__).parents[2] / "examples/keep-out.yaml"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+KEEP_OUT = EXAMPLES / "keep-out.yaml"
 SPECS = (
     {name: SPEC | {"law": law, "supervisor": False} for name, law in LAWS.items()}
     | {
@@ -111,6 +112,18 @@ def test_it_answers_as_in_python(name, tmp_path, monkeypatch):
     done = export_controller(SPECS[name], tmp_path / "c")
     assert "largest difference to Python 0 (bits compared)" in make(done.folder, "test")
     assert undefined_symbols(done.folder / "dqc_code.o") <= OF_C
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["talos", "tray"])
+def test_a_tree_answers_as_in_python(name, tmp_path):
+    """Both hands of Talos and its posture behind a supervisor; two Pandas with a tray."""
+    spec = EXAMPLES / f"{name}.yaml"
+    data = yaml.safe_load(spec.read_text(encoding="utf-8")) | {"duration": 1, "supervisor": WIDE}
+    data["plant"] = data.pop("plants", {}).get("servo", {"kind": "servo"})
+    done = export_controller(data, tmp_path / "c")
+    assert "largest difference to Python 0 (bits compared)" in make(done.folder, "test")
 
 
 @needs_c

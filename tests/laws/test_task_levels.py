@@ -217,7 +217,6 @@ REFUSED = (
         ValueRangeError,
         r"limits\.position: keeps the limits for the law's own task alone",
     ),
-    ({"plant": {"kind": "servo", "sag": 0.1}}, ValueRangeError, r"plant\.sag: is that of a chain"),
 )
 
 

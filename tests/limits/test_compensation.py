@@ -50,6 +50,15 @@ def test_lag_sag_and_observer_each_take_their_part_away():
     assert max(wrong) < 0.5 * lag
 
 
+def test_sag_of_two_arms_is_taken_away():
+    """What is left is the lag: with all of the sag fed forward the error is that of stiff servos."""
+    start = [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7]
+    two = {"robot": {"source": "two-pandas", "task": "absolute"}, "start": start, "duration": 2}
+    stiff = rms(**two, plant=SPEC["plant"] | {"sag": 0})
+    assert rms(**two) > 1.5 * stiff
+    assert rms(**two, **compensated(**SAG)) == pytest.approx(stiff, rel=0.1)
+
+
 def test_it_is_the_same_compiled_and_interpreted():
     spec = SPEC | compensated(**SAG, **OBSERVER) | {"duration": 0.6}
     runs = [dqc.run(spec, interpreted=how) for how in (False, True)]

@@ -23,3 +23,22 @@ def test_joints_of_both_arms_keep_their_limits(task):
         excess[limit is None] = beyond.max()
     assert excess[True] > 0.01  # without the limit
     assert excess[False] <= 1e-12
+
+
+def test_constraints_clamp_the_joints_of_all_tasks():
+    """A goal of the tray beyond the elbows' limits: they stop there, and the hands go on holding the tray."""
+    arms, elbows = TWO.with_task("absolute"), [3, 10]
+    start, beyond = START.copy(), START.copy()
+    start[elbows], beyond[elbows] = arms.limits.upper[elbows] - 0.002, arms.limits.upper[elbows] + 1.0
+    goal, plant = dqc.references.SetPoint(arms.fkm(beyond)), dqc.plants.Integrator()
+    tasks = [dqc.laws.FurtherTask("relative", gain=20.0, level=0)]
+    excess = {}
+    for constraints in (None, dqc.laws.Constraints()):
+        law = dqc.laws.Proportional(gain=3.0, constraints=constraints)
+        record = dqc.simulate(arms, goal, law, plant, start, 0.01, 3.0, tasks=tasks)
+        held = dqc.algebra.translation(arms.relative_pose(record.q))
+        assert np.abs(held - held[0]).max() < 1e-3
+        over = np.maximum(record.q - arms.limits.upper, arms.limits.lower - record.q)
+        excess[constraints is None] = over.max()
+    assert excess[True] > 0.5
+    assert excess[False] <= 1e-12

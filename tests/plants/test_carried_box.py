@@ -1,5 +1,7 @@
 """Two arms that carry a box in physics."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.laws import FurtherTask
 from dqcontrol.plants import MujocoPlant
 from dqcontrol.plants.mujoco.carried_box import CarriedBox
+from dqcontrol.reports.run_verdicts import _held_box as held_box
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.1, -0.5, -0.1, -2.2, -0.1, 1.7, 0.8])
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
@@ -31,6 +34,20 @@ def test_the_box_goes_where_the_hands_go():
     assert (
         np.abs(force[:, 0] - force[:, 1]).max() < 0.5 * force.max()
     )  # gravity and acceleration are the rest
+
+
+def test_a_report_tells_the_least_internal_force():
+    times = np.arange(5) * 0.1
+    for forces, verdict, words in (
+        ([0, 20, 30, 25, 24], "held", "internal force 20 N at least, after 0.1 s"),
+        ([0, 20, 30, 0, 0], "let go", "internal force 0 N at least, after 0.1 s"),
+    ):
+        grip = SimpleNamespace(
+            values=np.column_stack([forces, np.array(forces) + 1.0]) * (np.array(forces) > 0)[:, None]
+        )
+        record = SimpleNamespace(time=times, readings={"grip_force": grip})
+        ((_, cell, said),) = held_box(record)
+        assert (cell, said) == (verdict, words)
 
 
 @pytest.mark.slow

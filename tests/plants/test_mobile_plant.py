@@ -309,3 +309,41 @@ def test_bad_starts(body, cart):
     live = MobilePlant().start(body, Q0, T, 1, 0)
     with pytest.raises(DivergedError, match=r"a command of 1e\+30 rad/s"):
         live.step(np.eye(7)[4] * 1e30)
+
+
+def two_arms_on_wheels():
+    chassis = dqc.Chassis(
+        mass=150, radius=0.4, height=0.3, wheel_mass=2, wheel_torque=60, caster_distance=0.38
+    )
+    base = dqc.DifferentialDrive(0.1, 0.3, rim_speed=1.0, chassis=chassis)
+    stand, arm = dqc.DualQuaternion.from_translation, dqc.load_robot("panda")
+    sides = [dqc.SerialArm.join([stand([0, y, 0]), arm]) for y in (0.3, -0.3)]
+    return dqc.TwoArms(*sides, base=dqc.WholeBody([base, stand([0, 0, 0.5])]))
+
+
+def test_two_arms_stand_on_a_drive_and_drive_with_it():
+    robot, arm = two_arms_on_wheels(), [0, -0.5, 0, -2.2, 0, 1.7, 0.8]
+    q0, command = np.array([0, 0, 0, *arm, *arm]), np.zeros(16)
+    command[:2] = 0.3, 0.2
+    plant = MobilePlant(gravity_compensation=1.0)
+    live, q, _ = drive(plant, robot, q0, command, 1.0)
+    carried = 2 * dqc.load_robot("panda").inertia.mass.sum()
+    assert live.model.body_mass.sum() == pytest.approx(154 + carried)
+    assert np.abs(q[-1, :3] - robot.integrate(q0, command, 1.0)[:3]).max() < 0.03  # it takes a moment
+    assert np.abs(q[-1, 3:] - q0[3:]).max() < 0.01
+    for site, hand in (("hand", "left"), ("hand_2", "right")):
+        place = dqc.algebra.translation(robot.fkm(live.q, hand))
+        assert np.abs(live.data.site(site).xpos - place).max() < 2e-3  # the chassis tilts a little
+    bent = np.tile([0.1, 0, 0, 0, 0, 0, 0], 2)
+    live, q, _ = drive(plant, robot, q0, [0, 0, *bent], 1.0)
+    assert np.abs(q[-1, 3:] - q0[3:] - bent).max() < 0.01
+
+
+def test_two_arms_on_a_drive_that_are_refused():
+    robot = two_arms_on_wheels()
+    with pytest.raises(ValueRangeError, match=r"plant\.gripper: is at the hand of one arm, and .* has two"):
+        MobilePlant(gripper=Gripper()).start(robot, np.zeros(17), T, 1, 0)
+    with pytest.raises(ValueRangeError, match=r"two arms by v and ω, and .* is unconstrained"):
+        MobilePlant().start(robot.in_form("unconstrained"), np.zeros(17), T, 1, 0)
+    with pytest.raises(ValueRangeError, match=r"plant\.base: .* would fall over: with its arm at"):
+        MobilePlant(base=WheeledBase(mass=5)).start(robot, np.zeros(17), T, 1, 0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.laws import Proportional
@@ -158,6 +159,19 @@ def test_targets_do_not_leave_the_position_limits(make_arm, mode):
         assert targets[150] == pytest.approx(targets[149] + T * commands[150], abs=1e-15)
     free, _ = drive(Servo(command_mode=mode, position_limit=False), arm, np.zeros(N), commands)
     assert free[149, 0] > 2.0
+
+
+def test_two_arms_sag_as_each_alone():
+    left, right = dqc.load_robot("panda"), dqc.load_robot("iiwa7")
+    q0, u = np.array([0.1, -0.5, 0.2, -2.0, 0.3, 1.6, 0.7] + [0.3] * 7), np.linspace(-0.5, 0.5, 14)
+    plant, commands = Servo(sag=1.0), np.tile(u, (100, 1))
+    both, _ = drive(plant, dqc.TwoArms(left, right), q0, commands)
+    alone = [
+        drive(plant, arm, q0[k : k + 7], commands[:, k : k + 7])[0] for arm, k in ((left, 0), (right, 7))
+    ]
+    assert np.abs(both - np.hstack(alone)).max() < 1e-12
+    stiff, _ = drive(Servo(), dqc.TwoArms(left, right), q0, commands)
+    assert np.abs(both - stiff).max() > 1e-3
 
 
 @pytest.mark.parametrize("delay", [0, 3])

@@ -52,6 +52,19 @@ def test_joints_follow_as_on_their_arm_and_bases_as_commanded(body, mode):
     assert np.array_equal(measured[:, :3], q[:, :3])
 
 
+@pytest.mark.parametrize("form", ["constrained", "unconstrained"])
+def test_two_arms_on_a_drive_move_as_drive_and_arms_alone(form):
+    drive_part = dqc.DifferentialDrive(0.1, 0.3, 0.1, rim_speed=1.0, acceleration=0.5)
+    base, arm = dqc.WholeBody([drive_part], form=form), dqc.load_robot("iiwa7")
+    servo, m = Servo(delay=2 * T), base.input_size
+    q0 = np.array([0.1, -0.2, 0.4, *[0.3] * 14])
+    commands = random_commands(100, m + 14)
+    q, _ = drive(servo, dqc.TwoArms(arm, arm, base=base), q0, commands)
+    assert np.array_equal(q[:, :3], drive(servo, base, q0[:3], commands[:, :m])[0])
+    assert np.array_equal(q[:, 3:10], drive(servo, arm, q0[3:10], commands[:, m : m + 7])[0])
+    assert np.array_equal(q[:, 10:], drive(servo, arm, q0[10:], commands[:, m + 7 :])[0])
+
+
 def test_parts_in_any_order_move_each_as_its_own():
     drive_part = dqc.DifferentialDrive(wheel_radius=0.05, half_track=0.15)
     slide = dqc.SerialArm.from_dh([0.2], [0.1], [0.3], [0.4], ["prismatic"])

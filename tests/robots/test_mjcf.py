@@ -6,6 +6,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, UnknownNameError
+from dqcontrol.plants import MujocoPlant
+from dqcontrol.plants.mujoco.mujoco_servos import mass_matrix
 from dqcontrol.robots import load_tree
 from dqcontrol.robots.mjcf import mjcf_servos
 
@@ -88,6 +90,25 @@ def test_limits_masses_and_gains(path):
     bias = data.qfrc_bias
     expected = [bias[0], bias[1], bias[2], bias[3] + 2 * bias[4], bias[5]]
     assert np.abs(robot.gravity_torque(q) - expected).max() < 1e-9
+
+
+def test_inertia_of_joints_with_a_reference_position(tmp_path):
+    """A joint's ``ref`` is its coordinate where the file has its bodies: masses turn and shift with it."""
+    text = TWO_ARMS[: TWO_ARMS.index("<equality>")].replace('<include file="assets.xml"/>', "")
+    text = text.replace('range="-120 120"', 'range="-120 120" ref="35"').replace(' armature="0.1"', "")
+    text = text.replace('<joint name="l2" axis="0 1 0" pos="0 0 -0.01" range="-100 100"/>', "")
+    path = tmp_path / "ref.xml"
+    path.write_text(text.replace('range="0 0.2"', 'range="0 0.2" ref="0.07"') + "</mujoco>")
+    robot, model = load_tree(path), mujoco.MjModel.from_xml_path(str(path))
+    assert np.abs(model.qpos0 - np.array([*np.radians([10, 35]), 0.07, 0, np.radians(35)])).max() < 1e-12
+    data, rng = mujoco.MjData(model), np.random.default_rng(4)
+    for _ in range(5):
+        q = rng.uniform(np.maximum(robot.limits.lower, -1), np.minimum(robot.limits.upper, 1))
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        ours = MujocoPlant(armature=0.0).start(robot, q, 0.01, 1, 0)
+        assert np.abs(mass_matrix(ours.model, ours.data) - mass_matrix(model, data)).max() < 1e-12
+        assert np.abs(robot.gravity_torque(q) - data.qfrc_bias).max() < 1e-12
 
 
 def test_a_chain_of_it_is_an_arm(path):

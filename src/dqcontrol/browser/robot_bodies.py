@@ -20,7 +20,7 @@ from dqcontrol.robots import (
     TwoArms,
     WholeBody,
 )
-from dqcontrol.robots.description import rod_radii
+from dqcontrol.robots.description import foot_below, rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
@@ -156,12 +156,14 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
         if i in own or (not joint and carrier in own):
             continue
         on_base = joint and bases[robot.row_coordinates[i]]
-        if i == 0 and not on_base:
-            yield -1, rod(np.zeros(3), np.array([0, 0, 0.2 * radii[0]]), 1.7 * radii[0]), DARK
+        stands = joint and carrier < 0
+        foot = foot_below(robot, i) if stands else np.zeros(3)
+        if stands and not on_base:
+            yield -1, rod(foot, foot + np.array([0, 0, 0.2 * radii[i]]), 1.7 * radii[i]), DARK
         if not on_base:
             radius = 0.85 * radii[i]
-            if np.linalg.norm(points[i]) > 0.5 * radius:
-                yield carrier, rod(np.zeros(3), points[i], radius, round_ends=joint), SHELL if i else DARK
+            if np.linalg.norm(points[i] - foot) > 0.5 * radius:
+                yield carrier, rod(foot, points[i], radius, round_ends=joint), DARK if stands else SHELL
         if joint and not on_base and robot.chain[i, 7] == PRISMATIC:
             yield from _rail(robot, i, 0.4 * radii[i])
         if joint and not on_base:

@@ -9,6 +9,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.figures.tilted_base import recorded_frames
+from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.laws.constrained.constraints import Constraints
 from dqcontrol.laws.constrained.kept_scene import KeptScene, NearestPair
 from dqcontrol.loop.record import Record
@@ -119,30 +120,21 @@ class Track:
 
     def desired(self, k: int) -> Array:
         """Return the desired pose of the hand, [quaternion, position]; of a relative one where it is in the room."""
-        return pose7("desired", self._in_room(self.record.desired_pose, slice(k, k + 1))[0])
+        return pose7("desired", self._in_room(slice(k, k + 1))[0])
 
-    def _in_room(self, poses: Array, rows: slice) -> Array:
-        """Return desired poses in the room: relative ones are given in the frame of the second hand."""
-        robot, q = self.robot, self.record.q[rows]
-        if not isinstance(robot, TreeRobot) or robot.task.kind != "relative" or not np.isfinite(q).all():
-            return poses[rows]
-        return algebra.multiply(robot.pose_of(robot.task.frames[1], q), poses[rows])
+    def _in_room(self, rows: slice) -> Array:
+        return desired_in_room(self.robot, self.record.q[rows], self.record.desired_pose[rows])
 
     @property
     def target(self) -> Array:
         """Desired positions of the hand in the room, shape (M, 3), m."""
         if isinstance(self.robot, TreeRobot) and self.robot.task.kind == "relative":
-            return algebra.translation(self._in_room(self.record.desired_pose, slice(None)))
+            return algebra.translation(self._in_room(slice(None)))
         return self.record.desired_position if self._planned is None else self._planned
 
     def hand_path(self) -> Array:
-        """Return the path of the hand, of a tree of each frame of its task, as pieces, shape (M, 2, 3), m."""
-        robot, q = self.robot, self.record.q
-        if not isinstance(robot, TreeRobot) or not np.isfinite(q).all():
-            return pieces(self.record.position)
-        return np.concatenate(
-            [pieces(algebra.translation(robot.pose_of(name, q))) for name in robot.task.frames]
-        )
+        """Return the path of the hand, of a tree of all its tips, as pieces, shape (M, 2, 3), m."""
+        return np.concatenate([pieces(path) for path in tip_paths(self.robot, self.record)])
 
     def desired_path(self) -> Array:
         """Return the desired path as dashes, shape (M, 2, 3), m; none where it rests."""

@@ -28,7 +28,7 @@ from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
-from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots import Robot
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away
@@ -69,7 +69,7 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     law counts. Bases with wheels, which cannot go sideways, follow it with their headings as they turn out and with the
     best ones; what leaves less counts.
     """
-    robot = scene.robot.in_form("constrained") if isinstance(scene.robot, WholeBody) else scene.robot
+    robot = scene.robot.in_form("constrained")
     found = [
         _followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]
     ]

@@ -17,6 +17,7 @@ from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:
@@ -135,19 +136,20 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
         chosen = finite[_evenly(hand, poses)]
         for k, frames in enumerate(recorded_frames(robot, record, chosen)):
             strength = 0.25 + 0.75 * k / (poses - 1)
-            links, discs = silhouette(robot, frames)
-            everything += [links, *discs]
+            branches, discs = silhouette(robot, frames)
+            everything += [*branches, *discs]
             last = k == poses - 1
-            axes.plot(
-                *links.T,
-                lw=1.2 + 2.0 * strength,
-                alpha=strength,
-                solid_capstyle="round",
-                marker="o",
-                ms=2.0 + 1.5 * strength,
-                label=(label or "robot") if last else None,
-                **style,
-            )
+            for j, links in enumerate(branches):
+                axes.plot(
+                    *links.T,
+                    lw=1.2 + 2.0 * strength,
+                    alpha=strength,
+                    solid_capstyle="round",
+                    marker="o",
+                    ms=2.0 + 1.5 * strength,
+                    label=(label or "robot") if last and not j else None,
+                    **style,
+                )
             for disc in discs:
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
@@ -168,7 +170,8 @@ def has_base(robot: Robot) -> bool:
 
 def _bases(robot: Robot) -> list[tuple[int, float]]:
     """Return the index of each base's x and the radius that it is drawn with, m."""
-    parts = robot.parts if isinstance(robot, WholeBody) else ()
+    body = robot.base if isinstance(robot, TwoArms) else robot
+    parts = body.parts if isinstance(body, WholeBody) else ()
     return [
         (first, 1.15 * part.half_track if isinstance(part, Drive) else _RADIUS)
         for first, part in parts_with_offsets(parts)
@@ -189,15 +192,15 @@ def _evenly(path: Array, count: int) -> NDArray[np.intp]:
     return np.minimum(np.searchsorted(length, np.linspace(0, length[-1], count)), len(path) - 1)
 
 
-def silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
-    """Return the points from joint to joint, and the rim of each base with a stroke to its front."""
+def silhouette(robot: Robot, frames: Array) -> tuple[list[Array], list[Array]]:
+    """Return the points from joint to joint up to each hand, and the rim of each base with a stroke to its front."""
     bases = _bases(robot)
-    hidden = {first + k for first, _ in bases for k in (0, 1)}
-    kept = [i for i in range(len(frames)) if i not in hidden]
-    points = algebra.translation(frames[kept])
-    if not bases:
-        base = robot.chain[0, 4:7][None]
-        return np.vstack([base, points]), []
+    hidden = {first + k for first, _ in robot.bases for k in (0, 1)}
+    branches = []
+    for end in robot.ends:
+        rows = [row for row in _carriers(robot, end) if row not in hidden]
+        first = [] if robot.bases else [robot.chain[rows[0], 4:7]]
+        branches.append(np.vstack([*first, algebra.translation(frames[rows])]))
     discs = []
     angles = np.linspace(0, 2 * np.pi, 40)
     for first, radius in bases:
@@ -205,7 +208,16 @@ def silhouette(robot: Robot, frames: Array) -> tuple[Array, list[Array]]:
         rim = np.vstack([np.zeros(3), rim])
         one = np.array([1.0, 0, 0, 0])
         discs.append(algebra.translation(algebra.multiply(frames[first + 2], algebra.pose(one, rim))))
-    return points, discs
+    return branches, discs
+
+
+def _carriers(robot: Robot, row: int) -> list[int]:
+    """Return a row of `Robot.frames` and those that carry it, from the base on."""
+    rows = []
+    while row >= 0:
+        rows.append(row)
+        row = int(robot.parents[row])
+    return rows[::-1]
 
 
 def _frame(axes: Any, points: Array) -> None:

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.figures.base_paths import silhouette
 from dqcontrol.figures.style import COLOURS, DESIRED, NEUTRAL, new_figure, styled
 from dqcontrol.figures.tilted_base import recorded_frames
+from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.robot import Robot
 
@@ -45,22 +47,28 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
     axes: Any = figure.subplots()
     finite = np.flatnonzero(np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1))
     frames = recorded_frames(robot, record, finite[:1])[0]
-    links, discs = silhouette(robot, frames)
-    desired, hand = record.desired_position, record.position[finite]
-    onto = _view(np.nanmean(desired, axis=0) - links[0])
-    foot = np.array([*links[0, :2], min(0.0, float(links[:, 2].min()))])
-    flat = links @ onto.T
-    rods = flat if robot.bases else np.vstack([foot @ onto.T, flat])  # a post carries the first joint
-    reach = float(np.ptp(flat, axis=0).max()) or 1.0
-    _floor(axes, foot, 0.35 * reach, onto)
+    branches, discs = silhouette(robot, frames)
+    desired = translation(desired_in_room(robot, record.q, record.desired_pose))
+    first, every = branches[0][0], np.vstack(branches)
+    onto = _view(np.nanmean(desired, axis=0) - first)
+    floor = min(0.0, float(every[:, 2].min()))
+    reach = float(np.ptp(every @ onto.T, axis=0).max()) or 1.0
+    middle = np.mean([links[0] for links in branches], axis=0)
+    _floor(axes, np.array([*middle[:2], floor]), 0.35 * reach, onto)
     for disc in discs:
         axes.fill(*(disc[1:] @ onto.T).T, color=_SHELL, ec=_EDGE, lw=0.8)
     for width, colour in ((8.5, _EDGE), (6.5, _SHELL)):
-        axes.plot(*rods.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
-    axes.plot(*flat[1:-1].T, "o", ms=4, color=COLOURS[1], mew=0)
+        for links in branches:
+            post = [] if robot.bases else [[*links[0, :2], floor]]  # it carries the first joint
+            rods = np.vstack([*post, links]) @ onto.T
+            axes.plot(*rods.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
+    for links in branches:
+        axes.plot(*(links[1:-1] @ onto.T).T, "o", ms=4, color=COLOURS[1], mew=0)
     axes.plot(*(desired @ onto.T).T, color=DESIRED, ls="--", lw=1.1)
-    axes.plot(*(hand @ onto.T).T, color=COLOURS[0], lw=1.4)
-    axes.plot(*flat[-1], "o", ms=5, mec=COLOURS[0], mfc="white", mew=1.3)
+    for path in tip_paths(robot, record):
+        axes.plot(*(path @ onto.T).T, color=COLOURS[0], lw=1.4)
+    for links in branches:
+        axes.plot(*(links[-1] @ onto.T), "o", ms=5, mec=COLOURS[0], mfc="white", mew=1.3)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
     axes.axis("off")

@@ -21,6 +21,7 @@ from dqcontrol.errors import (
     as_positive,
     writing,
 )
+from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.films.clip_file import CLIPS, import_av, write_clip
 from dqcontrol.films.film import Film, frames
@@ -33,7 +34,6 @@ from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
-from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
     from dqcontrol.laws.constrained.constraints import Constraints
@@ -177,12 +177,14 @@ def render_whole(
         }
         render_strip(robot, plant, record, path, times, **look)
         return
+    hand, *hands = tip_paths(robot, record)
     render_run(
         robot,
         record.q,
-        record.pose,
-        record.desired[:, :8],
+        hand,
+        desired_in_room(robot, record.q, record.desired[:, :8]),
         path,
+        further=hands,
         azimuth=film.azimuth if azimuth is None else azimuth,
         elevation=film.elevation if elevation is None else elevation,
         **look,
@@ -312,7 +314,7 @@ def _in_physics(robot: Robot, plant: Plant | None, record: Record) -> tuple[Phys
     """Return how physics draws a mobile manipulator, and its run with the angles of the wheels."""
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return picture, record
-    if isinstance(robot, WholeBody):
+    if robot.bases:
         with contextlib.suppress(ValueRangeError):
             return MobilePlant().picture(robot), with_rolling_wheels(robot, record)
     raise ValueRangeError(

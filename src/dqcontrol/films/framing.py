@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.films.link_meshes import LinkMesh, mesh_corners
+from dqcontrol.robots.description import drawn_reach
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
@@ -49,7 +50,7 @@ def some_samples(record: Record, most: int) -> NDArray[np.int_]:
 
 def framing_of_arm(robot: Robot, q: Array, points: Array, meshes: list[LinkMesh]) -> Framing:
     """Return the room of an arm at configurations (N, n), rad or m, and of points (M, 3), m."""
-    reach = float(np.linalg.norm(robot.chain[:, 4:7], axis=1).sum()) or 1.0
+    reach = drawn_reach(robot)
     corners = mesh_corners(robot, q, meshes)
     everything = np.vstack([points, translation(robot.frames(q).reshape(-1, 8)), corners, [np.zeros(3)]])
     lower, upper = everything.min(axis=0), everything.max(axis=0)

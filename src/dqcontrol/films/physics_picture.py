@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,7 @@ def render_run(
     azimuth: float = 130.0,
     elevation: float = -18.0,
     overwrite: bool = False,
+    further: Sequence[ArrayLike] = (),
 ) -> None:
     """Draw a run and save it as a PNG file.
 
@@ -65,6 +67,8 @@ def render_run(
         Direction of view, degrees; negative elevations look down.
     overwrite
         True to replace an existing file.
+    further
+        Poses or positions of other hands over time, red too.
 
     Raises
     ------
@@ -92,7 +96,8 @@ def render_run(
     rows = as_array("q", q, (robot.configuration_size,))
     if rows.ndim != 2 or not len(rows):
         raise ShapeError(f"q: expected shape (N, {robot.configuration_size}), got {rows.shape}")
-    actual, desired = _positions("pose", pose), _positions("desired_pose", desired_pose)
+    actual, desired = [_positions("pose", pose)], _positions("desired_pose", desired_pose)
+    actual += [_positions(f"further[{i}]", each) for i, each in enumerate(further)]
 
     pixels = _picture(
         robot,
@@ -122,7 +127,7 @@ def _positions(field: str, value: ArrayLike) -> Array:
 def _picture(
     robot: Robot,
     rows: Array,
-    actual: Array,
+    actual: list[Array],
     desired: Array,
     ghosts: int,
     width: int,
@@ -135,12 +140,12 @@ def _picture(
     spec, meshes = skeleton(robot), link_meshes(robot)
     add_meshes(spec, robot, meshes)
     shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
-    framing = framing_of_arm(robot, shown, np.vstack([actual, desired]), meshes)
+    framing = framing_of_arm(robot, shown, np.vstack([*actual, desired]), meshes)
     reach = framing.reach
     add_scene_background(mujoco, spec, framing, azimuth, (width, height))
     model = compiled(spec)
     data = mujoco.MjData(model)
-    scene = mujoco.MjvScene(model, maxgeom=2 * _PIECES + (ghosts + 2) * (model.ngeom + 4))
+    scene = mujoco.MjvScene(model, maxgeom=(1 + len(actual)) * _PIECES + (ghosts + 2) * (model.ngeom + 4))
     options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
 
     def pose_arm(q: Array) -> None:
@@ -156,6 +161,7 @@ def _picture(
         pose_arm(rows[k * (len(rows) - 1) // ghosts])
         add_ghost(mujoco, model, data, scene, _GHOST)
     add_desired(mujoco, scene, desired, reach, _PIECES)
-    add_actual(mujoco, scene, actual, reach, _PIECES)
+    for each in actual:
+        add_actual(mujoco, scene, each, reach, _PIECES)
     with offscreen(width, height):
         return render(model, scene, width, height)

@@ -382,14 +382,17 @@ class PreparedLaw:
         """
         if out is None:
             out = np.empty(self.robot.input_size)
-        try:
-            self.step(q, sample.numbers, -1, state, out)
+        try:  # what `step` does: one call less
+            status = self._step(self.plan, self.memory, q, sample.numbers, -1, self.dt, state, out)
         except TypeError:  # a list, integers
             self._check(state, out)
             values = as_array("q", q)
             if values.ndim != 1:
                 self.robot.kinematics(values)  # says what is wrong
             self.step(values, sample.numbers, -1, state, out)
+            return out
+        if status:
+            self._raise(status, q, state, out)
         return out
 
     def _check(self, state: object, out: Array) -> None:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.gravity import WORK, body_table, gravity_torque
+from dqcontrol.robots.gravity import WORK, body_table, robot_gravity_torque
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -30,20 +31,19 @@ class CompensationParameters(NamedTuple):
 
     Attributes
     ----------
-    period, late
-        T, and how many targets are remembered.
+    period
+        T.
     share
         1 − exp(−T/τ_q) of the observer; 0 without one.
     gravity
         In the base frame.
     compliance, decay, delay, oldest
         Of each joint: c, exp(−T/τ), delay in periods begun, and the weight of the older target.
-    bodies, chain
-        Of the robot.
+    weights, table
+        Of the robot's bodies, and the table of the joints that carry them; see `robots.gravity`.
     """
 
     period: float
-    late: float
     share: float
     sags: float
     gravity: Annotated[Array, 3]
@@ -51,8 +51,17 @@ class CompensationParameters(NamedTuple):
     decay: Annotated[Array, "n"]
     delay: Annotated[Array, "n"]
     oldest: Annotated[Array, "n"]
-    bodies: Annotated[Array, "n", 4]
-    chain: Annotated[Array, "n + 1", 8]
+    weights: Annotated[Array, "bodies", 4]
+    table: Annotated[Array, "bodies + 1", "columns"]
+
+
+class CompensationSizes(NamedTuple):
+    """What stands before the parameters: how many targets are remembered, how many bodies sag, and their table."""
+
+    late: float
+    bodies: float
+    columns: float
+    rest: Annotated[Array, ...]
 
 
 class CompensationMemory(NamedTuple):
@@ -64,13 +73,14 @@ class CompensationMemory(NamedTuple):
     torque: Annotated[Array, "n"]
     ahead: Annotated[Array, "n"]
     moved: Annotated[Array, "n"]
-    scratch: Annotated[Array, "n", WORK]
+    scratch: Annotated[Array, "bodies", WORK]
     targets: Annotated[Array, "late", "n"]
     sent: Annotated[Array, "n"]
 
 
-compensation_parameters = MemoryLayout(CompensationParameters, "n")
-compensation_memory = MemoryLayout(CompensationMemory, "n", "late")
+compensation_sizes = MemoryLayout(CompensationSizes)
+compensation_parameters = MemoryLayout(CompensationParameters, "n", "bodies", "columns")
+compensation_memory = MemoryLayout(CompensationMemory, "n", "late", "bodies")
 
 
 @kernel(POSITION_LIMIT)
@@ -79,7 +89,7 @@ def compensate(
 ):
     """Write the law's command, with what the joints will give way added, and what they were seen to give way.
 
-    The memory's size depends on n and on how many targets it holds, which the second parameter says.
+    The memory, which stands last in the state, has a size that depends on how many targets and bodies it holds.
     """
     status = call_law(
         law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
@@ -87,17 +97,18 @@ def compensate(
     if status != OK:
         return status
     n = out.shape[0]
-    given = compensation_parameters(parameters, n)
-    late = int(given.late)
-    size = 1 + n * (6 + 18 + late)
-    kept = compensation_memory(state[state.shape[0] - size :], n, late)
+    sizes = compensation_sizes(parameters)
+    late, bodies, columns = int(sizes.late), int(sizes.bodies), int(sizes.columns)
+    given = compensation_parameters(sizes.rest, n, bodies, columns)
+    size = 1 + n * (6 + late) + WORK * bodies
+    kept = compensation_memory(state[state.shape[0] - size :], n, late, bodies)
     targets, torque, before = kept.targets, kept.torque, kept.before
-    scratch = state[state.shape[0] - size + 1 + 5 * n : state.shape[0] - size + 1 + 23 * n]
+    scratch = as_matrix(kept.scratch, 1, WORK * bodies)[0]
     for i in range(n):
         torque[i] = 0.0
         kept.moved[i] = q[i]
     if given.sags != 0.0:
-        status = gravity_torque(given.chain, given.bodies, kept.moved, given.gravity, torque, scratch)
+        status = robot_gravity_torque(given.table, given.weights, kept.moved, given.gravity, torque, scratch)
         if status != OK:
             return status
     if kept.begun[0] == 0.0:
@@ -127,7 +138,9 @@ def compensate(
     if given.sags != 0.0:
         for i in range(n):
             kept.moved[i] = q[i] + given.period * out[i]
-        status = gravity_torque(given.chain, given.bodies, kept.moved, given.gravity, kept.ahead, scratch)
+        status = robot_gravity_torque(
+            given.table, given.weights, kept.moved, given.gravity, kept.ahead, scratch
+        )
         if status != OK:
             return status
         for i in range(n):
@@ -184,25 +197,24 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         Raises
         ------
         Error
-            If one is not allowed, the robot has a mobile base or branches, or no inertia for its sag.
+            If one is not allowed, the robot has a drive, or no inertia for its sag.
         """
         n = robot.configuration_size
-        if robot.input_size != n or robot.table.shape != (n + 1, 8):
-            raise ShapeError(f"limits.compensation: is for arms, and {robot.name} is none")
+        if robot.input_size != n:
+            raise ShapeError(f"limits.compensation: is for arms, and {robot.name} drives")
         compliance = self._each("compliance", n)
         if compliance.any() and robot.inertia is None:
             raise ValueRangeError(f"limits.compensation.compliance: {robot.name} has no inertia to sag under")
         answers = [self._answer(delay, lag, dt) for delay, lag in zip(*self._model(n), strict=True)]
         delays, oldest, decays = np.array(answers).T
-        bodies = body_table(robot.inertia) if robot.inertia is not None else np.zeros((n, 4))
+        weights, table = self._bodies(robot)
         share = (
             -math.expm1(-dt / as_positive("limits.compensation.observer", self.observer))
             if self.observer
             else 0.0
         )
-        return compensation_parameters.pack(
+        rest = compensation_parameters.pack(
             period=dt,
-            late=self._late(n, dt),
             share=share,
             sags=float(compliance.any()),
             gravity=as_array("limits.compensation.gravity", self.gravity, (3,)),
@@ -210,14 +222,23 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
             decay=decays,
             delay=delays,
             oldest=oldest,
-            bodies=bodies,
-            chain=robot.table,
+            weights=weights,
+            table=table,
+        )
+        return compensation_sizes.pack(
+            late=self._late(n, dt), bodies=len(weights), columns=table.shape[1], rest=rest
         )
 
     def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
         """Return how many numbers are kept from sample to sample, the last n of them the command that left."""
         n = robot.configuration_size
-        return compensation_memory.size(n, self._late(n, dt))
+        return compensation_memory.size(n, self._late(n, dt), len(self._bodies(robot)[0]))
+
+    def _bodies(self, robot: Robot) -> tuple[Array, Array]:
+        """Return the robot's bodies that sag, and the table of the joints that carry them."""
+        if robot.inertia is None or not np.any(self.compliance):
+            return np.zeros((0, 4)), np.zeros((1, 8))
+        return body_table(robot.inertia), robot.weighed_table
 
     def _late(self, n: int, dt: float) -> int:
         delays, _ = self._model(n)

@@ -17,7 +17,7 @@ from dqcontrol.laws.inverses import Inverse
 from dqcontrol.loop.record import Record, part_of, row_norms
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST
-from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots import Robot
 
 Part = Literal["pose", "position", "rotation", "axis"]
 
@@ -93,7 +93,7 @@ def task_range(
     >>> round(float(found.share[0]), 1), round(float(found.share[-1]), 1), bool(record.error[-1] > 0.01)
     (0.3, 1.0, True)
     """
-    moved = robot.in_form("constrained") if isinstance(robot, WholeBody) else robot
+    moved = robot.in_form("constrained")
     usable = np.isfinite(record.q).all(axis=1) & (np.abs(record.pose).max(axis=1) < _FARTHEST)
     q, pose = np.where(usable[:, None], record.q, 0.0), np.where(usable[:, None], record.pose, _HERE)
     if body_twist is None:

@@ -57,6 +57,14 @@ class PhysicsPicture(NamedTuple):
     coordinates: Callable[[Any, Array, Mapping[str, Array]], Array]
 
 
+class MovingBox(NamedTuple):
+    """A box in pictures: its places (N, 3), m, its orientations (N, 4), and half its sizes (3,), m."""
+
+    position: Array
+    quaternion: Array
+    half_sizes: Array
+
+
 class Plant(
     Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
 ):
@@ -154,6 +162,10 @@ class Plant(
         list
             Of each its centres, shape (N, 3), m, base frame, NaN while it is not there, and its radius, m.
         """
+        return []
+
+    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
+        """Return what boxes a robot moves in a run, by its configurations (N, n) and what was sensed, for pictures."""
         return []
 
     def picture(self, robot: Robot) -> PhysicsPicture | None:

@@ -19,6 +19,7 @@ from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
+from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
 from dqcontrol.plants.plant import command_mode
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _ROUND_OFF = 1e-9  # as a share of a velocity limit
 _STUCK = 0.9  # share of the twist asked for, in the measure of the law's inverse, that the robot cannot give
 _CROSSED = 1e-9  # m or rad
+_CLOSING = 0.1  # s in which hands close on what they carry
 _ENDED = 0.1  # s before the end of a run
 _RISE = 1e-3  # of V in a sample, as a share of its first value
 
@@ -50,6 +52,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_velocity_limits(run),
         *_clearance(run),
         *_kept(run.record),
+        *_held_box(run.record),
         *_interventions(run.record),
         *_range(run),
         *_periods(run.timing),
@@ -152,6 +155,17 @@ def _kept(record: Record) -> Iterator[Row]:
         words = f"{longest.begin:.2f} … {longest.end:.2f} s by {', '.join(longest.names)}"
         lasts = found[-1].end >= record.time[-1] - _ENDED
         yield ["Deadlock", VerdictCell("held" if lasts else "left", None), words]
+
+
+def _held_box(record: Record) -> Iterator[Row]:
+    """Yield whether both hands pressed a box since they closed, and their least internal force."""
+    if GRIP_FORCE not in record.readings:
+        return
+    internal = record.readings[GRIP_FORCE].values.min(axis=1)
+    closed = int(np.argmax((internal > 0) & (record.time >= _CLOSING)))
+    least = float(internal[closed:].min())
+    words = f"internal force {least:.3g} N at least, after {record.time[closed]:.2g} s"
+    yield ["Box", VerdictCell(*(("held", True) if least > 0 else ("let go", False))), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -16,7 +17,7 @@ from dqcontrol.robots.jacobian_rates import batch as rates_batch
 from dqcontrol.robots.jacobian_rates import jacobian_rates
 from dqcontrol.robots.poses import positions
 
-_new, _empty = object.__new__, np.empty
+_new, _empty, _ndarray = object.__new__, np.empty, np.ndarray
 
 
 class Kinematics:
@@ -70,6 +71,9 @@ class ChainRobot:
     chain: Array  # may not be written
     table: Array  # what the kernels read: the chain
     _table: Array  # the same, as compiled code takes it at once: an array that may not be written costs 0.3 µs more
+    _compute: (
+        Callable[..., int] | None
+    )  # machine code of `kinematics_apart`: three look-ups less than asking for it
     configuration_size: int
     input_size: int
 
@@ -79,8 +83,12 @@ class ChainRobot:
         self.chain = self.table
 
     def _keep_table(self, table: Array) -> None:
-        self._table, self.table = table, table.view()
+        self._table, self.table, self._compute = table, table.view(), None
         self.table.flags.writeable = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what copies and other processes get: all but machine code."""
+        return {**self.__dict__, "_compute": None}
 
     def fkm(self, q: ArrayLike) -> Array:
         """Return the end pose, shape (…, 8), inertial frame. [P16 3.13]."""
@@ -120,7 +128,9 @@ class ChainRobot:
         if out is None:
             out, m = _new(Kinematics), self.input_size
             out.pose, out.pose_jacobian, out.twist_jacobian = _empty(8), _empty((8, m)), _empty((6, m))
-        compute = self.kernels.kinematics_apart.compiled
+        compute = self._compute
+        if compute is None:
+            compute = self._compute = self.kernels.kinematics_apart.compiled
         try:
             status = compute(self._table, q, out.pose, out.pose_jacobian, out.twist_jacobian)
         except TypeError:  # a list, integers, several configurations
@@ -136,10 +146,14 @@ class ChainRobot:
 
     def pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J, shape (…, 8, m), with vec8(ẋ) = J u. [P16 3.1; S17 4.3]."""
+        if type(q) is _ndarray and q.ndim == 1:
+            return self.kinematics(q).pose_jacobian
         return self._columns(q, self.kernels.kinematics, 0, 8)
 
     def twist_jacobian(self, q: ArrayLike) -> Array:
         """Return J_w, shape (…, 6, m), with vec6(ξ) = J_w u, ξ the inertial twist. [P16 3.14, 3.51]."""
+        if type(q) is _ndarray and q.ndim == 1:
+            return self.kinematics(q).twist_jacobian
         return self._columns(q, self.kernels.kinematics, 8, 6)
 
     def translation_jacobian(self, q: ArrayLike) -> Array:
@@ -195,7 +209,7 @@ class ChainRobot:
     def _rates(self, q: ArrayLike, u: ArrayLike) -> Array:
         """Return what `jacobian_rates` writes, shape (…, 8 + 28 m)."""
         n, m = self.configuration_size, self.input_size
-        if _is_row(q) and _is_row(u):
+        if type(q) is _ndarray and type(u) is _ndarray and q.ndim == u.ndim == 1:
             out = _empty(8 + 28 * m)
             try:
                 if jacobian_rates.compiled(self._table, q, u, out) == OK:
@@ -223,7 +237,7 @@ class ChainRobot:
         """Return what a function of the robot's table, or of another one, makes of each row, shape (…, size)."""
         if table is None:
             table = self._table
-        if _is_row(values):
+        if type(values) is _ndarray and values.ndim == 1:
             out = _empty(size)  # called directly, ten times faster than as a batch
             try:
                 if function.compiled(table, values, out) == OK:
@@ -244,10 +258,6 @@ class ChainRobot:
                 f"q: expected shape ({self.configuration_size},) for {self.name}, got {np.shape(q)}"
             )
         raise ValueRangeError(f"q: must be finite, got {np.asarray(q)}")
-
-
-def _is_row(values: ArrayLike) -> bool:
-    return type(values) is np.ndarray and values.ndim == 1
 
 
 def _matrix(flat: Array, first: int, rows: int, columns: int) -> Array:

@@ -111,6 +111,13 @@ def drawn_reach(robot: Robot) -> float:
     return float(_lengths_and_depths(robot)[0].max()) or 1.0
 
 
+def foot_below(robot: Robot, row: int) -> Array:
+    """Return where what carries a first joint is drawn from, m: the base, or the floor below if there are several."""
+    if (np.asarray(robot.parents)[: len(robot.row_coordinates)] < 0).sum() < 2:
+        return np.zeros(3)
+    return robot.chain[row, 4:7] * [1, 1, 0]
+
+
 def rod_radii(robot: Robot) -> Array:
     """Return the radius, m, of what is drawn at each row of `Robot.chain`: less towards the hands."""
     depth = _lengths_and_depths(robot)[1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +18,11 @@ from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.whole_body import Drive
+
+Form: TypeAlias = Literal["constrained", "unconstrained"]
 
 
 class NamedFrame(NamedTuple):
@@ -80,6 +85,15 @@ class Robot(InverseKinematics):
         """Index of the first coordinate of each mobile base, and its kind."""
         return ()
 
+    @property
+    def driven_bases(self) -> tuple[Drive, ...]:
+        """The bases that cannot move sideways, in the order of `drives`."""
+        return ()
+
+    def in_form(self, form: Form) -> Robot:
+        """Return the same robot with constrained or unconstrained inputs; see `WholeBody`."""
+        return self
+
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
 
@@ -122,13 +136,23 @@ class Robot(InverseKinematics):
         return np.arange(self.configuration_size)
 
     @property
+    def joint_offsets(self) -> Array:
+        """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
+        return np.zeros(self.configuration_size)
+
+    @property
+    def weighed_table(self) -> Array:
+        """The table of all joints by which `gravity` knows where the bodies are: the chain, or all of a tree."""
+        return self.chain
+
+    @property
     def ends(self) -> tuple[int, ...]:
         """Rows of `chain` and `frames` that are hands."""
         return (len(self.chain) - 1,)
 
     @property
     def follows(self) -> tuple[str, ...]:
-        """Names of joints that follow others."""
+        """Names of coordinates that physics cannot give a servo: of joints that follow others."""
         return ()
 
     @property
@@ -181,7 +205,7 @@ class Robot(InverseKinematics):
         return out.reshape(*batch_shape, self.configuration_size)
 
     def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
-        """Return the joint torques that hold the arm still, τ_g = ∂U/∂q.
+        """Return the joint torques that hold the robot still, τ_g = ∂U/∂q.
 
         Parameters
         ----------
@@ -213,9 +237,10 @@ class Robot(InverseKinematics):
         if fall.ndim != 1:
             raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
         rows = np.ascontiguousarray(values.reshape(-1, n))
-        out = np.empty_like(rows)
-        bodies = body_table(self.inertia)
-        gravity_torques(self.chain, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * n))
+        out, bodies = np.empty_like(rows), body_table(self.inertia)
+        gravity_torques(
+            self.weighed_table, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * len(bodies))
+        )
         return out.reshape(values.shape)
 
     def _repr_markdown_(self) -> str:

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.algebra.conversions import matrix_from_pose
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
@@ -26,7 +25,7 @@ from dqcontrol.robots.inverse_kinematics import (
     as_whole_number,
     prepare_inverse,
 )
-from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
+from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.pose_task_kernels import (
     CENTER_OF_MASS,
@@ -252,6 +251,11 @@ class TreeRobot(Robot):
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
+    def weighed_table(self) -> Array:
+        """The joints' table; see `Robot.weighed_table`."""
+        return self.joint_table
+
+    @property
     def table_with_hands(self) -> Array:
         """Those rows, and those of the frames of the task."""
         hands = [self.named_frames[name] for name in self.task.frames]
@@ -274,31 +278,15 @@ class TreeRobot(Robot):
 
     @property
     def follows(self) -> tuple[str, ...]:
-        """Coordinates that more than one joint follows."""
-        used = self.joints.coordinate.tolist()
-        return tuple(name for i, name in enumerate(self.joint_names) if used.count(i) > 1)
+        """Coordinates that more than one joint follows, or one by a factor."""
+        used, factors = self.joints.coordinate.tolist(), self.joints.multiplier
+        followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
+        return tuple(name for i, name in enumerate(self.joint_names) if i in followed)
 
-    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
-        """Return the torques that hold the robot still, τ_g = ∂U/∂q, shape (…, n): see `Robot.gravity_torque`."""
-        if self.inertia is None:
-            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
-        values, fall = self._rows("q", q), as_array("gravity", gravity, (3,))
-        joints, count = self.joints, len(self.joints.kind)
-        places = matrix_from_pose(self.frames(values)[..., :count, :])
-        turns, origins = places[..., :3, :3], places[..., :3, 3]
-        mass = np.zeros((*values.shape[:-1], count)) + self.inertia.mass
-        moment = mass[..., None] * ((turns @ self.inertia.center[:, :, None])[..., 0] + origins)
-        out = np.zeros_like(values)
-        for i in range(count - 1, -1, -1):  # what a joint carries, its children included
-            axis = turns[..., i, :, 2]
-            weight = mass[..., i, None] * fall
-            arm = moment[..., i, :] - mass[..., i, None] * origins[..., i, :]
-            lift = np.cross(axis, arm) @ fall if joints.kind[i] == REVOLUTE else (axis * weight).sum(axis=-1)
-            out[..., joints.coordinate[i]] -= joints.multiplier[i] * lift
-            if (parent := joints.parent[i]) >= 0:
-                mass[..., parent] += mass[..., i]
-                moment[..., parent, :] += moment[..., i, :]
-        return out
+    @property
+    def joint_offsets(self) -> Array:
+        """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
+        return self.joints.offset
 
     def with_task(self, task: PoseTask | str) -> TreeRobot:
         """Return the same robot with something else to be driven.

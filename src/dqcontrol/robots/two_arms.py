@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, TypeAlias, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +16,11 @@ from dqcontrol.robots.dh import shift
 from dqcontrol.robots.driving import DRIVE_COLUMNS
 from dqcontrol.robots.joined_chains import distinct_names, joined_chains
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Form, Robot
 from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.whole_body import Drive
 
 TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
 _LEFT, _RIGHT = "left", "right"
@@ -124,14 +127,31 @@ class TwoArms(TreeRobot):
         return super().as_task(task)
 
     @property
+    def parts(self) -> tuple[Robot, ...]:
+        """What it was made of, in the order of the coordinates."""
+        return tuple(part for part in (self.base, self.left, self.right) if part is not None)
+
+    @property
     def bases(self) -> tuple[tuple[int, str], ...]:
         """Index of the first coordinate of each mobile base, and its kind."""
         found, first = [], 0
-        for part in (self.base, self.left, self.right):
-            if part is not None:
-                found += [(first + at, kind) for at, kind in part.bases]
-                first += part.configuration_size
+        for part in self.parts:
+            found += [(first + at, kind) for at, kind in part.bases]
+            first += part.configuration_size
         return tuple(found)
+
+    @property
+    def driven_bases(self) -> tuple[Drive, ...]:
+        """The bases that cannot move sideways, in the order of `drives`."""
+        return tuple(base for part in self.parts for base in part.driven_bases)
+
+    def in_form(self, form: Form) -> TreeRobot:
+        """Return the same robot with constrained or unconstrained inputs of its bases; see `WholeBody`."""
+        left, right, base = self.left.in_form(form), self.right.in_form(form), self.base
+        return TwoArms(left, right, base=base and base.in_form(form), name=self.name).with_task(self.task)
+
+    def _base_accelerations(self) -> Array:
+        return np.concatenate([part.acceleration_limits("limits") for part in self.parts])
 
     def relative_pose(self, q: ArrayLike) -> Array:
         """Return x_r = x₂*x₁, the left hand seen from the right one, shape (…, 8).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,10 @@ from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
-from dqcontrol.robots.robot import Robot, paired_rows
+from dqcontrol.robots.robot import Form, Robot, paired_rows
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 
-Form: TypeAlias = Literal["constrained", "unconstrained"]
 Drive: TypeAlias = DifferentialDrive | CarLikeBase | SteeredTricycle
 Base: TypeAlias = Drive | HolonomicBase
 Mover: TypeAlias = Base | SerialArm
@@ -122,6 +121,11 @@ class WholeBody(Robot):
             for first, part in parts_with_offsets(self.parts)
             if not isinstance(part, SerialArm)
         )
+
+    @property
+    def driven_bases(self) -> tuple[Drive, ...]:
+        """The bases that cannot move sideways, in the order of `drives`."""
+        return tuple(part for part in self.parts if isinstance(part, Drive))
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""

@@ -44,7 +44,7 @@ class RobotParts:
     @cached_property
     def driven(self) -> Robot:
         """The robot with inputs that it can follow: v and ω of a drive."""
-        return self.robot.in_form("constrained") if isinstance(self.robot, WholeBody) else self.robot
+        return self.robot.in_form("constrained")
 
     @cached_property
     def place(self) -> Indices:

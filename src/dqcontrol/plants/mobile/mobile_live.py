@@ -21,12 +21,12 @@ from dqcontrol.plants.mobile.wheeled_base import WHEELS, yaw_of
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
+from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mobile.mobile_plant import MobilePlant
     from dqcontrol.robots.bases import DifferentialDrive
-    from dqcontrol.robots.serial_arm import SerialArm
-    from dqcontrol.robots.whole_body import WholeBody
+    from dqcontrol.robots.robot import Robot
 
 
 TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
@@ -55,9 +55,9 @@ class LiveMobile(LivePlant):
     def __init__(
         self,
         plant: MobilePlant,
-        robot: WholeBody,
+        robot: Robot,
         drive: DifferentialDrive,
-        arm: SerialArm | None,
+        arm: Robot | None,
         model: Any,
         substeps: int,
         run: tuple[float, int, int],
@@ -76,7 +76,10 @@ class LiveMobile(LivePlant):
         self._rim = robot.limits.velocity[0] / drive.wheel_radius
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
-        self._acceleration, self._moving = robot.largest_acceleration[:2].tolist(), [0.0, 0.0]  # of v and ω
+        self._acceleration, self._moving = (
+            robot.in_form("constrained").acceleration_limits("plant")[:2].tolist(),
+            [0.0, 0.0],
+        )  # of v and ω
         self.channels = _channels(plant)
         self.readings = np.zeros(sum(channel.size for channel in self.channels))
 
@@ -132,7 +135,7 @@ class LiveMobile(LivePlant):
             rates of the configuration, shape (n,); m/s and rad/s.
         """
         u = as_command(command, self._robot.input_size)
-        if len(u) == len(self.q):
+        if len(u) == len(self.q) and isinstance(self._robot, WholeBody):
             u = self._robot.feasible_inputs(self.measured, u)
         if self._sight is not None and self._sight.is_over:
             raise ValueRangeError("step: the plant was started for fewer periods, and they are over")

@@ -1,4 +1,4 @@
-"""A mobile manipulator on real wheels, moved by MuJoCo."""
+"""A mobile manipulator, with one arm or two, on real wheels, moved by MuJoCo."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ _SETTLING = 0.5  # s; until the robot stands still on its contacts
 
 
 class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
-    """A differential drive with an arm on a floor: wheels that roll and slip, casters, a gripper and things to grip.
+    """A differential drive with one arm or two on a floor: wheels that roll and slip, casters, grippers, cubes.
 
     The base is a free body; its wheels touch the floor with friction and are turned by speed controllers, which get
     ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, both scaled down where the rims would be too fast. The arm's joints have
@@ -65,7 +66,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     armature
         As of `MujocoPlant`.
     gripper
-        At the hand; none if omitted.
+        At the hand of one arm; none if omitted.
     scene
         Cubes and baskets.
 
@@ -109,7 +110,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         Parameters
         ----------
         robot
-            A whole body: a differential drive first, then arms and fixed poses.
+            A whole body: a differential drive first, then arms and fixed poses; or two arms on one.
         q0
             First configuration, shape (n,), rad or m, joints within their limits.
         dt
@@ -127,14 +128,14 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
-        body, drive, arm = self._parts_of(robot)
+        drive, arm = self._parts_of(robot)
         base = self.base.under(drive, robot.name)
         if arm is not None:
             check_standing(robot.name, base, drive, arm)
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
         model = self._mobile_model(robot, drive, arm)
-        live = LiveMobile(self, body, drive, arm, model, substeps, (dt, steps, seed))
+        live = LiveMobile(self, robot, drive, arm, model, substeps, (dt, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
@@ -146,7 +147,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     def picture(self, robot: Robot) -> PhysicsPicture:
         """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
         return PhysicsPicture(
-            self._spec(*self._parts_of(robot)),
+            self._spec(robot, *self._parts_of(robot)),
             np.array([[*thing.position, 0.0] for thing in (*self.scene.cubes, *self.scene.baskets)]).reshape(
                 -1, 3
             ),
@@ -155,30 +156,49 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             ),
         )
 
-    def _parts_of(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
-        """Return the robot, its drive and what that carries, the arm with inertias."""
-        parts = robot.parts if isinstance(robot, WholeBody) else ()
+    def _parts_of(self, robot: Robot) -> tuple[DifferentialDrive, Robot | None]:
+        """Return the drive and what stands on it, one arm or two on a torso, with inertias."""
+        body = robot.base if isinstance(robot, TwoArms) else robot
+        parts = body.parts if isinstance(body, WholeBody) else ()
         drive = parts[0] if parts else None
         carried = [part for part in parts[1:] if isinstance(part, SerialArm | np.ndarray)]
-        if (
-            not isinstance(robot, WholeBody)
-            or not isinstance(drive, DifferentialDrive)
-            or len(carried) < len(parts) - 1
-        ):
+        if not isinstance(drive, DifferentialDrive) or len(carried) < len(parts) - 1 or len(robot.bases) > 1:
             found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
             raise ValueRangeError(
                 f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
                 f"{robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
-        if not any(isinstance(part, SerialArm) for part in carried):
-            return robot, drive, None
-        arm = SerialArm.join(carried, robot.name)
-        if arm.inertia is None:
-            masses = as_each("plant.link_mass", self.link_mass, arm.configuration_size)
-            arm = with_assumed_inertia(arm, masses, self.link_radius)
-        return robot, drive, arm
+        torso = (
+            [SerialArm.join(carried, robot.name)]
+            if any(isinstance(part, SerialArm) for part in carried)
+            else []
+        )
+        if not isinstance(robot, TwoArms):
+            return drive, self._with_inertias(torso)[0] if torso else None
+        if self.gripper is not None:
+            raise ValueRangeError(f"plant.gripper: is at the hand of one arm, and {robot.name} has two")
+        if robot.input_size == robot.configuration_size:
+            raise ValueRangeError(
+                f"plant: mobile drives two arms by v and ω, and {robot.name} is unconstrained; "
+                "give its base 'form: constrained'"
+            )
+        arms = [part for part in (robot.left, robot.right) if isinstance(part, SerialArm)]
+        if not torso:
+            arms = [SerialArm.join([*carried, arm], arm.name) for arm in arms]
+        *base, left, right = self._with_inertias([*torso, *arms])
+        return drive, TwoArms(left, right, base=base[0] if base else None, name=robot.name)
 
-    def _spec(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+    def _with_inertias(self, arms: list[SerialArm]) -> list[SerialArm]:
+        """Return arms with inertias, those assumed if one has none."""
+        if all(arm.inertia is not None for arm in arms):
+            return arms
+        ends = np.cumsum([arm.configuration_size for arm in arms])
+        masses = np.split(as_each("plant.link_mass", self.link_mass, int(ends[-1])), ends[:-1])
+        return [
+            with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in zip(arms, masses, strict=True)
+        ]
+
+    def _spec(self, robot: Robot, drive: DifferentialDrive, arm: Robot | None) -> Any:
         """Return robot, gripper and scene without motors."""
         mujoco = import_mujoco()
         spec = mujoco.MjSpec()
@@ -201,7 +221,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         add_scene(spec, self.scene)
         return spec
 
-    def _mobile_model(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+    def _mobile_model(self, robot: Robot, drive: DifferentialDrive, arm: Robot | None) -> Any:
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
         spec = self._spec(robot, drive, arm)

@@ -17,7 +17,7 @@ from dqcontrol.errors import ValueRangeError
 if TYPE_CHECKING:
     from dqcontrol.plants.mobile.wheeled_base import SolidBase
     from dqcontrol.robots.bases import DifferentialDrive
-    from dqcontrol.robots.serial_arm import SerialArm
+    from dqcontrol.robots.robot import Robot
 
 
 _STARTS, _SWEEPS = 8, 30  # of the search for the worst posture
@@ -48,7 +48,7 @@ class Stance:
     least_mass: float
 
 
-def check_standing(name: str, base: SolidBase, drive: DifferentialDrive, arm: SerialArm) -> None:
+def check_standing(name: str, base: SolidBase, drive: DifferentialDrive, arm: Robot) -> None:
     """Raise if a robot at rest would fall over in some posture within its joint limits.
 
     Parameters
@@ -86,12 +86,12 @@ class _Arm:
     """An arm that equals others with the same numbers."""
 
     numbers: bytes
-    arm: SerialArm = field(compare=False)
+    arm: Robot = field(compare=False)
 
 
-def _numbers(arm: SerialArm) -> bytes:
+def _numbers(arm: Robot) -> bytes:
     assert arm.inertia is not None
-    arrays = arm.chain, arm.limits.lower, arm.limits.upper, arm.inertia.mass, arm.inertia.center
+    arrays = arm.chain, arm.parents, arm.limits.lower, arm.limits.upper, arm.inertia.mass, arm.inertia.center
     return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
 
 
@@ -101,7 +101,7 @@ def _known(base: SolidBase, drive: DifferentialDrive, arm: _Arm) -> Stance:
     return stance(base, drive, arm.arm)
 
 
-def stance(base: SolidBase, drive: DifferentialDrive, arm: SerialArm) -> Stance:
+def stance(base: SolidBase, drive: DifferentialDrive, arm: Robot) -> Stance:
     """Return how a robot stands in its worst posture.
 
     The polygon is the rhombus of wheels (0, ±b) and casters (±c, 0). With n the outward normal of an edge and d its
@@ -133,7 +133,7 @@ def stance(base: SolidBase, drive: DifferentialDrive, arm: SerialArm) -> Stance:
     )
 
 
-def _worst_postures(arm: SerialArm, normals: Array, distance: float) -> tuple[Array, Array]:
+def _worst_postures(arm: Robot, normals: Array, distance: float) -> tuple[Array, Array]:
     """Return for each edge the posture (n,) that tips the robot most over it, and Σ m (n · c − d) of the arm there."""
     slides = np.array([kind == "prismatic" for kind in arm.joint_types])
     reach = np.where(slides, _FARTHEST, math.pi)
@@ -182,11 +182,11 @@ def _best_angle(
     return np.where(turned <= upper, turned, nearer)
 
 
-def _moments(arm: SerialArm, q: Array, normals: Array, distance: float) -> Array:
+def _moments(arm: Robot, q: Array, normals: Array, distance: float) -> Array:
     """Return Σ m_i (n · c_i − d) of an arm's links at configurations (N, n), one normal (3,) each."""
     assert arm.inertia is not None
     mass, center = arm.inertia.mass, arm.inertia.center
-    frames = arm.frames(q)[:, :-1]
+    frames = arm.frames(q)[:, : len(mass)]
     centres = algebra.translation(frames) + _rotated(frames[..., :4], center)
     return np.einsum("i,kij,kj->k", mass, centres, normals) - mass.sum() * distance
 

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 GRIP_FORCE = "grip_force"
+BOX_POSITION, BOX_QUATERNION = "box_position", "box_quaternion"
 CHANNELS = (
-    Channel("box_position", ("x", "y", "z"), "m"),
-    Channel("box_quaternion", ("w", "x", "y", "z"), ""),
+    Channel(BOX_POSITION, ("x", "y", "z"), "m"),
+    Channel(BOX_QUATERNION, ("w", "x", "y", "z"), ""),
     Channel(GRIP_FORCE, ("first", "second"), "N"),
 )
 _PAD = 0.01, 0.05, 0.05  # half sizes of the hands' pads, m
@@ -69,8 +70,8 @@ class CarriedBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         hands = [frames[row] for row in robot.ends]
         first, second = (positions(hand) for hand in hands)
         apart = float(np.linalg.norm(first - second))
-        half = 0.5 * apart - _PAD[0]
-        if half < 0.02:
+        size = self.half_sizes(robot, start)
+        if size[0] < 0.02:
             raise ValueRangeError(
                 f"plant.box: both hands start {apart:.3g} m apart, too near for a box; change 'start'"
             )
@@ -89,8 +90,14 @@ class CarriedBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         )  # and friction as stiff as pressure allows: no creeping
         spec.option.impratio = 50.0
         geom = box.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_WOOD, mass=self.mass, name="box")
-        geom.size = half, 0.5 * self.depth, 0.5 * self.height
+        geom.size = size
         self._rub(geom, timestep)
+
+    def half_sizes(self, robot: Robot, start: Array) -> Array:
+        """Return half the sizes of the box between the hands at a start configuration, shape (3,), m."""
+        first, second = (positions(robot.frames(start)[row]) for row in robot.ends)
+        apart = float(np.linalg.norm(first - second))
+        return np.array([0.5 * apart - _PAD[0], 0.5 * self.depth, 0.5 * self.height])
 
     def squeezed(self, robot: Robot, start: Array) -> Array:
         """Return by how much the servos' targets differ at the start: both hands move half the squeeze to the other."""

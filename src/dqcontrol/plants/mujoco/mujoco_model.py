@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.robots.description import drawn_reach, rod_radii
+from dqcontrol.robots.description import drawn_reach, foot_below, rod_radii
 from dqcontrol.robots.mujoco_package import import_mujoco as import_mujoco
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def add_arm(parent: Any, robot: Robot) -> None:
         body = carrier.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
         body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
-        joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1])
+        joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1], ref=-robot.joint_offsets[i])
         if np.isfinite(lower) and np.isfinite(upper):
             joint.range, joint.limited = (lower, upper), mujoco.mjtLimited.mjLIMITED_TRUE
         draw.drum(body, i)
@@ -168,14 +168,15 @@ class _Shapes:
 
     def link(self, body: Any, i: int) -> None:
         """Draw what leads from joint i − 1 to joint i (or to the hand)."""
-        end, radius = self.robot.chain[i, 4:7], 0.85 * self.radii[i]
-        length = np.linalg.norm(end)
+        end, radius, start = self.robot.chain[i, 4:7], 0.85 * self.radii[i], np.zeros(3)
         if self.robot.parents[i] < 0 and i not in self.robot.ends:
-            self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE)
+            start = foot_below(self.robot, i)
+            self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
+        length = np.linalg.norm(end - start)
         if length > 0.5 * radius:
             kind = "CYLINDER" if i in self.robot.ends else "CAPSULE"  # the hand's point lies on the end
             self.add(
-                body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[0, 0, 0, *end]
+                body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[*start, *end]
             )
 
     def drum(self, body: Any, i: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,11 +10,11 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco.carried_box import CarriedBox
+from dqcontrol.plants.mujoco.carried_box import BOX_POSITION, BOX_QUATERNION, CarriedBox
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
-from dqcontrol.plants.plant import plants_that_drive, start_within_limits
+from dqcontrol.plants.plant import MovingBox, plants_that_drive, start_within_limits
 from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
@@ -122,6 +123,13 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         if self.box is not None:
             data.act[:] += self.box.squeezed(robot, start)
         return LiveMujoco(self, model, data, substeps, seed)
+
+    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
+        """Return the box that is carried; see `Plant.boxes`."""
+        if self.box is None or BOX_POSITION not in readings:
+            return []
+        size = self.box.half_sizes(robot, q[0])
+        return [MovingBox(readings[BOX_POSITION], readings[BOX_QUATERNION], size)]
 
     def _model(self, robot: Robot, start: Array) -> Any:
         """Build the model; gains are set later, at the start configuration."""

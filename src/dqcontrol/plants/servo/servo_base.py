@@ -23,7 +23,7 @@ from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.steered_bases import SteeredTricycle
-from dqcontrol.robots.whole_body import Drive, WholeBody, base_coordinates
+from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
@@ -157,7 +157,7 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     """
     if not isinstance(plant.delay, int | float):
         raise ShapeError(f"plant.delay: expected one number with mobile bases, got {plant.delay}")
-    driven = body.in_form("constrained") if isinstance(body, WholeBody) else body
+    driven = body.in_form("constrained")
     is_base, p = base_coordinates(body), driven.input_size
     moved_by, place = np.flatnonzero(~is_base[driven.input_coordinates]), np.flatnonzero(is_base)
     coordinate = driven.input_coordinates[moved_by]
@@ -175,7 +175,7 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
     head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
-    change = dt * (driven.largest_acceleration if isinstance(driven, WholeBody) else np.full(p, np.inf))
+    change = dt * driven.acceleration_limits("plant")
     steering = _steering(body, dt)
     parameters = np.concatenate(
         [head, indices, velocity, body.drives.ravel(), change, steering, servos.parameters]
@@ -188,9 +188,8 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
 
 def _steering(body: Robot, dt: float) -> Array:
     """Return how each drive steers, 4 numbers a drive: see `turn_front_wheels`."""
-    drives = (part for part in body.parts if isinstance(part, Drive)) if isinstance(body, WholeBody) else ()
     rows = np.zeros((len(body.drives), 4))
-    for row, part in zip(rows, drives, strict=False):
+    for row, part in zip(rows, body.driven_bases, strict=True):
         if not isinstance(part, DifferentialDrive) and part.steering_rate < math.inf:
             driven = isinstance(part, SteeredTricycle)
             row[:] = part.wheelbase, part.steering_rate * dt, part.steering_limit, driven

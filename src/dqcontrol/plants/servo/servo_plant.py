@@ -33,7 +33,6 @@ from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.robots.gravity import WORK, body_table
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import base_coordinates
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
@@ -141,10 +140,6 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         """
         q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
         if base_coordinates(robot).any():
-            if isinstance(robot, TreeRobot):
-                raise ValueRangeError(
-                    f"plant.kind: servos drive a base under one arm, and {robot.name} is a tree; take integrator"
-                )
             return start_on_base(self, robot, q0, dt, steps, seed)
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
@@ -177,14 +172,13 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 joint[i, layout.IS_SECOND :] = 1.0, *each.second
         joint[:, layout.RESOLUTION] = self._each("encoder_resolution", n)
         joint[:, layout.NOISE] = self._each("encoder_noise", n)
-        if sag and isinstance(robot, TreeRobot):
-            raise ValueRangeError(f"plant.sag: is that of a chain, and {robot.name} is a tree; take physics")
-        bodies = body_table(robot.inertia) if sag and robot.inertia else np.zeros((n, 4))
-        chain = np.zeros((n + 1, 8)) if isinstance(robot, TreeRobot) else robot.chain  # for the sag alone
-        parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), chain.ravel()])
-        state = np.concatenate(
-            [target, np.zeros(n), np.tile(target, oldest + 1), np.zeros((WORK + 1) * n), q0]
-        )
+        bodies, table = np.zeros((0, 4)), np.zeros((1, 8))
+        if sag and robot.inertia:
+            bodies, table = body_table(robot.inertia), robot.weighed_table
+        head[layout.BODIES], head[layout.TABLE_COLUMNS] = len(bodies), table.shape[1]
+        parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), table.ravel()])
+        scratch = np.zeros(WORK * len(bodies) + n)
+        state = np.concatenate([target, np.zeros(n), np.tile(target, oldest + 1), scratch, q0])
         noise = (
             np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
             if joint[:, layout.NOISE].any()

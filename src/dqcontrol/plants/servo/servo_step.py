@@ -9,11 +9,12 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.plants.plant import PLANT
-from dqcontrol.robots.gravity import WORK, gravity_torque
+from dqcontrol.robots.gravity import WORK, robot_gravity_torque
 
-# parameters: head, then a row of columns for each joint, bodies (4n), chain (8 (n + 1))
+# parameters: head, then a row of columns for each joint, bodies, and the table of the joints that carry them
 MEASURED_MODE, OLDEST_TARGET, SAG, GRAVITY = 0, 1, 2, 3
-HEAD = 6
+BODIES, TABLE_COLUMNS = 6, 7
+HEAD = 8
 STEP, RATE, LOWER, UPPER, COMPLIANCE, DECAY, DELAY, OLDEST, RESOLUTION, NOISE = range(10)
 FRICTION, IS_SECOND, KEPT, BY_SPEED, NEWER, SPEED_LOST, SPEED_KEPT, SPEED_NEWER = range(10, 18)
 """Columns: gain times period; rate limit; least and largest target; α/K; exp(−T/τ); delay in periods begun; weight of
@@ -31,9 +32,9 @@ def servo_step(
     if command.shape[0] != n:
         return WRONG_SIZE
     joint = as_matrix(parameters[HEAD : HEAD + COLUMNS * n], n, COLUMNS)
-    at = HEAD + COLUMNS * n
-    bodies = as_matrix(parameters[at : at + 4 * n], n, 4)
-    chain = as_matrix(parameters[at + 4 * n : at + 4 * n + 8 * (n + 1)], n + 1, 8)
+    count, columns, at = int(parameters[BODIES]), int(parameters[TABLE_COLUMNS]), HEAD + COLUMNS * n
+    bodies = as_matrix(parameters[at : at + 4 * count], count, 4)
+    table = as_matrix(parameters[at + 4 * count :], count + 1, columns)
     oldest = int(parameters[OLDEST_TARGET])
     target = state[0:n]
     sag = state[n : 2 * n]
@@ -49,8 +50,8 @@ def servo_step(
         queue[i] = target[i]
     if parameters[SAG] != 0.0:
         work = state[2 * n + n * (oldest + 1) :]
-        gravity_torque(chain, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
-    at = 2 * n + n * (oldest + 1) + WORK * n
+        robot_gravity_torque(table, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
+    at = 2 * n + n * (oldest + 1) + WORK * count
     speed, driven = state[at : at + n], state[at + n : at + 2 * n]
     for i in range(n):
         delay = int(joint[i, DELAY])
