@@ -112,6 +112,7 @@ def check_base(rng, robot, duration):
     goal = dqc.references.SetPoint(robot.fkm(q + rng.uniform(-1, 1, n)))
     period = float(rng.uniform(0.002, 0.02))
     prepared = law.prepare(robot, goal, period)
+    assert prepared.constraints is not None
     if prepared.constraints.violations(q):
         return False
     record = dqc.simulate(robot, goal, law, PLANT, q, period=period, duration=duration)

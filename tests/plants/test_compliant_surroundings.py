@@ -98,7 +98,10 @@ def test_a_linear_model_knows_the_delay_of_exchanges_that_begin_each_period(arm)
         return CompliantPlant(command_mode="measured", exchange_period=period).linear_model(arm, START, dt)
 
     assert model(0.01, 0.008) is None
-    late, prompt = (np.abs(model(each, 0.02).poles(80.0)).max() for each in (0.02, None))
+    late, prompt = (model(each, 0.02) for each in (0.02, None))
+    assert late is not None
+    assert prompt is not None
+    late, prompt = (np.abs(each.poles(80.0)).max() for each in (late, prompt))
     assert late == pytest.approx(prompt, abs=1e-6)  # an exchange a period is what a period is
 
 

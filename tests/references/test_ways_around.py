@@ -131,6 +131,7 @@ def test_ways_go_round_a_wall():
     floor = FloorMap((box(1.0, 1.1, -1.0, 5.0),))
     ways = WaysAround(floor, np.zeros(2), 0.2, np.array([[-3.0, -3.0], [5.0, 7.0]]))
     via = ways.to(np.array([2.0, 0.0]))
+    assert via is not None
     points = np.array([[0, 0], *via, [2, 0]])
     assert all(floor.line_clearance(a, b[None])[0] > 0.18 for a, b in pairwise(points))
     length = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()

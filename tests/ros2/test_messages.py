@@ -61,11 +61,11 @@ def humanoid(frame="THETA_GC", positions=(1.0, 2.0), effort=(0.5, 1.0), velociti
 
 def test_a_humanoid_command_tells_mode_stiffness_and_slew_rate_beside_the_angles():
     position, told = humanoid_command(humanoid(), ["a", "b"])
-    assert (position.tolist(), told.mode, told.stiffness.tolist()) == ([2.0, 1.0], "THETA_GC", [1.0, 0.5])
+    assert (position.tolist(), told.mode) == ([2.0, 1.0], "THETA_GC")
+    np.testing.assert_array_equal(told.stiffness, [1.0, 0.5])
     assert told.slew_rate is None  # as it was
-    assert humanoid_command(humanoid("", effort=(), velocities=(3.0, 4.0)), ["a"])[1].slew_rate.tolist() == [
-        4.0
-    ]
+    _, told = humanoid_command(humanoid("", effort=(), velocities=(3.0, 4.0)), ["a"])
+    np.testing.assert_array_equal(told.slew_rate, [4.0])
 
 
 @pytest.mark.parametrize(
