@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,9 +57,7 @@ def test_a_motion_is_learnt_over_ros_and_the_robot_goes_back_slowly(start, tmp_p
         "learn": {"uncertainty": {"lag": 0.2, "delay": 0.03}},
     }
     path.write_text(yaml.safe_dump(spec))
-    plain = tmp_path / "plain.yaml"
-    plain.write_text(yaml.safe_dump({key: value for key, value in spec.items() if key != "learn"}))
-    start("robot", plain, *WAITS)
+    start("robot", path, *WAITS)
     robot = RobotBehindTopics(tmp_path / "repeats", ros_arguments=PATIENT[1:])
     found = dqc.learn(path, 3, runner=robot)
     errors = [each.position for each in found.repeats]
@@ -74,6 +73,39 @@ def test_a_motion_is_learnt_over_ros_and_the_robot_goes_back_slowly(start, tmp_p
         assert fastest < 0.3 * dqc.load_robot("iiwa7").limits.velocity.max()
     found.save(tmp_path / "out")
     assert json.loads((tmp_path / "out" / "learning.json").read_text())["repeats"][0]["outcome"] == "first"
+
+
+@pytest.mark.slow
+def test_a_tracker_teaches_over_ros_what_encoders_do_not_see(start, tmp_path):
+    """The robot's tool is 6 mm longer than the controller knows; a tracker sees its hand, the encoders do not."""
+    model = yaml.safe_load((Path(dqc.robots.__file__).parent / "models" / "iiwa7.yaml").read_text())
+    model["joints"][-1]["dh"]["d"] += 6e-3
+    (tmp_path / "longer.yaml").write_text(yaml.safe_dump(model))
+    spec = {
+        "name": "seen",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.02,
+        "reference": {"kind": "circle", "radius": 0.05, "duration": 8, "ramp": 0.5},
+        "law": {"kind": "proportional-feedforward", "gain": 3},
+        "plant": SERVO | {"delay": 0.03},
+        "learn": {
+            "measured_by": "tracker",
+            "tracker": {"topic": "/camera/hand"},
+            "uncertainty": {"lag": 0.2, "delay": 0.03},
+            "skip": 0.6,
+        },
+    }
+    path, there = tmp_path / "learn.yaml", tmp_path / "there.yaml"
+    path.write_text(yaml.safe_dump(spec))
+    there.write_text(yaml.safe_dump(spec | {"robot": "longer.yaml"}))
+    start("robot", there, "--tracker", "/camera/hand", *WAITS)
+    robot = RobotBehindTopics(tmp_path / "repeats", ros_arguments=PATIENT[1:])
+    found = dqc.learn(path, 3, runner=robot)
+    errors = [each.position for each in found.repeats]
+    print(f"errors over ROS 2 as a tracker sees them, mm: {errors}", file=sys.stderr)
+    assert errors[0] > 5.5
+    assert errors[found.best] < errors[0] / 4
 
 
 def test_the_way_back_keeps_well_below_the_joints_speeds():
