@@ -13,7 +13,9 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 from nodes import PATIENCE, PATIENT
 
 import dqcontrol as dqc
+from dqcontrol.errors import Error
 from dqcontrol.ros2.repeated_motion import RobotBehindTopics, slow_time
+from dqcontrol.ros2.tracked_hand import read_tracked
 
 WAITS = ("--", "-p", "command_timeout:=0.5")  # a robot that does not brake where a busy machine is late
 SERVO = {"kind": "servo", "time_constant": 0.06, "delay": 0.02}
@@ -117,3 +119,22 @@ def test_the_way_back_keeps_well_below_the_joints_speeds():
     shape = share**3 * (10 - 15 * share + 6 * share**2)
     assert (np.diff(shape).max() * 2000 / time <= 0.1501 * arm.limits.velocity).all()
     assert slow_time(arm, home, home) == 2.0
+
+
+def test_a_tracker_that_was_silent_for_long_teaches_nothing(tmp_path):
+    stamps = np.arange(-0.03, 2.1, 0.05)
+    poses = np.zeros((len(stamps), 8))
+    poses[:, 0], poses[:, 5] = 1.0, 0.5 * 0.1 * stamps  # 0.1 m/s along x
+    file, time = tmp_path / "tracked.csv", 0.01 * np.arange(200)
+
+    def write(kept):
+        np.savetxt(file, np.column_stack([stamps, poses])[kept], "%.17g", ",", header="time, …", comments="")
+
+    write(stamps < 9)
+    seen = read_tracked(file, time)
+    assert np.abs(dqc.algebra.translation(seen) - np.outer(0.1 * time, [1, 0, 0])).max() < 1e-9
+    write((stamps < 0.5) | (stamps > 0.9))
+    with pytest.raises(
+        Error, match=r"the tracker was silent for 0\.4\d? s; learning needs a pose every 0\.2 s"
+    ):
+        read_tracked(file, time)
