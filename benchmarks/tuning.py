@@ -26,6 +26,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.tuning import hypervolume, nondominated, search_front
 from dqcontrol.tuning.law_search import LawSearch, ready_problem
+from dqcontrol.tuning.simplex_search import SimplexSearch
 from dqcontrol.tuning.tune_spec import Front, read_tune
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
@@ -78,6 +79,7 @@ def _cost_on_a_core(seed: int) -> tuple[float, float, float, float]:
 
         times["bare"].append(_timed(bare))
         times["evaluated"].append(_timed(lambda point=point: law._evaluate(law.space.law_at(point))))
+    SimplexSearch(lambda point: (0.0, sum(point)), 2, 40, seed=0).run()  # loads what SciPy loads once
     found, spent = LawSearch(problem, "proportional-feedforward"), [0.0]
     found._evaluated = lambda point: _adding_to(spent, LawSearch._evaluated, found, point)
     whole = _timed(lambda: found.search())

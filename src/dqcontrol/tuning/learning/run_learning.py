@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -498,7 +499,7 @@ class _Session:
             readings={},
         )
 
-    def _tracked(self, record: Record, rows: Array, seen: Array, time: Array) -> Array:
+    def _tracked(self, record: Record, rows: NDArray[np.intp], seen: Array, time: Array) -> Array:
         """Return where a robot's tracker saw the hand at some times, from rows of a record seen at increasing times."""
         if TRACKED_POSE not in record.readings:
             raise ShapeError(
