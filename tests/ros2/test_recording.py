@@ -5,7 +5,9 @@ import resource
 import signal
 import time
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
@@ -17,7 +19,7 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run import Run
 from dqcontrol.limits import list_interventions
-from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.control import Control, Phase, reference_time
 from dqcontrol.recording import load_record
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
@@ -83,6 +85,28 @@ def moved(spec, tmp_path):
         raise AssertionError("it never stopped")
 
     return move, control, recorder
+
+
+def test_a_recording_of_late_messages_tells_how_far_the_reference_was(spec, tmp_path):
+    """The reference waits for messages that come late; from the recorded times alone it is known where it was."""
+    loaded = load(spec(reference=CIRCLE))
+    patient = replace(loaded.supervisor, stale_after=10.0)
+    loaded.supervisor, draw, time, seen = patient, np.random.default_rng(4), 0.0, []
+    control = Control(
+        loaded.prepared_law("spec"), loaded.target("spec"), loaded.prepared_supervisor("velocity")
+    )
+    recorder = Recorder(tmp_path / "out", loaded)
+    recorder.start()
+    control.activate(loaded.case.scene.start)
+    for _ in range(200):
+        control.step(time, control.position.copy(), 0.0)
+        recorder.take(control, time)
+        seen.append(control.time)
+        time += 0.01 * draw.choice([0.5, 1.0, 1.0, 6.0])
+    recorder.end(Phase.INACTIVE, "duration")
+    recorded = load_record(tmp_path / "out" / "record.mcap").time
+    assert seen[-1] < 0.8 * recorded[-1]
+    assert np.abs(reference_time(recorded, 0.01) - seen).max() < 1e-9
 
 
 def test_what_stopped_a_motion_is_in_its_recording_and_an_earlier_motion_stays_beside_it(moved, tmp_path):

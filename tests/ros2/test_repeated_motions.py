@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 from nodes import PATIENCE, PATIENT
 
 import dqcontrol as dqc
+from dqcontrol.errors import Error
 from dqcontrol.ros2.repeated_motion import RobotBehindTopics, slow_time
+from dqcontrol.ros2.tracked_hand import read_tracked
 
 WAITS = ("--", "-p", "command_timeout:=0.5")  # a robot that does not brake where a busy machine is late
 SERVO = {"kind": "servo", "time_constant": 0.06, "delay": 0.02}
@@ -56,9 +59,7 @@ def test_a_motion_is_learnt_over_ros_and_the_robot_goes_back_slowly(start, tmp_p
         "learn": {"uncertainty": {"lag": 0.2, "delay": 0.03}},
     }
     path.write_text(yaml.safe_dump(spec))
-    plain = tmp_path / "plain.yaml"
-    plain.write_text(yaml.safe_dump({key: value for key, value in spec.items() if key != "learn"}))
-    start("robot", plain, *WAITS)
+    start("robot", path, *WAITS)
     robot = RobotBehindTopics(tmp_path / "repeats", ros_arguments=PATIENT[1:])
     found = dqc.learn(path, 3, runner=robot)
     errors = [each.position for each in found.repeats]
@@ -76,6 +77,39 @@ def test_a_motion_is_learnt_over_ros_and_the_robot_goes_back_slowly(start, tmp_p
     assert json.loads((tmp_path / "out" / "learning.json").read_text())["repeats"][0]["outcome"] == "first"
 
 
+@pytest.mark.slow
+def test_a_tracker_teaches_over_ros_what_encoders_do_not_see(start, tmp_path):
+    """The robot's tool is 6 mm longer than the controller knows; a tracker sees its hand, the encoders do not."""
+    model = yaml.safe_load((Path(dqc.robots.__file__).parent / "models" / "iiwa7.yaml").read_text())
+    model["joints"][-1]["dh"]["d"] += 6e-3
+    (tmp_path / "longer.yaml").write_text(yaml.safe_dump(model))
+    spec = {
+        "name": "seen",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.02,
+        "reference": {"kind": "circle", "radius": 0.05, "duration": 8, "ramp": 0.5},
+        "law": {"kind": "proportional-feedforward", "gain": 3},
+        "plant": SERVO | {"delay": 0.03},
+        "learn": {
+            "measured_by": "tracker",
+            "tracker": {"topic": "/camera/hand"},
+            "uncertainty": {"lag": 0.2, "delay": 0.03},
+            "skip": 0.6,
+        },
+    }
+    path, there = tmp_path / "learn.yaml", tmp_path / "there.yaml"
+    path.write_text(yaml.safe_dump(spec))
+    there.write_text(yaml.safe_dump(spec | {"robot": "longer.yaml"}))
+    start("robot", there, "--tracker", "/camera/hand", *WAITS)
+    robot = RobotBehindTopics(tmp_path / "repeats", ros_arguments=PATIENT[1:])
+    found = dqc.learn(path, 3, runner=robot)
+    errors = [each.position for each in found.repeats]
+    print(f"errors over ROS 2 as a tracker sees them, mm: {errors}", file=sys.stderr)
+    assert errors[0] > 5.5
+    assert errors[found.best] < errors[0] / 2
+
+
 def test_the_way_back_keeps_well_below_the_joints_speeds():
     arm = dqc.load_robot("iiwa7")
     home = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -85,3 +119,22 @@ def test_the_way_back_keeps_well_below_the_joints_speeds():
     shape = share**3 * (10 - 15 * share + 6 * share**2)
     assert (np.diff(shape).max() * 2000 / time <= 0.1501 * arm.limits.velocity).all()
     assert slow_time(arm, home, home) == 2.0
+
+
+def test_a_tracker_that_was_silent_for_long_teaches_nothing(tmp_path):
+    stamps = np.arange(-0.03, 2.1, 0.05)
+    poses = np.zeros((len(stamps), 8))
+    poses[:, 0], poses[:, 5] = 1.0, 0.5 * 0.1 * stamps  # 0.1 m/s along x
+    file, time = tmp_path / "tracked.csv", 0.01 * np.arange(200)
+
+    def write(kept):
+        np.savetxt(file, np.column_stack([stamps, poses])[kept], "%.17g", ",", header="time, …", comments="")
+
+    write(stamps < 9)
+    seen = read_tracked(file, time)
+    assert np.abs(dqc.algebra.translation(seen) - np.outer(0.1 * time, [1, 0, 0])).max() < 1e-9
+    write((stamps < 0.5) | (stamps > 0.9))
+    with pytest.raises(
+        Error, match=r"the tracker was silent for 0\.4\d? s; learning needs a pose every 0\.2 s"
+    ):
+        read_tracked(file, time)

@@ -136,6 +136,20 @@ def test_constraints_bind(problem, tuned):
     assert "K+FF+I: no parameters keep the constraints; the nearest are shown" in impossible.remarks()
 
 
+def test_how_fast_how_hard_and_how_far_from_limits_may_be_asked_for(problem):
+    """On a target away from the start; on a circle that begins where the hand is nothing settles, and that is said."""
+    del problem["laws"]["K"]
+    hurried = {"settling_time": 1, "limit_margin": -1, "effort": 0.1, "position.peak": 0.01}
+    circle = dqc.tune(problem, jobs=1, budget=8, objectives=hurried)
+    assert "K+FF+I: settling_time has no value on these motions" in circle.remarks()[0]
+    problem["reference"] = {"kind": "set-point", "offset": {"translation": [0.03, 0, 0]}, "duration": 2}
+    found = dqc.tune(problem, jobs=1, budget=12, objectives=hurried).best
+    assert found.succeeded
+    calm = dqc.tune(problem, jobs=1, budget=12, objectives={"effort": 1}).best
+    assert found.result.searched["settling_time"] < 1
+    assert calm.result.searched["effort"] < found.result.searched["effort"]
+
+
 MISTAKES = {
     "an objective that is no number": (
         {"objectives": {"position.rsm": 1}},

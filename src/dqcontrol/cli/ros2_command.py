@@ -50,6 +50,7 @@ def controller(
     autostart: bool = False,
     out: Out = None,
     force: Force = False,
+    tracker: str | None = None,
 ) -> None:
     """Drive a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -67,6 +68,8 @@ def controller(
         New folder for recordings of the motions, which `dqcontrol view` shows while they run.
     force
         Replace an earlier folder of results.
+    tracker
+        Topic of poses of the hand that a tracker measures; they are kept beside the recording.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 
@@ -77,12 +80,15 @@ def controller(
         from dqcontrol.ros2 import middleware
 
         middleware.check_installed()
+        if tracker and out is None:
+            raise Error("--tracker: its poses are kept beside a recording; give --out, too")
         read_spec(spec)  # a wrong file is to be known now, not when somebody configures
         if out:
             check_new(out, force=force)
         interrupts.only_count()  # in the middle of ROS's start an exception would leave threads that never end
         with middleware.ros(ros_arguments, [name], network=options.network):
             from dqcontrol.ros2.controller_node import ControllerNode
+            from dqcontrol.ros2.tracked_hand import TRACKED
 
             node = ControllerNode(
                 spec,
@@ -93,10 +99,14 @@ def controller(
                 autostart=autostart,
                 out=out,
                 force=force,
+                tracker=tracker,
             )
             node.serve(interrupts, options.priority)
         if node.recorder:
-            print(f"results: {node.recorder.save()}")
+            folder = node.recorder.save()
+            if node.following and node.following.tracked:
+                node.following.tracked.write(folder / TRACKED)
+            print(f"results: {folder}")
         if node.outcome not in ("", "duration", "interrupted"):
             raise Error(f"stopped: {node.outcome}")
 
@@ -109,6 +119,7 @@ def robot(
     name: str = "robot",
     options: NodeOptions = _DEFAULTS,
     wrench_node: str | None = None,
+    tracker: str | None = None,
 ) -> None:
     """Simulate a robot behind ROS 2 topics; see docs/ros2.md.
 
@@ -120,15 +131,17 @@ def robot(
         Of the node.
     wrench_node
         Name of another node that publishes the wrench, of plants that have one.
+    tracker
+        Topic that says where the hand truly is, as a tracker would.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 
     with counted_interrupts() as interrupts:
         from dqcontrol.ros2 import middleware
-        from dqcontrol.ros2.loading import load
+        from dqcontrol.ros2.loading import load_simulated
 
         middleware.check_installed()
-        loaded = load(spec)
+        loaded = load_simulated(spec)
         names = [name, *([wrench_node] if wrench_node else [])]
         interrupts.only_count()  # as above
         with middleware.ros(ros_arguments, names, network=options.network):
@@ -140,6 +153,7 @@ def robot(
                 interface=options.interface,
                 base_interface=options.base_interface,
                 wrench_node=wrench_node,
+                tracker=tracker,
             )
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
 

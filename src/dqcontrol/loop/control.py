@@ -253,3 +253,17 @@ def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, samp
     law.step(start, sample, 0, law.initial_state(start), command)
     law.robot.fkm(start)
     supervisor.step(start, command, supervisor.start(start), 0.0, GO, command)
+
+
+def reference_time(time: Array, period: float) -> Array:
+    """Return how far along its reference a `Control` was at the recorded times of its steps (N,), s.
+
+    The reference waits where steps are late, so it falls behind the stamps of a robot whose messages are.
+
+    Examples
+    --------
+    >>> reference_time(np.array([0.0, 0.01, 0.02, 0.08, 0.09]), 0.01).round(3).tolist()
+    [0.0, 0.01, 0.02, 0.035, 0.045]
+    """
+    passed = np.minimum(np.diff(time, prepend=time[:1]), _FASTEST_REFERENCE * period)
+    return np.cumsum(passed)

@@ -45,6 +45,7 @@ from dqcontrol.ros2.parameters import (
 from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.robot_parts import Indices
+from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import numbers_of, retune
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
@@ -71,6 +72,8 @@ class Following:
         Called with the phase before, when it has changed.
     ready
         Called with each joint states while inactive, once they have come steadily for half a second.
+    tracker
+        Topic of what sees the hand; None if its poses are not to be kept.
 
     Attributes
     ----------
@@ -80,6 +83,8 @@ class Following:
         Between two steps since the start, s.
     recorder
         What records its motions, if they are to be kept.
+    tracked
+        What keeps the poses of a tracker, if there is one.
     """
 
     loaded: Loaded
@@ -94,6 +99,7 @@ class Following:
         diagnostics: Diagnostics,
         changed: Callable[[Phase], None],
         ready: Callable[[], None],
+        tracker: str | None = None,
     ) -> None:
         self.loaded, self._source, (self._interface, base_interface) = loaded, source, interfaces
         self._diagnostics, self._changed, self._ready = diagnostics, changed, ready
@@ -119,6 +125,7 @@ class Following:
         if self._parts.base:
             words = "base_link", "frame of the mobile base, in its commands"
             self._footprint = read_once(node, "footprint_frame", *words)
+        self.tracked = TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
         self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]
@@ -167,6 +174,8 @@ class Following:
         (heard, stamp), measured = self._latest, self._measured.copy()
         if self._felt.age > self._longest_silence:
             raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
+        if self.tracked:
+            self.tracked.check(stamp)
         if self._source == "spec":
             self._check_start(measured)
         try:
@@ -176,6 +185,8 @@ class Following:
             self.control.activate(measured)
         finally:
             self.let_go()
+        if self.tracked:
+            self.tracked.begin(stamp)
         self._periods.start(heard, stamp)
         self._origin, self._passed, self._stepped, self.longest_period = stamp, 0.0, now, 0.0
         self._activated = now

@@ -44,6 +44,8 @@ class ControllerNode(Node):
         Whether it starts with the first joint states, and ends when it has followed its reference or was stopped.
     out, force
         A new folder that its motions are recorded to; with force it may hold an earlier run. None are if omitted.
+    tracker
+        Topic of what sees the hand, whose poses are kept beside the recording; None if there is nothing.
 
     Attributes
     ----------
@@ -71,11 +73,12 @@ class ControllerNode(Node):
         autostart: bool = False,
         out: Path | None = None,
         force: bool = False,
+        tracker: str | None = None,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self._spec, self._source, self._autostart = spec, source, autostart
         self._interfaces = interface, base_interface
-        self._out, self._force = out, force
+        self._out, self._force, self._tracker = out, force, tracker
         self.following: Following | None = None
         self.recorder: Recorder | None = None
         self.ended, self.outcome, self._is_retiring = False, "", False
@@ -111,7 +114,14 @@ class ControllerNode(Node):
             raise Error("configure: was done before")
         loaded = load(self._spec)
         following = Following(
-            self, loaded, self._source, self._interfaces, self._diagnostics, self._follow_up, self._start
+            self,
+            loaded,
+            self._source,
+            self._interfaces,
+            self._diagnostics,
+            self._follow_up,
+            self._start,
+            self._tracker,
         )
         if self._out:
             following.recorder = self.recorder = Recorder(self._out, loaded, force=self._force)

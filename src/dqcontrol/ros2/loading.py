@@ -9,8 +9,8 @@ from typing import Literal
 
 import msgspec
 
-from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.experiments.spec import AnyLaw
+from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
+from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import DeclaredPayload, PreparedSupervisor, Supervisor
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
@@ -127,7 +127,17 @@ def load(source: str | Path) -> Loaded:
     Error
         If something is missing, malformed or does not fit, or it describes several runs or several bases.
     """
-    setting = prepare(source)
+    return _loaded(source, prepare(source))
+
+
+def load_simulated(source: str | Path) -> Loaded:
+    """Do the same for a simulated robot: what a spec says of learning and tuning is not its concern."""
+    where, data, folder = read_data(source)
+    data = {key: value for key, value in data.items() if key not in ("learn", "tune")}
+    return _loaded(source, prepare_spec(as_spec(where, data, folder), folder, {}))
+
+
+def _loaded(source: str | Path, setting: PreparedExperiment) -> Loaded:
     case = setting.only_case(source, "a robot does one at a time")
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     supervisor = msgspec.structs.replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -16,11 +17,16 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
 from dqcontrol.loop import Record
+from dqcontrol.loop.control import reference_time
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.signals import Signal
 from dqcontrol.recording import load_record
+from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.launch import end_with_parent
-from dqcontrol.tuning.learning.learnt_motion import write_motion
+from dqcontrol.ros2.tracked_hand import TRACKED, read_tracked
+from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, write_motion
 
 if TYPE_CHECKING:
     from dqcontrol.references import Points
@@ -81,9 +87,18 @@ class RobotBehindTopics:
             data["reference"] = {"kind": "points", "file": str(folder / "motion.csv")}
         spec = folder / "spec.yaml"
         spec.write_text(yaml_text(data), encoding="utf-8")
-        record = self._driven(spec, folder / "run")
+        tracked = problem.block.measured_by == "tracker"
+        seeing = ["--tracker", problem.block.tracker.topic] if tracked else []
+        record = self._driven(spec, folder / "run", *seeing)
         if not has_failed(record.stopped):
             self._go_back(problem, record.measured[-1], folder)
+        desired = record.desired.copy()
+        desired[:, TIME] = reference_time(record.time, problem.spec.period)
+        record = replace(record, desired=desired)
+        if tracked:
+            poses = read_tracked(folder / "run" / TRACKED, record.time)
+            signal = Signal(TRACKED_POSE, DUAL_QUATERNION, ("",) * 8, poses)
+            record = replace(record, readings={**record.readings, TRACKED_POSE: signal})
         return record
 
     def _go_back(self, problem: LearnProblem, now: Array, folder: Path) -> None:
@@ -102,9 +117,18 @@ class RobotBehindTopics:
         write_joint_motion(back / "back.yaml", robot, time, positions, now, plant, note, _GAIN, more)
         self._driven(back / "back.yaml", back / "run")
 
-    def _driven(self, spec: Path, folder: Path) -> Record:
+    def _driven(self, spec: Path, folder: Path, *options: str) -> Record:
         """Let a controller drive the robot as a spec says, and return its recording."""
-        words = ["controller", str(spec), *self._options, "--autostart", "--out", str(folder), "--force"]
+        words = [
+            "controller",
+            str(spec),
+            *self._options,
+            "--autostart",
+            "--out",
+            str(folder),
+            "--force",
+            *options,
+        ]
         process = subprocess.Popen(
             [sys.executable, "-m", "dqcontrol", "ros2", *words, *self._last],
             stdout=subprocess.PIPE,

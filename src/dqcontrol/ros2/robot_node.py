@@ -47,6 +47,7 @@ from dqcontrol.ros2.messages import (
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 from dqcontrol.ros2.robot_parts import RobotParts
+from dqcontrol.ros2.tracked_hand import pose_publisher
 
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
@@ -75,6 +76,8 @@ class RobotNode(Node):
         What its mobile base takes: ``twist``, ``twist-stamped`` or ``wheels``.
     wrench_node
         Name of a node of its own that publishes the wrench; this node if omitted.
+    tracker
+        Topic that says where the hand truly is, as a tracker would; None if nothing does.
 
     Attributes
     ----------
@@ -90,6 +93,7 @@ class RobotNode(Node):
         interface: str = "velocity",
         base_interface: str = "twist",
         wrench_node: str | None = None,
+        tracker: str | None = None,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         loaded = loaded.at_state_period()
@@ -121,6 +125,7 @@ class RobotNode(Node):
         self._odometry = odometry_publisher(self, parts, loaded.case.plant) if parts.base else None
         self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
+        self._hand = pose_publisher(self, tracker, "odom" if parts.base else "base_link") if tracker else None
         self._diagnostics.tell(
             f"serves {robot.name}, {self._period * 1e3:g} ms"
         )  # the first line takes a while
@@ -270,6 +275,8 @@ class RobotNode(Node):
             self._joint_states.publish(message)
         if self._wrench:
             self._wrench(stamp)
+        if self._hand:
+            self._hand(stamp, self._parts.driven.fkm(self._plant.q))
 
     def _condition(self) -> tuple[str, str, Mapping[str, object]]:
         words = ", ".join(self._supervisor.reasons(self._state))

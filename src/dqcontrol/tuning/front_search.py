@@ -10,7 +10,9 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial.distance import cdist
 
 from dqcontrol.arrays import Array
 from dqcontrol.tuning.simplex_search import Point, sobol_points
@@ -80,9 +82,12 @@ def _promising(found: dict[Point, Pair], size: int, count: int, draw: np.random.
         first, second = (front[draw.integers(len(front), size=_CANDIDATES)] for _ in range(2))
         candidates.append(first + draw.random((_CANDIDATES, 1)) * (second - first))
     pool = np.vstack(candidates)
-    distances = np.abs(pool[:, None, :] - points[None, :, :]).max(axis=2).min(axis=1)
+    distances = cdist(pool, points, "chebyshev").min(axis=1)
     pool = pool[distances > 1e-3] if (distances > 1e-3).any() else pool
     expected = RBFInterpolator(points, scaled, smoothing=1e-9)(pool)
+    hopeful = ~_dominated(scaled, expected)
+    if hopeful.sum() >= count:  # what is dominated now adds no area later
+        pool, expected = pool[hopeful], expected[hopeful]
     known, chosen = scaled, []
     for _ in range(count):
         gains = _added_areas(known, expected)
@@ -100,6 +105,13 @@ def _spread_out(values: Array) -> Array:
     width = np.ptp(front, axis=0)
     width = np.where(width > 0, width, np.where(np.ptp(logs, axis=0) > 0, np.ptp(logs, axis=0), 1.0))
     return (logs - front.min(axis=0)) / width
+
+
+def _dominated(known: Array, expected: Array) -> NDArray[np.bool_]:
+    """Return which expected pairs a known one is not worse than in both numbers."""
+    front = known[nondominated(known)]
+    before = np.searchsorted(front[:, 0], expected[:, 0], side="right") - 1
+    return (before >= 0) & (front[before, 1] <= expected[:, 1])
 
 
 def _added_areas(known: Array, expected: Array) -> Array:

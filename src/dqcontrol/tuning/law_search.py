@@ -144,7 +144,6 @@ class LawSearch:
         self._evaluate, self._held_out = ready.searched, ready.held_out
         self.space = SearchSpace(label, self.law, problem.block.free.get(label), self._evaluate.slack)
         self._known: dict[Point, Evaluated] = {}
-        self._rows: list[Row] = []
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():
             self._take_over(read_rows(file))
@@ -155,41 +154,52 @@ class LawSearch:
             values = [math.nan if row[name] is None else float(str(row[name])) for name in NUMBERS]
             total = math.inf if row["total"] is None else float(str(row["total"]))
             self._known[point] = Evaluated(total, float(str(row["violation"])), np.array(values))
-            self._rows.append(row)
 
     def evaluate(self, point: Point) -> Evaluated:
         """Return what a point is worth; each runs once."""
         if point not in self._known:
-            begun = time.perf_counter()
-            found = self._evaluate(self.space.law_at(point))
-            self._running += time.perf_counter() - begun
-            self._known[point] = found
-            self._note(point, found)
+            self._known[point] = self._evaluated(point)
+            if time.monotonic() - self._written > _EVERY:
+                self._write()
         return self._known[point]
 
-    def _note(self, point: Point, found: Evaluated) -> None:
-        self._rows.append(
+    def _evaluated(self, point: Point) -> Evaluated:
+        begun = time.perf_counter()
+        found = self._evaluate(self.space.law_at(point))
+        self._running += time.perf_counter() - begun
+        return found
+
+    def _rows(self) -> list[Row]:
+        """Return all that was evaluated."""
+        return [
             {f"share.{name}": share for name, share in zip(self.space.names, point, strict=True)}
             | {"total": finite_or_none(found.total), "violation": found.violation}
             | dict(zip(NUMBERS, finite_or_none(found.numbers.tolist()), strict=True))
-        )
-        if time.monotonic() - self._written > _EVERY:
-            self._write()
+            for point, found in self._known.items()
+        ]
 
     def _write(self) -> None:
-        if self._file is not None and self._rows:
-            write_whole(self._file, parquet(self._rows, {}))
+        if self._file is not None and self._known:
+            write_whole(self._file, parquet(self._rows(), {}))
         self._written = time.monotonic()
+
+    def search(self) -> SimplexSearch:
+        """Spend the budget, and return what was asked for."""
+        size, block = len(self.space.names), self._problem.block
+        search = SimplexSearch(
+            lambda point: self.evaluate(point).rank, size, block.budget, self._problem.spec.seed
+        )
+        search.run()
+        return search
 
     def run(self) -> LawResult:
         """Search, judge the best on what the search did not see, and return it."""
-        begun, block = time.perf_counter(), self._problem.block
-        size, seed = len(self.space.names), self._problem.spec.seed
-        search = SimplexSearch(lambda point: self.evaluate(point).rank, size, block.budget, seed)
-        best = search.run()
+        begun = time.perf_counter()
+        search = self.search()
+        best = search.best
         law, found = self._confirmed(best)
         seconds = time.perf_counter() - begun, self._running
-        front = self._front(size, seed)
+        front = self._front()
         self._write()
         judged = self._held_out(law)
         return LawResult(
@@ -205,7 +215,7 @@ class LawSearch:
             evaluations=len(search.points),
             at_side=self._at_side(best),
             front=front,
-            rows=self._rows,
+            rows=self._rows(),
             seconds=seconds,
         )
 
@@ -227,7 +237,7 @@ class LawSearch:
                 sides.append(f"{name} (margin)" if by_margin and share > 0.5 else name)
         return sides
 
-    def _front(self, size: int, seed: int) -> list[tuple[dict[str, Any], float, float]]:
+    def _front(self) -> list[tuple[dict[str, Any], float, float]]:
         front = self._problem.block.front
         if front is None:
             return []
@@ -242,7 +252,7 @@ class LawSearch:
             )
             return first, second
 
-        found = search_front(pair, size, front.budget, seed)
+        found = search_front(pair, len(self.space.names), front.budget, self._problem.spec.seed)
         points, values = list(found), list(found.values())
         best = nondominated(values) if values else []
         return [

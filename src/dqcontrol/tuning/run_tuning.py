@@ -163,6 +163,13 @@ class Tuning:
         lines = []
         for each in self.laws:
             found = each.result
+            missing = [name for name in each.objectives if math.isnan(found.searched[name])]
+            if not math.isfinite(found.total) and math.isfinite(found.searched["error.mean"]):
+                lines.append(
+                    f"{each.label}: {', '.join(missing)} has no value on these motions, as the settling time where the "
+                    "hand begins on its target or does not settle; take another objective"
+                )
+                continue
             if not math.isfinite(found.total):
                 lines.append(f"{each.label}: no parameters run to the end")
             elif found.violation:

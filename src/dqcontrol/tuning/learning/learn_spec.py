@@ -24,11 +24,14 @@ class Tracker(Part, frozen=True, kw_only=True):
     Parameters
     ----------
     position_noise, orientation_noise
-        Standard deviations of each coordinate of a sample, white, m and rad.
+        Standard deviations of each coordinate of a sample, white, m and rad, where it is simulated.
+    topic
+        Of its poses of the hand in the robot's base frame, ``geometry_msgs/PoseStamped``, for a robot over ROS 2.
     """
 
     position_noise: Annotated[float, Meta(ge=0, description="m")] = 0.0
     orientation_noise: Annotated[float, Meta(ge=0, description="rad")] = 0.0
+    topic: Annotated[str, Meta(min_length=1)] = "/hand_tracker/pose"
 
 
 class LearnBlock(Part, frozen=True, kw_only=True):

@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -39,6 +40,7 @@ from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
+    TRACKED_POSE,
     filtered,
     hand_error,
     increment,
@@ -54,12 +56,16 @@ LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
 MotionRunner = Callable[["LearnProblem", Points | None, int], Record]
 """Runs a motion on a robot that is no simulation, and takes the robot back to the start: the problem, the motion (None:
-that of the spec), the number of the run. Its record has the measured joints, over the reference's own time."""
+that of the spec), the number of the run. Its record has the measured joints, over the reference's own time, and where a
+tracker is to measure the reading `TRACKED_POSE`."""
 _CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where it starts
 _JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
 _GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
 _NARROWER = 0.6
-_AT_NOISE = 1.5
+_AT_NOISE, _LEFT_NOISE = (
+    1.5,
+    3.0,
+)  # times the noise in the band: what is taken for noise, and what is not any more
 _MOST_FLAT = 2
 _MISSING = 2.5  # periods at the end that a robot's record may lack
 _HIDDEN = 1.3  # times what encoders see: less is not worth a word
@@ -90,8 +96,8 @@ class LearningRun:
     peak_command
         Largest input, rad/s or m/s.
     outcome
-        ``"first"``, ``"accepted"``, ``"flat"``, ``"grown"``; or ``"repeated"``: the motion that is kept, once more, as
-        an error that was chosen among several is smaller than what is to be expected.
+        ``"first"``, ``"accepted"``, ``"flat"``, ``"grown"``; or ``"averaged"``: what was left before was noise, and
+        the increments of the repeats since then are averaged.
     """
 
     number: int
@@ -119,7 +125,8 @@ class Learning:
     repeats
         All runs.
     best
-        Number of the best one, whose motion is returned.
+        Number of the best one, whose motion is returned: the last that was averaged, as errors at the noise do not tell
+        which is best.
     motion
         The learnt motion.
     stopped
@@ -287,10 +294,6 @@ def learn(
     True
     """
     problem = read_learn(source, repeats=repeats, **block)
-    if runner is not None and problem.block.measured_by == "tracker":
-        raise ValueRangeError(
-            f"{problem.where}: learn.measured_by: of a robot behind a runner the joints are measured; give encoders"
-        )
     if runner is not None and real_time:
         raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
     if journal is not None and (runner is not None or real_time):
@@ -391,12 +394,13 @@ class _Session:
         return found
 
     def run(self, progress: LearnProgress) -> Learning:
-        """Run until the error is noise, does not shrink, or the repeats are over."""
+        """Run until the error does not shrink or the repeats are over; average over those that only see noise."""
         block = self.problem.block
         count = len(self.time)
         shift, best_shift = np.zeros((count, 6)), np.zeros((count, 6))
         best_error, best_size, best = np.zeros((count, 6)), math.inf, 0
         convergence, accepted, flat, stopped = self.convergence, 0, 0, "all repeats are done"
+        at_noise = 0  # repeats whose errors were noise
         repeats: list[LearningRun] = []
         first = last = None
         motion = motion_of(self.samples, shift)
@@ -412,11 +416,13 @@ class _Session:
             error = self._seen(record, number)
             size, noise = self._sizes(error, convergence.cutoff)
             outcome = "first"
-            if number:
+            if at_noise and size < _LEFT_NOISE * noise:
+                outcome = "averaged"
+            elif number:
                 grown, gained = size > _GROWN * best_size, size < _GAIN * best_size
                 outcome = "grown" if grown else "accepted" if size < best_size else "flat"
                 flat = 0 if gained else flat + 1
-            if outcome in ("first", "accepted"):
+            if outcome in ("first", "accepted", "averaged"):
                 accepted += outcome == "accepted"
                 best, best_size, best_error, best_shift = number, size, error, shift
                 motion, last = motion_of(self.samples, shift), record
@@ -424,23 +430,20 @@ class _Session:
                 convergence = replace(convergence, cutoff=_NARROWER * convergence.cutoff)
             repeats.append(self._repeat(record, number, error, size, noise, convergence.cutoff, outcome))
             first = first or record
-            if best_size < _AT_NOISE * noise:
-                stopped = _NOISE
+            if best_size < _AT_NOISE * noise or outcome == "averaged":
+                at_noise, stopped = at_noise + 1, _NOISE
+            elif at_noise:
+                stopped = f"repeat {number} left the noise; what was best before is kept"
                 break
-            if flat >= _MOST_FLAT:
+            elif flat >= _MOST_FLAT:
                 stopped = "two repeats brought less than 10 %"
                 break
             step = 1.0 if accepted < _TRUSTED else 1.0 / (accepted - 1)
+            if at_noise:
+                step = 1.0 / (1 + at_noise)
             shift = best_shift + step * increment(convergence, self.time, self.weights * best_error)
         assert first is not None
         assert last is not None
-        if best and stopped == _NOISE and len(repeats) <= block.repeats:
-            record = self._execute(motion, len(repeats))
-            progress(len(repeats) + 1, block.repeats + 1)
-            if not has_failed(record.stopped) and len(record) >= count:
-                best, last, error = len(repeats), record, self._seen(record, len(repeats))
-                sizes = self._sizes(error, convergence.cutoff)
-                repeats.append(self._repeat(record, best, error, *sizes, convergence.cutoff, "repeated"))
         self._say_what_is_hidden(repeats[best])
         return Learning(
             self.problem,
@@ -499,6 +502,9 @@ class _Session:
             else np.searchsorted(time, seen[-1])
         )
         q = np.column_stack([np.interp(time[:count], seen[rows], each) for each in record.measured[rows].T])
+        pose = self.case.scene.robot.fkm(q)
+        if self.problem.block.measured_by == "tracker":
+            pose = self._tracked(record, rows, seen[rows], time[:count])
         held = rows[np.searchsorted(seen[rows], time[:count] + 1e-9, side="right") - 1]
         return replace(
             record,
@@ -506,23 +512,34 @@ class _Session:
             q=q,
             measured=q,
             command=record.command[held],
-            pose=self.case.scene.robot.fkm(q),
+            pose=pose,
             desired=samples[:count],
             disturbance=None,
             readings={},
         )
+
+    def _tracked(self, record: Record, rows: NDArray[np.intp], seen: Array, time: Array) -> Array:
+        """Return where a robot's tracker saw the hand at some times, from rows of a record seen at increasing times."""
+        if TRACKED_POSE not in record.readings:
+            raise ShapeError(
+                f"{self.problem.where}: learn.measured_by: the robot's record has no reading '{TRACKED_POSE}'; give "
+                "encoders"
+            )
+        path = Points(seen, record.readings[TRACKED_POSE].values[rows])
+        return path.samples(np.clip(time - seen[0], 0.0, path.duration))[:, POSE]
 
     def _seen(self, record: Record, number: int) -> Array:
         """Return the error of the hand as the sensors see it, shape (N, 6), against the motion that was asked for."""
         block, count = self.problem.block, len(self.time)
         if block.measured_by == "tracker":
             poses = record.pose[:count]
-            draw = np.random.default_rng([self.problem.spec.seed, 77, number])
-            noise = draw.standard_normal((count, 6))
+        else:
+            poses = self.case.scene.robot.fkm(record.measured[:count])
+        noise = np.zeros((count, 6))
+        if block.measured_by == "tracker" and self._runner is None:
+            noise = np.random.default_rng([self.problem.spec.seed, 77, number]).standard_normal((count, 6))
             noise[:, :3] *= block.tracker.orientation_noise
             noise[:, 3:] *= block.tracker.position_noise
-        else:
-            poses, noise = self.case.scene.robot.fkm(record.measured[:count]), np.zeros((count, 6))
         desired = self.samples[:, POSE]
         if self._delay:
             late = np.maximum(self.time - block.sensor_delay, self.time[0])
