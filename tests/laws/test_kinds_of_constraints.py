@@ -226,9 +226,9 @@ def test_joints_that_follow_late_keep_what_is_asked_between_samples_too():
 
 
 @pytest.mark.slow
-def test_joints_that_follow_late_miss_less_than_a_millimetre_in_two_hundred_runs():
+def test_joints_that_follow_late_keep_what_is_asked_in_a_thousand_runs():
     rng, worst = np.random.default_rng(32), []
-    for _ in range(200):
+    for _ in range(500):
         period = float(rng.choice([0.002, 0.005, 0.01]))
         delay = float(rng.integers(0, 4)) * period
         servo = dqc.plants.Servo(time_constant=float(rng.uniform(0.01, 0.08)), delay=delay)
@@ -240,5 +240,5 @@ def test_joints_that_follow_late_miss_less_than_a_millimetre_in_two_hundred_runs
         worst.append(least_room_of_servos(prepared, record, period, servo))
         worst.append(lagging_run(rng, servo, period, servo.lag(ARM)))
     short = -np.array(worst)
-    print(f"below what is asked: {(short > FOUND).sum()} of 400 runs, by {1e3 * short.max():.3g} mm at most")
-    assert short.max() < 1e-3  # the way bends otherwise than its five points say
+    print(f"below what is asked: {(short > FOUND).sum()} of {len(short)} runs, by {1e3 * short.max():.3g} mm")
+    assert short.max() < FOUND

@@ -151,11 +151,11 @@ def _of_constraints(setting: PreparedExperiment, case: Combination) -> Iterator[
         f"{1e3 * between:.2g} mm more, for what happens between them"
     )
     if late := kept.lag.late:
-        around = 1.5 * 0.5 * (_HAND_SPEED * max(kept.lag.times)) ** 2 / _BALL
+        around = (_HAND_SPEED * max(kept.lag.times) / len(kept.way.shares)) ** 2 / (8 * _BALL)
         text += (
-            f"; joints come up to {1e3 * late:.3g} ms late: their targets keep more as the hand goes faster, "
-            f"{1e3 * around:.2g} mm at {_HAND_SPEED:g} m/s around a ball of {1e3 * _BALL:.0f} mm, and "
-            f"{1e3 * late * 0.1:.2g} mm from what moves with 0.1 m/s"
+            f"; joints come up to {1e3 * late:.3g} ms late: their whole way to their targets is kept clear, and "
+            f"between its points {1e3 * around:.2g} mm more at {_HAND_SPEED:g} m/s around a ball of "
+            f"{1e3 * _BALL:.0f} mm, and {1e3 * late * 0.1:.2g} mm from what may come nearer unforeseen with 0.1 m/s"
         )
     yield text
 

@@ -388,6 +388,24 @@ def _is_active(chosen, q, p):
 
 
 @_in_order
+def _drop_negative(memory, chosen, fixed, q, n):
+    """Take constraints away, the worst first, until no multiplier of the others is negative; return how many stay."""
+    while True:
+        _multipliers(memory, q)
+        least, out = 0.0, -1
+        for j in range(fixed, q):
+            if memory.trial[j] < least:
+                least, out = memory.trial[j], j
+        if out < 0:
+            break
+        _remove(memory, chosen, q, out, n)
+        q -= 1
+    for j in range(q):
+        memory.multipliers[j] = memory.trial[j]
+    return q
+
+
+@_in_order
 def _start(program, memory, chosen, n, m):
     """Make all equations active that are independent, then what was active before; return how many of each."""
     before, room = chosen[0], memory.pivots.shape[0]
@@ -409,19 +427,7 @@ def _start(program, memory, chosen, n, m):
             square, violation = _load(program, memory, p, n, m)
             if _append(memory, chosen, q, p, square, violation, n):
                 q += 1
-    while True:
-        _multipliers(memory, q)
-        least, out = 0.0, -1
-        for j in range(fixed, q):
-            if memory.trial[j] < least:
-                least, out = memory.trial[j], j
-        if out < 0:
-            break
-        _remove(memory, chosen, q, out, n)
-        q -= 1
-    for j in range(q):
-        memory.multipliers[j] = memory.trial[j]
-    return fixed, q, skipped
+    return fixed, _drop_negative(memory, chosen, fixed, q, n), skipped
 
 
 @_in_order
@@ -478,18 +484,8 @@ def _make_way(memory, fixed, q):
 
 
 @_in_order_once
-def solve_centered(program, memory, chosen, n, m, limit, u):
-    """Solve with L⁻¹ and u₀ given, from the set given; return the status.
-
-    At the limit of iterations, and where no answer exists, u violates constraints: the caller says what then. Where
-    none exists, the set is that of a contradiction: its last, beyond its size, cannot be kept together with the others.
-    """
-    fixed, q, skipped = 0, 0, False
-    equations = 0.0
-    for p in range(m):
-        equations += program.equal[p]
-    if chosen[0] > 0 or equations > 0.0:
-        fixed, q, skipped = _start(program, memory, chosen, n, m)
+def _search(program, memory, chosen, fixed, q, skipped, n, m, limit, u):
+    """Make what is violated active, one after the other, from q active constraints on; return the status."""
     room = memory.pivots.shape[0]
     status, fresh, tolerance = LIMIT, True, TOLERANCE
     for iteration in range(1, limit + 1):
@@ -545,6 +541,57 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
         status = INFEASIBLE
     chosen[0] = q
     return status
+
+
+@_in_order_once
+def solve_centered(program, memory, chosen, n, m, limit, u):
+    """Solve with L⁻¹ and u₀ given, from the set given; return the status.
+
+    At the limit of iterations, and where no answer exists, u violates constraints: the caller says what then. Where
+    none exists, the set is that of a contradiction: its last, beyond its size, cannot be kept together with the others.
+    """
+    fixed, q, skipped = 0, 0, False
+    equations = 0.0
+    for p in range(m):
+        equations += program.equal[p]
+    if chosen[0] > 0 or equations > 0.0:
+        fixed, q, skipped = _start(program, memory, chosen, n, m)
+    return _search(program, memory, chosen, fixed, q, skipped, n, m, limit, u)
+
+
+@_in_order_once
+def solve_recentered(program, memory, chosen, n, m, limit, u):
+    """Solve as `solve_centered` what was solved about another u₀: of what is active only the right side has changed."""
+    fixed, q = 0, chosen[0]
+    for j in range(q):
+        p = chosen[1 + j]
+        if p < m:
+            value = -program.bounds[p]
+            for k in range(n):
+                value += program.columns[k, p] * memory.center[k]
+            if program.equal[p] > _EQUAL:
+                fixed += 1
+        elif p < m + n:
+            value = memory.center[p - m] - program.upper[p - m]
+        else:
+            value = program.lower[p - m - n] - memory.center[p - m - n]
+        memory.right[j] = value
+        for k in range(j):
+            value -= memory.factor[j, k] * memory.forward[k]
+        memory.forward[j] = value
+    q = _drop_negative(memory, chosen, fixed, q, n)
+    return _search(program, memory, chosen, fixed, q, False, n, m, limit, u)
+
+
+@_in_order_once
+def tighten(program, memory, chosen, softness, n, m, u):
+    """Let rows of this softness, which made dependent ones solvable, no longer give way: what is active is kept."""
+    for p in range(m):
+        if program.softness[p] == softness:
+            program.softness[p] = 0.0
+    _fill_residuals(program, memory, u, n, m)
+    if _is_off(program, memory, chosen, chosen[0], u, n, m):
+        _refine(program, memory, chosen, chosen[0], u, n, m)
 
 
 @_in_order

@@ -61,6 +61,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
 )
 from dqcontrol.laws.constrained.constraint_rows import (
     curvature,
+    dip_between,
     farther_than,
     look_ahead,
     place_bodies,
@@ -80,7 +81,6 @@ from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
 _FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
-_ROUNDER = 1.5  # the bend of a way is that times what three of its points say at most
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
@@ -138,11 +138,12 @@ def _add_row(work, count, capacity, bound, owner, required):
 
 
 @shared
-def _collect(given, work, screws, report, settings, time, sample):
-    """Find the distances that this period can matter to, as rows of the program; return how many."""
-    count, capacity = 0, int(settings.capacity) - MOST_CUTS
-    place_bodies(given, work)
-    place_obstacles(given, work, time, sample)
+def _collect_at(given, work, screws, report, settings, g, count):
+    """Find the distances that this period can matter to at a point of the way, as rows of the program."""
+    capacity = int(settings.capacity) - MOST_CUTS
+    meets, share = given.meets[g, 0], given.meets[g, 1]
+    before = 0.0 if g == 0 else given.meets[g - 1, 0] + settings.period * given.meets[g - 1, 1]
+    is_way = given.shares.shape[0] > 1
     for i in range(given.rows.shape[0]):
         row = row_of(given.rows[i])
         name = int(row.name)
@@ -159,14 +160,54 @@ def _collect(given, work, screws, report, settings, time, sample):
         report.least[name] = min(report.least[name], value)
         if value > reach:
             continue
-        drift = write_line(given, work, row, screws, work.line)
+        drift = share * write_line(given, work, row, screws, work.line)
         give = max(settings.rate * (value - row.kept), -settings.recovery) - row.speed
         place = _add_row(work, count, capacity, give + drift, i, value - settings.period * give)
         if place >= 0:
             for j in range(work.line.shape[0]):
-                work.lines[place, j] = work.line[j]
-            work.value[place] = value
+                work.lines[place, j] = given.shares[g, int(given.coordinate[j])] * work.line[j]
+            work.value[place], work.points[place], work.alone[place] = value, float(g), drift
+            work.nearest[i] = min(work.nearest[i], value - row.speed * meets)
+            if is_way:
+                passed = meets + settings.period * share - before
+                work.dips[i] = max(work.dips[i], dip_between(given, work, i, screws, passed))
             count += 1 if place == count else 0
+    return count
+
+
+@shared
+def _collect(kinematics, chain, given, memory, work, report, settings, time, sample):
+    """Find the distances that this period can matter to, as rows of the program; return how many.
+
+    At all points of the way the same is asked for: what the least of them may become.
+    """
+    count, last, period = 0, given.shares.shape[0] - 1, settings.period
+    for i in range(given.rows.shape[0]):
+        work.nearest[i], work.dips[i] = math.inf, 0.0
+    for g in range(last + 1):
+        if g < last:
+            _place_on_way(given, memory, work, work.config, g)
+        else:
+            for i in range(work.config.shape[0]):
+                work.trial[i] = work.config[i]
+        if last > 0:
+            _measure_step(given, memory, work, g, period)
+            place_frames(chain, work.trial, given, work)
+        place_bodies(given, work)
+        place_obstacles(given, work, time, sample, given.meets[g, 0], period * given.meets[g, 1], period)
+        if g < last:
+            write_screws(kinematics, chain, work.trial, given, work)
+            count = _collect_at(given, work, work.screws, report, settings, g, count)
+        else:
+            count = _collect_at(given, work, work.first_screws, report, settings, g, count)
+    for i in range(count):
+        owner, g = int(work.owners[i]), int(work.points[i])
+        row = row_of(given.rows[owner])
+        least = work.nearest[owner]
+        give = max(settings.rate * (least - row.kept - work.dips[owner]), -settings.recovery)
+        lead = work.value[i] - least - row.speed * given.meets[g, 0]
+        give += lead / period - row.speed * given.meets[g, 1]
+        work.bounds[i], work.required[i] = give + work.alone[i], work.value[i] - period * give
     return count
 
 
@@ -180,52 +221,22 @@ def _follow(given, memory, period):
         memory.joint[i] = memory.target[i] + (memory.joint[i] - memory.target[i]) * left
 
 
-@shared
-def _keep_more(chain, given, memory, work, settings, count):
-    """Let targets keep more than is asked by what it takes for joints that follow them to keep what is asked.
-
-    Joints move towards their target. Where their distance d(q) is what is asked, and that of the target d(z) larger by
-    m, it grows as it begins to if on the way it bends upwards by 2m at most, d(z) = d(q) + d' + ½ bend: the bend is
-    that of a parabola through joints, half way, and target. And points of the way, which the target moves by a share
-    of its own motion, come no nearer either. What moves by itself meets the joints later by lag and delay.
-    """
-    for part in range(4):  # at the joints, half way, a quarter, three quarters
-        share = 0.0 if part == 0 else 0.5 if part == 1 else 0.25 if part == 2 else 0.75
-        for i in range(work.trial.shape[0]):
-            work.trial[i] = memory.joint[i] + share * (memory.target[i] - memory.joint[i])
-        place_frames(chain, work.trial, given, work)
-        place_bodies(given, work)
-        for i in range(count):
-            row = row_of(given.rows[int(work.owners[i])])
-            found = value_of(given, work, row)
-            room = work.value[i] - row.kept
-            if part == 0:
-                work.press[i] = found
-                continue
-            if part == 1:
-                bend = 8.0 * (0.5 * (work.press[i] + work.value[i]) - found)
-                work.press[i] = room - _ROUNDER * 0.5 * max(bend, 0.0)
-            work.press[i] = min(work.press[i], (found - row.kept) / share)
-            if part < 3:
-                continue
-            moving = row.speed
-            if row.kind == APART and row.b >= given.bodies.shape[0]:
-                drift = work.drift[int(row.b) - given.bodies.shape[0]]
-                moving += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
-            before = max(settings.rate * room, -settings.recovery)
-            left = min(work.press[i], room) - moving * settings.late
-            give = max(settings.rate * left, -settings.recovery)
-            work.bounds[i] += give - before
-            work.required[i] += settings.period * (before - give)
-            work.press[i] = 0.0
+@inline
+def _place_on_way(given, memory, work, target, g):
+    """Write the configuration at a point of the way to a target."""
+    for i in range(target.shape[0]):
+        work.trial[i] = memory.joint[i] + given.shares[g, i] * (target[i] - memory.joint[i])
 
 
 @shared
-def _move_on(given, work, u, period):
-    """Write the configuration after a period."""
-    for i in range(work.trial.shape[0]):
-        work.trial[i] = work.config[i]
-    advance(given.drives, u, period, work.trial)
+def _measure_step(given, memory, work, g, period):
+    """Write how far inputs are from the last point of the way to this one, with any command of the box at most."""
+    for j in range(work.step.shape[0]):
+        i = int(given.coordinate[j])
+        share = given.shares[g, i] - (0.0 if g == 0 else given.shares[g - 1, i])
+        left = work.config[i] - memory.joint[i]
+        most = abs(left) + period * max(abs(work.low[j]), abs(work.high[j]))
+        work.step[j], work.reach[j], work.off[j] = share * left, share * most, given.bent[i] * most
 
 
 @shared
@@ -254,54 +265,70 @@ def _keeps(given, work, count, u):
 
 
 @shared
-def _verify(kinematics, chain, given, work, settings, originals, count, u, time, sample, adds):
+def _place_after(kinematics, chain, given, memory, work, settings, u, time, sample, g, screws):
+    """Place everything where a point of the way leads to that an input gives, with screws if asked for."""
+    period = settings.period
+    for i in range(work.trial.shape[0]):
+        work.trial[i] = work.config[i]
+    advance(given.drives, u, period, work.trial)
+    if g < given.shares.shape[0] - 1:
+        _place_on_way(given, memory, work, work.trial, g)
+    place_frames(chain, work.trial, given, work)
+    place_bodies(given, work)
+    span = period * given.meets[g, 1]
+    place_obstacles(given, work, time, sample, given.meets[g, 0] + span, span, period)
+    if screws:
+        write_screws(kinematics, chain, work.trial, given, work)
+
+
+@shared
+def _add_cut(given, work, settings, i, count, short, u):
+    """Add the picture of row i at an input, whose line is written, where it is short by so much, m/s or rad/s."""
+    if count >= int(settings.capacity):
+        return count
+    g = int(work.points[i])
+    bound = -short
+    for j in range(u.shape[0]):
+        work.lines[count, j] = given.shares[g, int(given.coordinate[j])] * work.line[j]
+        bound -= work.lines[count, j] * u[j]
+    work.bounds[count], work.owners[count], work.points[count] = bound, work.owners[i], work.points[i]
+    work.required[count], work.press[count] = work.required[i], 0.0
+    return count + 1
+
+
+@shared
+def _verify(kinematics, chain, given, memory, work, settings, originals, count, u, time, sample, adds):
     """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
 
     Distances from convex things whose line leaves more room than their curvature can take are sure, and not computed.
     """
-    period, m = settings.period, u.shape[0]
-    worst, worst_ahead, placed = 0.0, 0.0, False
-    _, _, screws = split(work.buffer)
-    if given.tree.shape[0] > 0:
-        screws = work.tree_screws
-    for i in range(originals):
-        owner = int(work.owners[i])
-        row = row_of(given.rows[owner])
-        spare = _line_change(work, i, u) + work.bounds[i]
-        if row.kind == APART and spare >= 0.5 * period * curvature(given.levers[owner], u):
-            continue
-        if not placed:
-            placed = True
-            _move_on(given, work, u, period)
-            place_frames(chain, work.trial, given, work)
-            place_bodies(given, work)
-            place_obstacles(given, work, time + period, sample + 1)
-            if adds:
-                write_screws(kinematics, chain, work.trial, given, work)
-        value = value_of(given, work, row)
-        short = work.required[i] - value
-        worst = max(worst, short)
-        if adds and short > _SHORT and count < int(settings.capacity):
-            write_line(given, work, row, screws, work.line)
-            bound = -short / period
-            for j in range(m):
-                work.lines[count, j] = work.line[j]
-                bound -= work.line[j] * u[j]
-            work.bounds[count], work.owners[count] = bound, float(owner)
-            work.required[count], work.press[count] = work.required[i], 0.0
-            count += 1
-        if row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT:
-            ahead = look_ahead(given, work, row, value, u, 1.0 / settings.rate - period, work.line)
-            short = min(row.kept, work.required[i]) - ahead
-            worst_ahead = max(worst_ahead, short)
-            if adds and short > _FAR_SHORT and count < int(settings.capacity):
-                bound = -short * settings.rate
-                for j in range(m):
-                    work.lines[count, j] = work.line[j]
-                    bound -= work.line[j] * u[j]
-                work.bounds[count], work.owners[count] = bound, float(owner)
-                work.required[count], work.press[count] = work.required[i], 0.0
-                count += 1
+    period, last = settings.period, given.shares.shape[0] - 1
+    worst, worst_ahead = 0.0, 0.0
+    for g in range(last + 1):
+        placed = False
+        for i in range(originals):
+            if int(work.points[i]) != g:
+                continue
+            owner = int(work.owners[i])
+            row = row_of(given.rows[owner])
+            spare = _line_change(work, i, u) + work.bounds[i]
+            if row.kind == APART and spare >= 0.5 * period * curvature(given.levers[owner], u):
+                continue
+            if not placed:
+                placed = True
+                _place_after(kinematics, chain, given, memory, work, settings, u, time, sample, g, adds)
+            value = value_of(given, work, row)
+            short = work.required[i] - value
+            worst = max(worst, short)
+            if adds and short > _SHORT:
+                write_line(given, work, row, work.screws, work.line)
+                count = _add_cut(given, work, settings, i, count, short / period, u)
+            if g == last and (row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT):
+                ahead = look_ahead(given, work, row, value, u, 1.0 / settings.rate - period, work.line)
+                short = min(row.kept, work.required[i]) - ahead
+                worst_ahead = max(worst_ahead, short)
+                if adds and short > _FAR_SHORT:
+                    count = _add_cut(given, work, settings, i, count, short * settings.rate, u)
     return count, worst, worst_ahead
 
 
@@ -416,7 +443,7 @@ def _clip(work, u, low, high):
 
 
 @shared
-def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time, sample):
+def _scale_back(kinematics, chain, given, memory, work, settings, count, u, worst, time, sample):
     """Halve an input that leaves a row short until it does not; return the share that is left, of the best one."""
     for j in range(u.shape[0]):
         work.best[j] = u[j]
@@ -425,7 +452,9 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
         share *= 0.5
         for j in range(u.shape[0]):
             u[j] *= 0.5
-        _, short, _ = _verify(kinematics, chain, given, work, settings, count, count, u, time, sample, False)
+        _, short, _ = _verify(
+            kinematics, chain, given, memory, work, settings, count, count, u, time, sample, False
+        )
         if short < worst:
             worst, best_share = short, share
             for j in range(u.shape[0]):
@@ -439,7 +468,7 @@ def _scale_back(kinematics, chain, given, work, settings, count, u, worst, time,
 
 @shared
 def _constrain(
-    kinematics, chain, given, work, settings, metric, report, chosen, levels, count, u, time, sample
+    kinematics, chain, given, memory, work, settings, metric, report, chosen, levels, count, u, time, sample
 ):
     """Replace a wish that does not keep everything by the nearest command that does."""
     m, drives, originals = u.shape[0], given.drives.shape[0], count
@@ -461,14 +490,14 @@ def _constrain(
         if is_violated:
             break
         more, worst, _ = _verify(
-            kinematics, chain, given, work, settings, originals, count, u, time, sample, True
+            kinematics, chain, given, memory, work, settings, originals, count, u, time, sample, True
         )
         if more == count:
             break
         count = more
     if worst > _ACCEPTED and not is_violated:
         report.numbers[2] = _scale_back(
-            kinematics, chain, given, work, settings, originals, u, worst, time, sample
+            kinematics, chain, given, memory, work, settings, originals, u, worst, time, sample
         )
     return count
 
@@ -563,6 +592,7 @@ def _parts(parameters, scratch, settings, n, m):
         obstacles,
         int(settings.rows),
         drives,
+        int(settings.points),
         int(settings.moving),
     )
     work = work_of(
@@ -573,6 +603,7 @@ def _parts(parameters, scratch, settings, n, m):
         screws,
         shapes,
         obstacles,
+        int(settings.rows),
         int(settings.names),
         int(settings.capacity),
         int(settings.program),
@@ -625,16 +656,14 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     status = place_frames(chain, work.config, given, work)
     if status != OK:
         return status
-    screws = work.jacobian
     if branches:
         hand_jacobian(position(work.buffer[0:8]), work.jacobian, work.hand)
         write_tree_screws(work.config, given, work)
-        screws = work.first_screws
-        for i in range(6):
-            for j in range(screws.shape[1]):
-                screws[i, j] = work.tree_screws[i, j]
     else:
         hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
+    for i in range(6):
+        for j in range(work.screws.shape[1]):
+            work.first_screws[i, j] = work.screws[i, j] if branches else work.jacobian[i, j]
     if memory.escape[1] > 0.0:
         _go_aside(work, memory, settings, metric, u)
     for i in range(names):
@@ -644,13 +673,11 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     report.numbers[2], report.numbers[3] = 1.0, -1.0
     _set_box(given, memory, work, work.config, settings.period)
     time = sample[TIME]
-    originals = _collect(given, work, screws, report, settings, time, k)
-    if settings.lags != 0.0:
-        _keep_more(chain, given, memory, work, settings, originals)
+    originals = _collect(kinematics, chain, given, memory, work, report, settings, time, k)
     count, short, ahead = originals, math.inf, 0.0
     if _keeps(given, work, count, u):
         _, short, ahead = _verify(
-            kinematics, chain, given, work, settings, originals, count, u, time, k, False
+            kinematics, chain, given, memory, work, settings, originals, count, u, time, k, False
         )
     if short > _ACCEPTED or ahead > _FAR_SHORT:
         sets = work.sets.view(np.intp)
@@ -659,6 +686,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
             kinematics,
             chain,
             given,
+            memory,
             work,
             settings,
             metric,
@@ -691,7 +719,7 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
         if status != OK:
             return status
         place_bodies(given, work)
-        place_obstacles(given, work, times[i], int(samples[i]))
+        place_obstacles(given, work, times[i], int(samples[i]), 0.0, settings.period, settings.period)
         for k in range(given.rows.shape[0]):
             out[i, k] = value_of(given, work, row_of(given.rows[k]))
     return OK

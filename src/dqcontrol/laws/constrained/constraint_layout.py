@@ -37,9 +37,9 @@ class Head(NamedTuple):
     program, solver, levels, sets
         How many numbers these parts of the scratch have.
     integrates
-        1 where commands move a target that joints follow with a lag: that target is then kept.
-    lags, late
-        1 where that lag or a delay is known; the longest of both together, s.
+        1 where commands move a target that joints follow with a lag.
+    points, late
+        Of the way to that target, and how late it is, s: see `WayToTargets`.
     rate
         η, 1/s.
     recovery
@@ -67,7 +67,7 @@ class Head(NamedTuple):
     levels: float
     sets: float
     integrates: float
-    lags: float
+    points: float
     late: float
     rate: float
     recovery: float
@@ -94,6 +94,8 @@ class Row(NamedTuple):
         Number of its name.
     speed
         At which b may come nearer by itself, m/s.
+    bend
+        How much more the value curves than points of the robot do, over the square of their speed: 1/m, none of angles.
     limit
         Of an angle.
     axis, other
@@ -107,6 +109,7 @@ class Row(NamedTuple):
     level: float
     name: float
     speed: float
+    bend: float
     limit: float
     axis: Annotated[Array, 3]
     other: Annotated[Array, 3]
@@ -173,6 +176,8 @@ class ConstraintParameters(NamedTuple):
         See ``drives``.
     times
         Of each coordinate: time constant of its lag, s.
+    shares, meets, bent
+        See `WayToTargets`.
     table
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
@@ -193,6 +198,9 @@ class ConstraintParameters(NamedTuple):
     drives: Annotated[Array, "drives", DRIVE_COLUMNS]
     rims: Annotated[Array, "drives"]
     times: Annotated[Array, "n"]
+    shares: Annotated[Array, "points", "n"]
+    meets: Annotated[Array, "points", 2]
+    bent: Annotated[Array, "n"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 
 
@@ -260,8 +268,8 @@ class ConstraintWork(NamedTuple):
         Box of each input with its limit of acceleration and without.
     frames, places
         Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
-    tree_screws, first_screws
-        Of a tree: of each joint, in the world; and those at the configuration.
+    screws, first_screws
+        What moves frames, in the world; and those at the configuration.
     world
         All shapes where they are.
     drift
@@ -270,9 +278,16 @@ class ConstraintWork(NamedTuple):
         Of one pair, and how the inputs change its distance.
     buffer, hand, jacobian
         Kinematics of the chain; Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
-    lines, bounds, owners, required, value, press
+    lines, bounds, owners, points, required, value, press
         Rows of the program, those that verification adds at the end: gradient of the distance, bound, which row of the
-        constraints, what it has to be after this period, what it is, multiplier.
+        constraints, at which point of the way, what it has to be after this period, what it is, multiplier.
+    alone
+        How fast the value of each of them changes by itself.
+    nearest, dips
+        Of each row of the constraints: least value on the way, and how much less it may be between points of it.
+    step, reach, off
+        Of each input, from the last point of the way to this one: what it has to make, what it has to make at most with
+        the next command, and how much of that off the line between both.
     hessian
         H.
     program, solver, levels, sets
@@ -289,7 +304,7 @@ class ConstraintWork(NamedTuple):
     rough_high: Annotated[Array, "m"]
     frames: Annotated[Array, "8 * (frames + 1)"]
     places: Annotated[Array, "frames + 1", 12]
-    tree_screws: Annotated[Array, 6, "screws"]
+    screws: Annotated[Array, 6, "screws"]
     first_screws: Annotated[Array, 6, "screws"]
     world: Annotated[Array, "shapes + obstacles", BODY]
     drift: Annotated[Array, "obstacles", 3]
@@ -301,9 +316,16 @@ class ConstraintWork(NamedTuple):
     lines: Annotated[Array, "capacity", "m"]
     bounds: Annotated[Array, "capacity"]
     owners: Annotated[Array, "capacity"]
+    points: Annotated[Array, "capacity"]
     required: Annotated[Array, "capacity"]
     value: Annotated[Array, "capacity"]
     press: Annotated[Array, "capacity"]
+    alone: Annotated[Array, "capacity"]
+    nearest: Annotated[Array, "rows"]
+    dips: Annotated[Array, "rows"]
+    step: Annotated[Array, "m"]
+    reach: Annotated[Array, "m"]
+    off: Annotated[Array, "m"]
     best: Annotated[Array, "m"]
     hessian: Annotated[Array, "m", "m"]
     program: Annotated[Array, "program"]
@@ -323,6 +345,7 @@ parameters_of = MemoryLayout(
     "obstacles",
     "rows",
     "drives",
+    "points",
     "moving",
 )
 memory_of = MemoryLayout(ConstraintMemory, "n", "m")
@@ -335,6 +358,7 @@ work_of = MemoryLayout(
     "screws",
     "shapes",
     "obstacles",
+    "rows",
     "names",
     "capacity",
     "program",

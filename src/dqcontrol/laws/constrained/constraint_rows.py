@@ -31,9 +31,10 @@ from dqcontrol.laws.constrained.constraint_layout import (
     SIGHT,
     STRAIGHT,
     VELOCITY,
+    row_of,
     screw_of,
 )
-from dqcontrol.robots.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames
+from dqcontrol.robots.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames, split
 from dqcontrol.robots.pose_task_kernels import place_tree
 
 _PARALLEL = 1e-9  # sine of an angle below which the plane in which it opens is unknown
@@ -80,17 +81,21 @@ def place_frames(chain, config, given, work):
 
 @shared
 def write_screws(kinematics, chain, config, given, work):
-    """Write the screws that move the frames that `place_frames` placed; of a chain into its buffer, as a Jacobian."""
+    """Write the screws that move the frames that `place_frames` placed."""
     if given.tree.shape[0] > 0:
         write_tree_screws(config, given, work)
-    else:
-        call_chain(kinematics, chain, config, work.buffer)
+        return
+    call_chain(kinematics, chain, config, work.buffer)
+    _, _, twists = split(work.buffer)
+    for i in range(6):
+        for j in range(work.screws.shape[1]):
+            work.screws[i, j] = twists[i, j]
 
 
 @inline
 def write_tree_screws(config, given, work):
     """Write the screws of a tree's joints, whose axes are the z axes of their frames."""
-    screws = work.tree_screws
+    screws = work.screws
     for i in range(screws.shape[1]):
         place, kind = work.places[i + 1], given.tree[1 + i, 7]
         zx, zy, zz = place[2], place[5], place[8]
@@ -144,9 +149,17 @@ def place_bodies(given, work):
         out[BALL + 3] = body[BALL + 3]
 
 
+@inline
+def _shift(given, at, sample, ahead, period):
+    """Return how far what follows the table has moved, some time after a sample."""
+    whole = int(ahead / period)
+    row, rest = given.table[min(max(sample + whole, 0), given.table.shape[0] - 1)], ahead - whole * period
+    return row[at] + rest * row[at + 3], row[at + 1] + rest * row[at + 4], row[at + 2] + rest * row[at + 5]
+
+
 @shared
-def place_obstacles(given, work, time, sample):
-    """Write the obstacles where they are at a time, and how they move."""
+def place_obstacles(given, work, time, sample, ahead, span, period):
+    """Write the obstacles where they are some time after a sample, and how they move in a span after that."""
     first = given.bodies.shape[0]
     for o in range(given.obstacles.shape[0]):
         body, out, drift = given.obstacles[o], work.world[first + o], work.drift[o]
@@ -161,13 +174,12 @@ def place_obstacles(given, work, time, sample):
         if motion == STRAIGHT:
             for k in range(3):
                 drift[k] = body[VELOCITY + k]
-            x, y, z = time * drift[0], time * drift[1], time * drift[2]
+            x, y, z = (time + ahead) * drift[0], (time + ahead) * drift[1], (time + ahead) * drift[2]
         elif motion == BY_TABLE:
-            row = given.table[min(max(sample, 0), given.table.shape[0] - 1)]
             at = 6 * int(body[PLACE])
-            x, y, z = row[at], row[at + 1], row[at + 2]
-            for k in range(3):
-                drift[k] = row[at + 3 + k]
+            x, y, z = _shift(given, at, sample, ahead, period)
+            a, b, c = _shift(given, at, sample, ahead + span, period)
+            drift[0], drift[1], drift[2] = (a - x) / span, (b - y) / span, (c - z) / span
         if body[KIND] == PLANE:
             out[OFFSET] += x * body[NORMAL] + y * body[NORMAL + 1] + z * body[NORMAL + 2]
         else:
@@ -341,9 +353,7 @@ def look_ahead(given, work, row, value, u, span, line):
     """
     for j in range(line.shape[0]):
         line[j] = 0.0
-    screws = work.jacobian
-    if given.tree.shape[0] > 0:
-        screws = work.first_screws
+    screws = work.first_screws
     if row.kind == INSIDE:
         a, b = work.world[int(row.a)], work.world[int(row.b)]
         k = int(given.carriers[int(given.bodies[int(row.a), 0])])
@@ -403,3 +413,44 @@ def curvature(levers, u):
         total += levers[j] * size * (size + 2.0 * before)
         before += size
     return total
+
+
+@inline
+def _speed_of_core(given, work, row, screws, step):
+    """Return how fast points of the core of shape a move at most, as seen from what carries shape b."""
+    a, b = int(row.a), int(row.b)
+    wx, wy, wz, vx, vy, vz = _twist_of(given, screws, int(given.carriers[int(given.bodies[a, 0])]), step)
+    if b < given.bodies.shape[0]:
+        carrier = int(given.carriers[int(given.bodies[b, 0])])
+        ox, oy, oz, px, py, pz = _twist_of(given, screws, carrier, step)
+        wx, wy, wz, vx, vy, vz = wx - ox, wy - oy, wz - oz, vx - px, vy - py, vz - pz
+    shape = work.world[a]
+    x, y, z = shape[BALL], shape[BALL + 1], shape[BALL + 2]
+    vx, vy, vz = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+    half = shape[BALL + 3] - (shape[RADIUS] if shape[KIND] == ROUND else 0.0)
+    return math.sqrt(vx * vx + vy * vy + vz * vz) + half * math.sqrt(wx * wx + wy * wy + wz * wz)
+
+
+@shared
+def dip_between(given, work, i, screws, span):
+    """Return how much less a value may be on the way from one point to the next than on the line between both values.
+
+    A distance d between cores that are ρ apart curves upwards by d̈ ≤ κ + v²/ρ at most, and is above the line less an
+    eighth of that; joints off the straight line to the next point take their levers' share.
+    """
+    row, levers = row_of(given.rows[i]), given.levers[i]
+    bow = curvature(levers, work.reach)
+    speed, off = 0.0, 0.0
+    for j in range(levers.shape[0]):
+        speed += levers[j] * work.reach[j]
+        off += levers[j] * work.off[j]
+    if row.bend > 0.0 and row.kind == APART:
+        known = 0.0
+        for j in range(levers.shape[0]):
+            known += levers[j] * abs(work.step[j])
+        moving = 0.0
+        if row.b >= given.bodies.shape[0]:
+            drift = work.drift[int(row.b) - given.bodies.shape[0]]
+            moving = span * math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
+        speed += min(_speed_of_core(given, work, row, screws, work.step) + bow - known, 0.0) + moving
+    return 0.125 * (bow + row.bend * speed * speed) + off

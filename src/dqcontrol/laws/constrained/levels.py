@@ -24,6 +24,8 @@ from dqcontrol.laws.constrained.active_set import (
     program_size,
     scratch_size,
     solve_centered,
+    solve_recentered,
+    tighten,
     to_center,
     unpack_program,
     unpack_scratch,
@@ -199,8 +201,12 @@ def _least_squares(program, memory, chosen, d, rows, limit, z):
             memory.inverse[j, k] = 1.0 if j == k else 0.0
         memory.center[j] = 0.0
     status = SOLVED
-    for _ in range(_ROUNDS):
-        status = _solve_again(program, memory, chosen, d, rows, limit, z)
+    for i in range(_ROUNDS):
+        status = LIMIT
+        if i > 0:
+            status = solve_recentered(program, memory, chosen, d, rows, limit, z)
+        if status != SOLVED:
+            status = _solve_again(program, memory, chosen, d, rows, limit, z)
         if status != SOLVED:
             for j in range(d):
                 z[j] = memory.center[j]
@@ -289,7 +295,7 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         solver = unpack_scratch(work.rest[size:], d, rows, room)
         largest = _set_rows(given, work, program, levels, level, n, m, d)
         if largest > 0.0:
-            ridge, status = _RIDGE, LIMIT
+            ridge, status, attempt = _RIDGE, LIMIT, 0
             for attempt in range(4):  # a larger ρ needs more rounds, but loses fewer digits
                 if attempt == 3:
                     _loosen(program, rows, _HAIR)
@@ -301,6 +307,8 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
                 if status == SOLVED:
                     break
                 ridge *= 100.0
+            if status == SOLVED and attempt == 3:
+                tighten(program, solver, chosen, _HAIR, d, rows, u)
             if answer == SOLVED:
                 answer = status
             _move(given, work, u, n, d)
@@ -320,6 +328,8 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         if status != SOLVED:
             _loosen(program, rows, _HAIR)
             status = _solve_again(program, solver, chosen, d, rows, limit, u)
+            if status == SOLVED:
+                tighten(program, solver, chosen, _HAIR, d, rows, u)
         if status == SOLVED:
             _move(given, work, u, n, d)
         elif answer == SOLVED:

@@ -12,7 +12,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
-from dqcontrol.geometry.distance_kernels import PLANE
+from dqcontrol.geometry.distance_kernels import KIND, PLANE, RADIUS, ROUND
 from dqcontrol.laws.constrained.constrained_step import constraint_values
 from dqcontrol.laws.constrained.constraint_layout import (
     APART,
@@ -43,6 +43,7 @@ from dqcontrol.laws.constrained.constraint_layout import (
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, KeepOut, Lag, shapes_of, unit
 from dqcontrol.laws.constrained.moving_frames import HandFrame, moving_frames
+from dqcontrol.laws.constrained.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 
@@ -50,6 +51,7 @@ _FASTEST_RATE = 10.0  # 1/s
 _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
 _FREE = 1e-4  # ρ², m²
 _NEAR = 0.1  # m: nearer than that to a camera no target's direction is expected to turn
+_THINNEST = 1e-3  # m between cores, of which nothing smaller is known
 _MOST_PAIRS = 20_000
 _SAID = 5  # violations in one message
 SELF = "self-collision"
@@ -110,6 +112,7 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
+        self.way: WayToTargets = way_to_targets(self.lag, robot.configuration_size, dt)
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
@@ -458,7 +461,48 @@ class PreparedConstraints:
         bend = float((line.levers * speed * (speed + 2 * before)).sum())
         if line.curved:
             bend = line.curved * float((line.levers * speed).sum()) ** 2
-        return bend * self.period**2 / 8
+        return bend * self.period**2 / 8 + self._lateness(line)
+
+    def _lateness(self, line: _Line) -> float:
+        """Return what delays that differ take of a row, and things that move otherwise than straight on.
+
+        What is met `WayToTargets.early` comes nearer by as much as it moves meanwhile; a path with corners is off the
+        line between two of its points by a quarter of the time between them, times how much its velocity changes.
+        """
+        delayed = (
+            np.where(line.levers > 0, self._velocity, 0.0) * self.way.apart[self.robot.input_coordinates]
+        )
+        found = float(line.levers @ delayed)
+        obstacle = int(line.row.b) if line.row.kind == SIGHT else -1 - int(line.row.b)
+        if obstacle < 0 or AT_MOST <= line.row.kind <= AT_LEAST or len(self.way.shares) == 1:
+            return found
+        moving = self._obstacles[obstacle][1]
+        if moving is None:
+            return found
+        moved = 0.0
+        if moving.velocity is not None:
+            moved = self.way.early * float(np.linalg.norm(moving.velocity))
+        elif moving.path is not None:
+            path = np.asarray(moving.path, np.float64)
+            speeds = np.diff(path[:, 1:], axis=0) / np.diff(path[:, 0])[:, None]
+            at_rest = np.zeros((1, 3))
+            turns = np.linalg.norm(np.diff(np.vstack([at_rest, speeds, at_rest]), axis=0), axis=1)
+            between = float(np.diff(self.way.meets[:, 0] + self.period * self.way.meets[:, 1]).max())
+            within = [turns[(path[:, 0] >= t) & (path[:, 0] <= t + between)].sum() for t in path[:, 0]]
+            moved = self.way.early * float(np.linalg.norm(speeds, axis=1).max(initial=0.0))
+            moved += 0.25 * between * max(within)
+        return found + moved / (_NEAR if line.row.kind == SIGHT else 1.0)
+
+    def _bend(self, line: _Line) -> float:
+        """Return `Row.bend`: of distances from what is round one over what is between the cores."""
+        row = line.row
+        if row.kind > INSIDE:
+            return line.curved - 1.0
+        other = self._bodies[int(row.b)].shape.row if row.b >= 0 else self._obstacles[int(-1 - row.b)][0]
+        if row.kind == INSIDE or other[KIND] == PLANE:
+            return 0.0
+        rounds = [each[RADIUS] for each in (self._bodies[int(row.a)].shape.row, other) if each[KIND] == ROUND]
+        return 1.0 / max(float(row.kept) + sum(rounds), _THINNEST)
 
     def _pack(self, command_mode: str) -> None:
         robot, given, m = self.robot, self.given, self.robot.input_size
@@ -473,7 +517,8 @@ class PreparedConstraints:
         for k, line in enumerate(self._lines):
             found = line.row
             b = found.b if found.kind > INSIDE or found.b >= 0 else shapes - 1 - found.b
-            rows[k] = row_of.pack(**found._replace(b=b, kept=self.asked[k] + self.allowances[k])._asdict())
+            kept = self.asked[k] + self.allowances[k]
+            rows[k] = row_of.pack(**found._replace(b=b, kept=kept, bend=self._bend(line))._asdict())
         lower, upper = (
             robot.limits.lower[robot.input_coordinates],
             robot.limits.upper[robot.input_coordinates],
@@ -481,7 +526,7 @@ class PreparedConstraints:
         if not given.joint_limits:
             lower, upper = np.full(m, -np.inf), np.full(m, np.inf)
         drives = len(robot.drives)
-        capacity = min(len(rows), MOST_ROWS) + MOST_CUTS
+        capacity = min(len(rows) * len(self.way.shares), MOST_ROWS) + MOST_CUTS
         sizes = solver_sizes(m, capacity, drives)
         frames = self._frames
         numbers = Head(
@@ -499,8 +544,8 @@ class PreparedConstraints:
             drives=drives,
             **sizes,
             integrates=float(command_mode == "integrated"),
-            lags=float(self.lag.late > 0),
-            late=self.lag.late,
+            points=len(self.way.shares),
+            late=self.way.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
             escape=given.escape or 0.0,
@@ -527,6 +572,9 @@ class PreparedConstraints:
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
             ),
             times=np.array(self.lag.times or np.zeros(n)),
+            shares=self.way.shares,
+            meets=self.way.meets,
+            bent=self.way.bent,
             table=table,
         )
         self.parameters: Array = parameters_of.pack(**parts._asdict())
@@ -537,6 +585,7 @@ class PreparedConstraints:
             "screws": len(frames.screws),
             "shapes": shapes,
             "obstacles": obstacles,
+            "rows": len(rows),
             "names": len(self.names),
             "capacity": capacity,
             **sizes,
@@ -572,7 +621,7 @@ _RECOVERY = 0.1  # m/s or rad/s
 
 
 def _row(**values: float | Array) -> Row:
-    empty = {"speed": 0.0, "limit": 0.0, "axis": np.zeros(3), "other": np.zeros(3)}
+    empty = {"speed": 0.0, "bend": 0.0, "limit": 0.0, "axis": np.zeros(3), "other": np.zeros(3)}
     return Row(**(empty | values))  # type: ignore[arg-type]
 
 
