@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _VIEWS = ((18.0, -60.0), (18.0, 30.0))  # elevation and azimuth, degrees
 _OPACITY = 0.5
+_THINNEST = 0.4  # of the longest side: less would leave no room for the numbers
 
 
 @styled
@@ -49,7 +50,8 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
     joints, discs = silhouette(robot, robot.frames(q))
     everything = np.vstack([joints, *discs, *(face for faces in moved for face in faces)])
     middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
-    half = 0.5 * np.ptp(everything, axis=0).clip(0.05) * 1.05
+    extents = np.ptp(everything, axis=0)
+    half = 0.525 * np.maximum(extents, _THINNEST * extents.max())
     figure = new_figure(7.2, 4.4)
     for i, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 2, i + 1, projection="3d", computed_zorder=False)
