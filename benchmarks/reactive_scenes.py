@@ -107,7 +107,7 @@ def main(count: int) -> None:
     arm, rng = dqc.load_robot("panda"), np.random.default_rng(4)
     ends: dict[str, Counter[str]] = {}
     least: dict[str, float] = {}
-    spent: Counter[str] = Counter()
+    spent: dict[str, float] = {}
     has_mink, has_daqp = find_spec("mink") is not None, find_spec("daqp") is not None
     if has_daqp:
         check_neo(arm)
@@ -124,7 +124,7 @@ def main(count: int) -> None:
         for name, way in ways.items():
             begin = time.thread_time()
             path = way()
-            spent[name] += time.thread_time() - begin
+            spent[name] = spent.get(name, 0.0) + time.thread_time() - begin
             end, distance = end_of(arm, kept, goal, path)
             ends.setdefault(name, Counter())[end] += 1
             least[name] = min(least.get(name, np.inf), distance)
