@@ -23,8 +23,8 @@ CORRECT = (
 Step = Callable[[np.ndarray], np.ndarray]
 
 
-def by_mink(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, gain: float) -> tuple[Step, Step]:
-    """Return what gives Mink's joint speeds towards a pose, and the distances of its rows, of the same pairs."""
+def by_mink(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, gain: float) -> Step:
+    """Return what gives Mink's joint speeds towards a pose, among the same shapes and pairs."""
     import mink
     import mujoco
 
@@ -64,12 +64,7 @@ def by_mink(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, gain: float) ->
         except mink.NoSolutionFound:
             return np.zeros(len(q))
 
-    def distances(q: np.ndarray) -> np.ndarray:
-        configuration.update(q)
-        bounds = limits[-1].compute_qp_inequalities(configuration, PERIOD).h
-        return KEPT + bounds[np.isfinite(bounds)] * PERIOD / gain
-
-    return step, distances
+    return step
 
 
 class Neo:

@@ -118,7 +118,7 @@ def main(count: int) -> None:
         ways: dict[str, Callable[[], np.ndarray]] = {"ours": partial(by_ours, arm, balls, goal, start)}
         if has_mink:
             for name, gain in (("Mink, corrected", CORRECT), ("Mink, as shipped", 0.85)):
-                ways[name] = partial(driven, by_mink(arm, balls, goal, gain)[0], start)
+                ways[name] = partial(driven, by_mink(arm, balls, goal, gain), start)
         if has_daqp:
             ways["NEO, corrected"] = partial(driven, Neo(arm, balls, goal).step, start)
         for name, way in ways.items():
