@@ -149,6 +149,7 @@ bench: $(PEERS)/bench
 	@$(PEERS)/bin/python benchmarks/pereira2016.py
 	@$(PEERS)/bin/python benchmarks/sweep.py
 	@$(PEERS)/bin/python benchmarks/constraints.py
+	@$(PEERS)/bin/python benchmarks/reactive_scenes.py
 
 format: $(VENV)/test
 	@$(BIN)/ruff check --fix .

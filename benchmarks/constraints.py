@@ -1,10 +1,8 @@
-"""A law that keeps constraints: time of a step, of its parts, and reactive scenes.
+"""A law that keeps constraints: time of a step and of its parts.
 
-    python benchmarks/constraints.py [--scenes 200] [--runs 100]
+    python benchmarks/constraints.py [--runs 100]
 
-Scenes: a Panda among three balls, start and goal clear of them by 30 mm, and a way between by random configurations
-that is clear too; joints do what they are told. Runs: the worst distance below what was asked, with 20 instants a
-period, of random scenes with things that move.
+Runs: the worst distance below what was asked, with 20 instants a period, of random scenes with things that move.
 """
 
 from __future__ import annotations
@@ -12,7 +10,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -24,14 +21,11 @@ import dqcontrol as dqc
 from dqcontrol.geometry import Capsule, distance
 from dqcontrol.geometry import distance_kernels as geometry
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
-from dqcontrol.measures.deadlock import deadlocks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
 
 PERIOD = 0.01
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
-MOST = 15.0  # s of a scene
-REACHED = 0.01  # m
 
 
 def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.laws.Constraints:
@@ -222,52 +216,6 @@ def level_times() -> tuple[float, float]:
     return t["levels"] / len(cases), t["programs"] / len(cases)
 
 
-def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return balls, start and goal of a scene that has a way."""
-    low, high = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.8)
-    steps = np.linspace(0, 1, 60)[:, None]
-    while True:
-        balls = around(arm, rng, 3)
-        kept = PreparedConstraints(fenced(arm, balls), arm, PERIOD, "measured")
-
-        def clear(q: np.ndarray, kept: PreparedConstraints = kept) -> bool:
-            return bool(kept.values(q, np.zeros(len(q))).min() > 0.03)
-
-        def straight(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-            return a + steps * (b - a)
-
-        start, goal = rng.uniform(low, high, (2, 7))
-        if not clear(np.vstack([start, goal])) or clear(straight(start, goal)):
-            continue
-        for _ in range(30):
-            via = rng.uniform(low, high)
-            if clear(straight(start, via)) and clear(straight(via, goal)):
-                return balls, start, goal
-
-
-def scenes(count: int) -> None:
-    """Print how many scenes the law solves, and what became of the others."""
-    arm, rng = dqc.load_robot("panda"), np.random.default_rng(4)
-    ends: Counter[str] = Counter()
-    least = np.inf
-    for _ in range(count):
-        balls, start, goal = scene(rng, arm)
-        law = dqc.laws.Proportional(gain=2.0, constraints=fenced(arm, balls, acceleration=10.0))
-        record = dqc.simulate(
-            arm, dqc.references.SetPoint(arm.fkm(goal)), law, dqc.plants.Integrator(), start, PERIOD, MOST
-        )
-        least = min(least, float(record.readings["kept_distance"].values.min()))
-        held = deadlocks(record)
-        turned = float(np.linalg.norm(record.rotation_error[-1]))
-        if record.position_error[-1] < REACHED and turned < 0.05:
-            ends["reached"] += 1
-        elif held and held[-1].end > MOST - 1:
-            ends["held by " + ("obstacles" if "ball" in " ".join(held[-1].names) else held[-1].names[0])] += 1
-        else:
-            ends["late, or at limits of joints"] += 1
-    print(f"{count} scenes: {dict(ends)}; least distance {1e3 * least:.2f} mm, asked 10")
-
-
 def runs(count: int) -> None:
     """Print the worst distance below what was asked of random runs."""
     from constraint_scenes import least_room, random_constraints, random_goal
@@ -302,9 +250,7 @@ def ratios(short: bool) -> list[Ratio]:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--runs", type=int, default=100)
     options = parser.parse_args()
     print(table(ratios(short=False), "Constraints").markdown())
     runs(options.runs)
-    scenes(options.scenes)

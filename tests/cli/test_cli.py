@@ -152,13 +152,15 @@ def test_trials_that_diverge_are_said_at_the_end(here, capsys):
 
 @pytest.mark.slow
 def test_shapes_of_robots(here, capsys):
-    code, out, _ = call("robots", "shapes", "panda", "--pairs", "--write", "mine.yaml", capsys=capsys)
+    options = ("--pairs", "--write", "mine.yaml", "--picture", "panda.png")
+    code, out, _ = call("robots", "shapes", "panda", *options, capsys=capsys)
     assert code == 0
     assert "panda: 8 shapes, 9 of" in out
     assert load_robot("mine.yaml").shapes == load_robot("panda").shapes
-    code, _, err = call("robots", "shapes", "iiwa7", capsys=capsys)
+    assert Path("panda.png").read_bytes().startswith(b"\x89PNG")
+    code, _, err = call("robots", "shapes", "panda", "--picture", "panda.gif", capsys=capsys)
     assert code == 2
-    assert "has no shapes" in err
+    assert "panda.gif: must end in .png, .pdf, .svg" in err
 
 
 def test_robots(here, capsys):

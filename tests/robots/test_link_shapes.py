@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ShapeError
-from dqcontrol.geometry import Box, Capsule, Sphere, distance
+from dqcontrol.geometry import Box, Capsule, Point, Sphere, distance
 from dqcontrol.robots.collision_shapes import collision_shapes, kept, sampled_pairs
 from dqcontrol.robots.robot_file import arm_from, plain_arm
 
@@ -116,3 +116,18 @@ def test_no_pair_of_the_panda_touches_at_home():
     arm = dqc.load_robot("panda")
     places = shapes_of(arm).moved(arm, np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7]))
     assert min(distance(places[a], places[b]).distance for a, b in shapes_of(arm).pairs) > 0.02
+
+
+@pytest.mark.parametrize(
+    "name", ["barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"]
+)
+def test_shapes_of_presets_hold_the_next_joint(name):
+    robot = dqc.load_robot(name)
+    known = shapes_of(robot)
+    q = 0.5 * (robot.limits.lower + robot.limits.upper)
+    moved, joints = known.moved(robot, q), robot.frames(q)
+    for k in range(1, robot.configuration_size):
+        own = [shape for each, shape in zip(known.shapes, moved, strict=True) if each.frame == k]
+        joint = Point(dqc.DualQuaternion(joints[k]).translation)
+        beyond = [shape for each, shape in zip(known.shapes, moved, strict=True) if each.frame == k + 1]
+        assert min(distance(joint, shape).distance for shape in own + beyond) < 0

@@ -189,9 +189,10 @@ def shapes(
     base_link: BaseLink = None,
     tip_link: TipLink = None,
     write: Path | None = None,
+    picture: Path | None = None,
     pairs: bool = False,
 ) -> None:
-    """Show the shapes of a robot's links and the pairs that are kept apart; of a URDF or MJCF file find both.
+    """Show, check and draw the shapes of a robot's links and the pairs kept apart; of a URDF or MJCF file find both.
 
     Primitives of a file stay, capsules are fitted to its meshes, and random configurations tell which pairs are
     worth keeping apart.
@@ -202,12 +203,14 @@ def shapes(
         Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
     write
         A new robot file with shapes and pairs, to be edited and loaded in place of the source.
+    picture
+        A new .png, .pdf or .svg file: the shapes around the joints, in the middle of the joints' ranges.
     pairs
         List all pairs, how near they come and why they are left out.
     """
     from dqcontrol.cli.shapes_listing import list_shapes
 
-    list_shapes(source, base_link, tip_link, write, pairs)
+    list_shapes(source, base_link, tip_link, write, picture, every_pair=pairs)
 
 
 @robots.command

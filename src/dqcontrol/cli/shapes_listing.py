@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import yaml
 
+from dqcontrol.arrays import Array
 from dqcontrol.cli.screen import print_table
-from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.errors import ExistsError, FileFormatError, ShapeError
+from dqcontrol.figures.shapes_picture import shapes_picture
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.robots import SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.collision_shapes import (
     FittedShape,
+    SampledPair,
     collision_shapes,
     kept,
     sampled_pairs,
@@ -21,13 +26,25 @@ from dqcontrol.robots.collision_shapes import (
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot_file import plain_arm
 
+_PICTURES = (".png", ".pdf", ".svg")
+_DPI = 150
+
 
 def list_shapes(
-    source: str, base_link: str | None, tip_link: str | None, write: Path | None, every_pair: bool
+    source: str,
+    base_link: str | None,
+    tip_link: str | None,
+    write: Path | None,
+    picture: Path | None,
+    *,
+    every_pair: bool,
 ) -> None:
-    """Print the shapes of a robot and its pairs; write an arm's robot file with them."""
-    if write is not None and write.exists():
-        raise ExistsError(f"{write}: exists already; choose another name or remove it")
+    """Print, check and draw the shapes of a robot and its pairs; write an arm's robot file with them."""
+    for target in (write, picture):
+        if target is not None and target.exists():
+            raise ExistsError(f"{target}: exists already; choose another name or remove it")
+    if picture is not None and picture.suffix not in _PICTURES:
+        raise FileFormatError(f"{picture}: must end in {', '.join(_PICTURES)}, got '{picture.suffix}'")
     robot = load_robot(source, base_link, tip_link)
     fitted: list[FittedShape] = []
     has_file = robot.placed_links is not None or (isinstance(robot, SerialArm) and robot.urdf is not None)
@@ -70,6 +87,13 @@ def list_shapes(
             )
         )
     print(f"{robot.name}: {len(known)} shapes, {len(chosen)} of {len(found)} pairs kept apart")
+    for line in _doubts(robot, known, found, chosen):
+        print(line)
+    if picture is not None:
+        with whole_file(picture) as draft:
+            drawn = shapes_picture(robot, known, _middle(robot))
+            drawn.savefig(draft, format=picture.suffix[1:], dpi=_DPI)
+        print(f"wrote {picture}")
     if write is not None:
         if not isinstance(robot, SerialArm):
             raise ShapeError(f"{robot.name}: is a whole body; write the shapes of its arms")
@@ -78,6 +102,31 @@ def list_shapes(
         with whole_file(write) as draft:
             draft.write_text(text, encoding="utf-8")
         print(f"wrote {write}")
+
+
+def _middle(robot: Robot) -> Array:
+    """Return the middle of the joints' ranges, shape (n,), rad or m; 0 for those that turn or go further."""
+    lower, upper = robot.limits.lower, robot.limits.upper
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(bounded, 0.5 * (np.where(bounded, lower, 0) + np.where(bounded, upper, 0)), 0.0)
+
+
+def _doubts(
+    robot: Robot, known: tuple[LinkShape, ...], found: list[SampledPair], chosen: tuple[tuple[int, int], ...]
+) -> Iterator[str]:
+    """Yield what is to be looked at: joints that move no shape, pairs kept apart in vain, pairs left out."""
+    carrying = {each.frame for each in known}
+    bare = [name for k, name in enumerate(robot.joint_names, start=1) if k not in carrying]
+    if bare:
+        yield f"no shape moves with: {', '.join(bare)}"
+    asked = {frozenset(pair) for pair in chosen}
+    for each in found:
+        pair = f"{known[each.a].name}, {known[each.b].name}"
+        if frozenset((each.a, each.b)) in asked:
+            if each.colliding > 0.5:
+                yield f"kept apart, but they overlap in {100 * each.colliding:.0f} % of samples: {pair}"
+        elif not each.reason:
+            yield f"not kept apart, but they overlap in {100 * each.colliding:.1f} % of samples: {pair}"
 
 
 def _size(each: LinkShape) -> list[str]:

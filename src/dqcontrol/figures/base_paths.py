@@ -13,6 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.robot import Robot
@@ -22,6 +23,8 @@ from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from dqcontrol.laws.constrained.constraints import Constraints
 
 
 _LARGEST, _WIDEST, _TALLEST = (
@@ -35,7 +38,7 @@ _RADIUS = 0.17  # m, of a base that does not say how wide it is
 
 
 @styled
-def base_path(robot: Robot, records: Mapping[str, Record]) -> Figure:
+def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
     """Plot from above where bases and hand went, the headings of the bases, and the goal.
 
     Arrows show headings at equal times; they start where the base is. The last desired position of the hand is the
@@ -47,6 +50,8 @@ def base_path(robot: Robot, records: Mapping[str, Record]) -> Figure:
         A whole body with at least one base.
     records
         Its runs by label.
+    constraints
+        Their obstacles and zones near the ways are drawn.
 
     Raises
     ------
@@ -64,9 +69,17 @@ def base_path(robot: Robot, records: Mapping[str, Record]) -> Figure:
         raise ShapeError("records: expected at least one run of a robot with a mobile base")
     figure = new_figure(6.0, 5.0)
     axes = figure.subplots()
+    ways = np.vstack(
+        [
+            algebra.translation(robot.frames(_finite(each.q))[:, 2:]).reshape(-1, 3)
+            for each in records.values()
+        ]
+    )
+    drawn = faces_near(constraints, ways, next(iter(records.values())).time)
+    draw_flat(axes, drawn, np.eye(3)[:2])
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
-        q = record.q[np.isfinite(record.q).all(axis=1)]
+        q = _finite(record.q)
         frames = robot.frames(q)
         hand = algebra.translation(frames[:, -1])
         axes.plot(*hand[:, :2].T, color=style["color"], ls=":", lw=1.0)
@@ -95,13 +108,19 @@ def base_path(robot: Robot, records: Mapping[str, Record]) -> Figure:
             Line2D([], [], label="start", marker="o", mfc="white", **mark),
             Line2D([], [], label="end", marker="s", **mark),
             Line2D([], [], label="goal of the hand", marker="+", ms=9, mew=1.6, ls="", color=DESIRED),
+            *entries(drawn),
         ],
     )
     return figure
 
 
 @styled
-def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSES) -> Figure:
+def superimposed(
+    robot: Robot,
+    records: Mapping[str, Record],
+    poses: int = _POSES,
+    constraints: Constraints | None = None,
+) -> Figure:
     """Draw the robot at several times of its runs in one picture, later ones stronger. [S17 Figs 5.4, 5.11]
 
     The times share the way of the hand equally. Arms are drawn as lines from joint to joint, drives as discs as wide
@@ -115,6 +134,8 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
         Runs by label.
     poses
         How many of each run, at least 2.
+    constraints
+        Their obstacles and zones near the ways are drawn.
 
     Raises
     ------
@@ -154,18 +175,24 @@ def superimposed(robot: Robot, records: Mapping[str, Record], poses: int = _POSE
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
     axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=DESIRED)
+    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())).time)
+    draw_in_space(axes, drawn)
     for line in axes.lines:
         line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,
         line.set_in_layout(False)  # which must not shrink for them
-    _frame(axes, np.vstack([*everything, goal[None]]))
+    _frame(axes, np.vstack([*everything, goal[None], corners_of(drawn)]))
     goal_mark = Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED)
-    legend_below(figure, axes, [goal_mark])
+    legend_below(figure, axes, [goal_mark, *entries(drawn)])
     return figure
 
 
 def has_base(robot: Robot) -> bool:
     """Return whether a robot has a mobile base, so that `base_path` can draw it."""
     return bool(_bases(robot))
+
+
+def _finite(q: Array) -> Array:
+    return q[np.isfinite(q).all(axis=1)]
 
 
 def _bases(robot: Robot) -> list[tuple[int, float]]:

@@ -20,10 +20,13 @@ from dqcontrol.figures.style import (
     panels_across,
     styled,
 )
+from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.loop.record import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from dqcontrol.laws.constrained.constraints import Constraints
 
 
 _FLAT = 0.05  # a path counts as planar if it is this many times thinner than long
@@ -31,7 +34,7 @@ _NAMES = "xyz"
 
 
 @styled
-def path_3d(record: Record) -> Figure:
+def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
     """Plot the hand's path over the desired one; beside it a front view if the desired path is planar.
 
     Axes have one scale. Start and end of the hand are marked, and the target if the desired pose rests.
@@ -40,12 +43,14 @@ def path_3d(record: Record) -> Figure:
     ----------
     record
         The run; samples that are not finite are left out.
+    constraints
+        Their obstacles and zones near the path are drawn.
 
     Examples
     --------
     >>> path_3d(run.record).savefig("path.pdf")  # doctest: +SKIP
     """
-    return _paths({"hand": record})
+    return _paths({"hand": record}, constraints)
 
 
 @styled
@@ -60,7 +65,7 @@ def compare_paths(records: Mapping[str, Record]) -> Figure:
     return _paths(records)
 
 
-def _paths(records: Mapping[str, Record]) -> Figure:
+def _paths(records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 
@@ -71,15 +76,20 @@ def _paths(records: Mapping[str, Record]) -> Figure:
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
+    drawn = faces_near(constraints, everything, next(iter(records.values())).time)
 
     rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
     figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
     space: Any = figure.add_subplot(rows, across, 1, projection="3d")
+    draw_in_space(space, drawn)
     _draw(space, desired, hands, np.eye(3), moving)
-    _frame_space(space, everything, plane, 0.88 if across == 2 or not plane else 0.8)
+    _frame_space(
+        space, np.vstack([everything, corners_of(drawn)]), plane, 0.88 if across == 2 or not plane else 0.8
+    )
     if plane:
         axes_of_plane, labels = plane
         front = figure.add_subplot(rows, across, 2)
+        draw_flat(front, drawn, axes_of_plane)
         _draw(front, desired, hands, axes_of_plane, moving)
         front.set_aspect("equal", adjustable="datalim")
         front.set_xlabel(labels[0])
@@ -89,7 +99,7 @@ def _paths(records: Mapping[str, Record]) -> Figure:
             axis.set_major_locator(MaxNLocator(6))
         figure.set_layout_engine("constrained", wspace=0.12)
     marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
-    legend_below(figure, space, marks)
+    legend_below(figure, space, [*marks, *entries(drawn)])
     return figure
 
 

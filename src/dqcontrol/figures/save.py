@@ -30,6 +30,7 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dqcontrol.laws.constrained.constraints import Constraints
     from dqcontrol.measures.lyapunov import Certificate
 
 Draw = Callable[[], "Figure"]
@@ -44,6 +45,7 @@ def run_figures(
     robot: Robot | None = None,
     timing: Timing | None = None,
     certificate: Certificate | None = None,
+    constraints: Constraints | None = None,
 ) -> dict[str, Draw]:
     """Return what draws each figure of a run, by name: ``path``, ``errors``, ``pose``, ``joints``.
 
@@ -66,13 +68,15 @@ def run_figures(
         How a run in real time kept time.
     certificate
         Of its Lyapunov function.
+    constraints
+        Of its law: their obstacles and zones are drawn around the paths.
     """
     record = outlined(record)  # Matplotlib needs kilobytes a sample
-    draw: dict[str, Draw] = {"path": lambda: path_3d(record)}
+    draw: dict[str, Draw] = {"path": lambda: path_3d(record, constraints)}
     if robot is not None and has_base(robot):
         moved = cast(Robot, robot)
-        draw["base"] = lambda: base_path(moved, {"": record})
-        draw["motion"] = lambda: superimposed(moved, {"": record})
+        draw["base"] = lambda: base_path(moved, {"": record}, constraints)
+        draw["motion"] = lambda: superimposed(moved, {"": record}, constraints=constraints)
     draw |= {
         "errors": lambda: errors(record),
         "pose": lambda: pose_coefficients(record),

@@ -77,6 +77,7 @@ def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
         robot=run.robot,
         timing=run.timing,
         certificate=certificate,
+        constraints=run.law.constraints if run.law else None,
     )
     return {name: each() for name, each in draw.items()}
 

@@ -58,17 +58,13 @@ class NearestPair(NamedTuple):
     thing: int
 
 
-class KeptScene:
-    """What constraints have around a robot.
+class Surroundings:
+    """What stands around a robot and moves by itself.
 
     Parameters
     ----------
     given
         The constraints.
-    robot
-        Of the run.
-    period
-        Of the run, s.
 
     Attributes
     ----------
@@ -76,9 +72,7 @@ class KeptScene:
         Obstacles first, in their order, then zones.
     """
 
-    def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
-        self._robot = robot
-        self._prepared = PreparedConstraints(given, robot, period, "measured")
+    def __init__(self, given: Constraints) -> None:
         walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.solids]
         named = list(given.obstacles.items())
         self._obstacles = [each for _, each in named for _ in each.shapes]
@@ -96,6 +90,25 @@ class KeptScene:
                 for i in range(3):
                     found[k, :, i] = np.interp(times, path[:, 0], path[:, 1 + i])
         return found
+
+
+class KeptScene(Surroundings):
+    """What constraints have around a robot, and which pair is nearest.
+
+    Parameters
+    ----------
+    given
+        The constraints.
+    robot
+        Of the run.
+    period
+        Of the run, s.
+    """
+
+    def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
+        super().__init__(given)
+        self._robot = robot
+        self._prepared = PreparedConstraints(given, robot, period, "measured")
 
     def nearest(self, q: Array, time: float) -> NearestPair | None:
         """Return the nearest pair at a configuration (n,), rad or m; None if only angles are kept."""
