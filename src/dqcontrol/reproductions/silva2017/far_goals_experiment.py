@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
@@ -14,17 +15,21 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import (
+    ALL_LIMITS,
     ARRIVED,
     COUNTED,
+    JOINT_ACCELERATION,
     LIMITED,
     SECONDS,
     UNLIMITED,
     counted,
     median_final,
     run_to_goal,
+    with_acceleration_limits,
 )
 from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
 from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
+from dqcontrol.robots import WholeBody
 
 _REMEDY = "remedy: guided K along a planned way"
 _IN_PHYSICS = (S17, OURS, "classic", _REMEDY)
@@ -42,8 +47,8 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
         for done, (label, law) in enumerate(laws.items()):
             if progress:
                 progress(done, len(laws))
-            free, limited, physics = _runs(box, label, law, count, in_physics)
-            rows.append(_row(label, free, limited, physics, setting.spec.period))
+            free, limited, everything, physics = _runs(box, label, law, count, in_physics)
+            rows.append(_row(label, free, limited, everything, physics, setting.spec.period))
             if box.name == "far" and label in (S17, OURS):
                 judged[label] = _judge(free, law)
             if box.name == "far" and label == _REMEDY:
@@ -57,7 +62,7 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
 
 def _runs(
     box: GoalBox, label: str, law: Law, count: int, in_physics: int
-) -> tuple[list[Record], list[Record], list[Record]]:
+) -> tuple[list[Record], list[Record], list[Record], list[Record]]:
     setting = setting_of("comparison")
     scene, period = setting.scene, setting.spec.period
     goals = scene.robot.fkm(
@@ -67,20 +72,36 @@ def _runs(
         [run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits) for goal in goals]
         for limits in (UNLIMITED, LIMITED)
     )
+    assert isinstance(scene.robot, WholeBody)
+    slow, keeping = (
+        with_acceleration_limits(scene.robot),
+        msgspec.structs.replace(law, constraints=ALL_LIMITS),
+    )
+    everything = [
+        run_to_goal(slow, scene.start, goal, keeping, Integrator(), period, UNLIMITED, JOINT_ACCELERATION)
+        for goal in goals
+    ]
     some = goals[:in_physics] if label in _IN_PHYSICS else goals[:0]
     plant = MobilePlant()
     physics = [run_to_goal(scene.robot, scene.start, goal, law, plant, period, LIMITED) for goal in some]
-    return free, limited, physics
+    return free, limited, everything, physics
 
 
 def _row(
-    label: str, free: list[Record], limited: list[Record], physics: list[Record], period: float
+    label: str,
+    free: list[Record],
+    limited: list[Record],
+    everything: list[Record],
+    physics: list[Record],
+    period: float,
 ) -> list[Cell]:
     return [
         label,
         counted(free, period),
         counted(limited, period),
         median_final(limited),
+        counted(everything, period),
+        median_final(everything),
         counted(physics, period) if physics else "",
         median_final(physics) if physics else None,
     ]
@@ -91,6 +112,8 @@ def _table(box: GoalBox, rows: list[list[Cell]], count: int, in_physics: int) ->
         Column("Law"),
         Column(f"Of {count}, no limits"),
         Column(f"Of {count}, limits of joints and wheels"),
+        Column("Last error, median", "", ".3g"),
+        Column(f"Of {count}, accelerations too, as constraints"),
         Column("Last error, median", "", ".3g"),
         Column(f"Of the first {in_physics}, with limits, in physics"),
         Column("Last error, median", "", ".3g"),
