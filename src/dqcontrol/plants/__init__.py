@@ -18,7 +18,6 @@ from dqcontrol.plants.live_plant import LivePlant, MovedPlant
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
 from dqcontrol.plants.mobile.odometry import Odometry
-from dqcontrol.plants.mobile.roller_physics import RollerPhysics, drive_square
 from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
@@ -53,7 +52,6 @@ __all__ = [
     "PayloadCompensation",
     "Plant",
     "Push",
-    "RollerPhysics",
     "Scene",
     "Servo",
     "SinusoidalTwist",
@@ -61,7 +59,6 @@ __all__ = [
     "WheeledBase",
     "WorstCase",
     "WristFault",
-    "drive_square",
     "limits_before",
     "load_servo",
 ]

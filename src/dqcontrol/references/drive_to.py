@@ -414,6 +414,11 @@ def _pieces(drive: Array, start: Array, goal: Array, via: Sequence[Array]) -> li
     return turns_and_lines(start, goal, via)
 
 
+def _wheels_of_bases(rollers: Array) -> list[Array]:
+    """Return the rows of a table of wheels with rollers base by base."""
+    return [rollers[rollers[:, 0] == first] for first in np.unique(rollers[:, 0])]
+
+
 def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration: Array) -> Array:
     """Return how long motions of minimum jerk take at least, with their share of speeds, rims and accelerations."""
     ways, limits = np.abs(inputs), fraction * robot.limits.velocity
@@ -428,6 +433,11 @@ def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration:
             both = (ways[:, v] > 0) & (ways[:, v + 1] > 0)
             rim = ways[:, v] + drive[RIM_LEVER] * ways[:, v + 1]
             share[both, v] = rim[both] / limits[v]
+    for rows in _wheels_of_bases(robot.rollers):
+        j = int(rows[0, 0])
+        straight = np.hypot(rows[:, 2], rows[:, 3]).max() * np.hypot(ways[:, j], ways[:, j + 1])
+        rims = (straight + np.abs(rows[:, 4]).max() * ways[:, j + 2]) / fraction
+        share[:, j] = np.maximum(share[:, j], rims)  # whichever way the base faces
     lasts = np.maximum(_PEAK_SPEED * share, np.sqrt(_PEAK_ACCELERATION * _RAMP * share))
     lasts = np.maximum(lasts, np.sqrt(_PEAK_ACCELERATION * ways / (fraction * acceleration)))
     return lasts.max(axis=1, initial=0.0)

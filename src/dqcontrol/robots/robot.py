@@ -80,6 +80,11 @@ class Robot(InverseKinematics):
         """Index of the first coordinate of each mobile base, and its kind."""
         return ()
 
+    @property
+    def rollers(self) -> Array:
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see `dqcontrol.robots.driving`."""
+        return np.zeros((0, driving.ROLLER_COLUMNS))
+
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
 

@@ -14,13 +14,20 @@ from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
+from dqcontrol.plants.mobile.running_gear import RunningGear, running_gear
 from dqcontrol.plants.mobile.scene import Scene, add_scene
 from dqcontrol.plants.mobile.standing import check_standing
-from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
+from dqcontrol.plants.mobile.wheeled_base import (
+    WheeledBase,
+    add_floor,
+    add_wheel_motors,
+    with_assumed_inertia,
+)
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
 
@@ -34,17 +41,18 @@ _SETTLING = 0.5  # s; until the robot stands still on its contacts
 
 
 class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
-    """A differential drive with an arm on a floor: wheels that roll and slip, casters, a gripper and things to grip.
+    """A base with an arm on a floor: wheels that roll and slip, casters or rollers, a gripper and things to grip.
 
-    The base is a free body; its wheels touch the floor with friction and are turned by speed controllers, which get
-    ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, both scaled down where the rims would be too fast. The arm's joints have
+    The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
+    friction and are turned by speed controllers, which get ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, or what
+    `RollerBase.wheel_speeds` says, all scaled down where the rims would be too fast. The arm's joints have
     the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
     cubes, baskets and the floor. A base that does not stand under its arm in all postures within the joint limits is
     refused; a run ends as toppled when the base tilts by more than `TOPPLED`, and as slipping when a wheel has slid
     faster than `SLIDING` for `SLIDES_FOR`.
 
-    Configuration x, y and φ are those of the point of the floor below the middle of the axle; the whole pose of the
-    base is recorded beside it.
+    Configuration x, y and φ are those of the point of the floor below the middle of the axle, or of all wheels; the
+    whole pose of the base is recorded beside it.
 
     Parameters
     ----------
@@ -109,7 +117,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         Parameters
         ----------
         robot
-            A whole body: a differential drive first, then arms and fixed poses.
+            A whole body: a differential drive or a base on wheels with rollers first, then arms and fixed poses.
         q0
             First configuration, shape (n,), rad or m, joints within their limits.
         dt
@@ -127,14 +135,13 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
-        body, drive, arm = self._parts_of(robot)
-        base = self.base.under(drive, robot.name)
+        body, gear, arm = self._parts_of(robot)
         if arm is not None:
-            check_standing(robot.name, base, drive, arm)
+            check_standing(robot.name, gear, arm)
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
-        model = self._mobile_model(robot, drive, arm)
-        live = LiveMobile(self, body, drive, arm, model, substeps, (dt, steps, seed))
+        model = self._mobile_model(robot, gear, arm)
+        live = LiveMobile(self, body, gear, arm, model, substeps, (dt, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
@@ -145,47 +152,49 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def picture(self, robot: Robot) -> PhysicsPicture:
         """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
+        body, gear, arm = self._parts_of(robot)
         return PhysicsPicture(
-            self._spec(*self._parts_of(robot)),
+            self._spec(body, gear, arm),
             np.array([[*thing.position, 0.0] for thing in (*self.scene.cubes, *self.scene.baskets)]).reshape(
                 -1, 3
             ),
             lambda model, q, readings: recorded_coordinates(
-                model, robot, q, readings, self.gripper, len(self.scene.cubes)
+                model, robot, q, readings, gear.joints, self.gripper, len(self.scene.cubes)
             ),
         )
 
-    def _parts_of(self, robot: Robot) -> tuple[WholeBody, DifferentialDrive, SerialArm | None]:
-        """Return the robot, its drive and what that carries, the arm with inertias."""
+    def _parts_of(self, robot: Robot) -> tuple[WholeBody, RunningGear, SerialArm | None]:
+        """Return the robot, what it drives on and what that carries, the arm with inertias."""
         parts = robot.parts if isinstance(robot, WholeBody) else ()
         drive = parts[0] if parts else None
         carried = [part for part in parts[1:] if isinstance(part, SerialArm | np.ndarray)]
         if (
             not isinstance(robot, WholeBody)
-            or not isinstance(drive, DifferentialDrive)
+            or not isinstance(drive, DifferentialDrive | RollerBase)
             or len(carried) < len(parts) - 1
         ):
             found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
             raise ValueRangeError(
-                f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
-                f"{robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
+                f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, MecanumBase or "
+                f"OmniBase, got {robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
+        gear = running_gear(self.base.under(drive, robot.name), drive)
         if not any(isinstance(part, SerialArm) for part in carried):
-            return robot, drive, None
+            return robot, gear, None
         arm = SerialArm.join(carried, robot.name)
         if arm.inertia is None:
             masses = as_each("plant.link_mass", self.link_mass, arm.configuration_size)
             arm = with_assumed_inertia(arm, masses, self.link_radius)
-        return robot, drive, arm
+        return robot, gear, arm
 
-    def _spec(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+    def _spec(self, robot: Robot, gear: RunningGear, arm: SerialArm | None) -> Any:
         """Return robot, gripper and scene without motors."""
         mujoco = import_mujoco()
         spec = mujoco.MjSpec()
         spec.modelname = robot.name
         spec.compiler.degree, spec.compiler.autolimits = False, True
-        base = self.base.under(drive, robot.name)
-        body = add_base(spec, base, drive, float(robot.chain[3, 6]))
+        add_floor(spec)
+        body = gear.add_to(spec, robot.chain[3, 4:7])
         if arm is not None:
             add_arm(body, arm)
             add_inertias(spec, arm)
@@ -193,18 +202,18 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             body = spec.body(f"link_{arm.configuration_size}")
         else:
             body.add_site(name="hand", pos=robot.chain[-1, 4:7], quat=robot.chain[-1, :4], size=[1e-3] * 3)
-        mass = 2 * base.wheel_mass + base.mass
+        mass = gear.mass
         mass += 0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum())
-        add_wheel_motors(spec, base, drive, mass)
+        add_wheel_motors(spec, gear.base, gear.joints, gear.radius, mass)
         if self.gripper is not None:
             add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
         add_scene(spec, self.scene)
         return spec
 
-    def _mobile_model(self, robot: Robot, drive: DifferentialDrive, arm: SerialArm | None) -> Any:
+    def _mobile_model(self, robot: Robot, gear: RunningGear, arm: SerialArm | None) -> Any:
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
-        spec = self._spec(robot, drive, arm)
+        spec = self._spec(robot, gear, arm)
         option = spec.option
         option.timestep, option.gravity = self.timestep, self.gravity
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
