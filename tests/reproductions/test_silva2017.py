@@ -25,6 +25,7 @@ def test_it_is_in_the_catalogue():
     assert {path.stem for path in (FOLDER / "specs").glob("*.yaml")} >= set(EXPERIMENTS) - {
         "pick-and-drop",
         "far-goals",
+        "two-tables",
     }
 
 

@@ -18,7 +18,7 @@ from dqcontrol.plants.live_plant import LivePlant, MovedPlant
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
 from dqcontrol.plants.mobile.odometry import Odometry
-from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
+from dqcontrol.plants.mobile.scene import Basket, Cube, Scene, TableBlock
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
@@ -55,6 +55,7 @@ __all__ = [
     "Scene",
     "Servo",
     "SinusoidalTwist",
+    "TableBlock",
     "TiringMotors",
     "WheeledBase",
     "WorstCase",

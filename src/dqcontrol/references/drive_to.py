@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -52,9 +53,33 @@ _LOOK = 0.1  # s; between the instants of a way that are looked at
 _LEAST_SHARE = 0.5  # of the clearance: grids and straight links are coarse
 
 
+class PlannedWay(Reference):
+    """The hand's motion while its robot goes a way of configurations that it can go.
+
+    Attributes
+    ----------
+    robot
+        Whose way it is.
+    """
+
+    robot: Robot
+
+    @abstractmethod
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+
+    @abstractmethod
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+
+    def rested(self, times: Array) -> Array:
+        """Return for how long the robot has been where it was to go, s, shape (N,); not positive on the way."""
+        return times - self.duration
+
+
 @renamed_parameters(share="speed_fraction")
 @dataclass(frozen=True, eq=False, repr=False)
-class DriveTo(Reference):
+class DriveTo(PlannedWay):
     """The hand's motion while its robot goes from one configuration to another, as it can.
 
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,

@@ -153,11 +153,10 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     def picture(self, robot: Robot) -> PhysicsPicture:
         """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
         body, gear, arm = self._parts_of(robot)
+        things = (*self.scene.cubes, *self.scene.baskets, *self.scene.tables)
         return PhysicsPicture(
             self._spec(body, gear, arm),
-            np.array([[*thing.position, 0.0] for thing in (*self.scene.cubes, *self.scene.baskets)]).reshape(
-                -1, 3
-            ),
+            np.array([[*thing.position, 0.0] for thing in things]).reshape(-1, 3),
             lambda model, q, readings: recorded_coordinates(
                 model, robot, q, readings, gear.joints, self.gripper, len(self.scene.cubes)
             ),
