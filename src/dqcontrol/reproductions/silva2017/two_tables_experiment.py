@@ -22,7 +22,6 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.reproduced import Reproduced, Write
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import CAMERA, LINK_MASS, PERIOD, ROBOT, START
 from dqcontrol.reproductions.silva2017.pictures import if_drawable
-from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of
 from dqcontrol.robots import Robot, load_robot
 
 HEIGHT = 0.10  # m; of both tables
@@ -42,7 +41,6 @@ _CARRIED, _LET_GO = (
     0.03,
     0.05,
 )  # m; from the hand to the cube, while it is carried at most, at the end at least
-_STEPS = 8
 _LAWS: dict[str, Law] = {GUIDED: GuidedProportional(gain=1.0)}
 
 
@@ -116,9 +114,7 @@ def plan(robot: Robot, seed: int = 0) -> DriveThrough:
 
     first = drive(np.array(START), _pose(cube, _ABOVE, cube[2]))
     above = np.asarray(first.goal)
-    at_cube = above
-    for height in np.linspace(_ABOVE, _GRIP, _STEPS):  # near each other, so that the arm does not fold over
-        at_cube = robot.solve(_pose(cube, float(height), cube[2]), at_cube, restarts=0).q
+    at_cube = _reached_by_the_arm(robot, above, np.array([*cube[:2], HEIGHT + _GRIP]))
     down, up = DriveTo(robot, above, at_cube, *limits), DriveTo(robot, at_cube, above, *limits)
     last = drive(above, _pose(basket, _DROP, math.pi))
     return DriveThrough([first, down, up, last], _RESTS)
@@ -140,15 +136,13 @@ def carry(law: Law, seed: int = 0) -> Carried:
 
 
 def reproduce(conditions: Conditions) -> Reproduced:
-    """Carry the cube along the plan, and let S17's law and ours follow the hand's motion of that plan."""
-    printed = setting_of("comparison").spec.law_by_label
-    laws = _LAWS | {label: printed[label] for label in (S17, OURS)}
+    """Carry the cube along the plan."""
     progress = conditions.of("two-tables")
     done: dict[str, Carried] = {}
-    for number, (label, law) in enumerate(laws.items(), 1):
+    for number, (label, law) in enumerate(_LAWS.items(), 1):
         done[label] = carry(law)
         if progress:
-            progress(number, len(laws))
+            progress(number, len(_LAWS))
     return Reproduced("silva2017/two-tables", [_table(done)], files=_files(done[GUIDED]))
 
 
@@ -217,6 +211,18 @@ def _gripper(way: DriveThrough) -> Gripper:
         GripperEvent(time=over + _OPENS, closed=False),
     ]
     return Gripper(closes="y", schedule=schedule)
+
+
+def _reached_by_the_arm(robot: Robot, q: Array, place: Array) -> Array:
+    """Return the nearest configuration with the hand at a place (3,), m, without its base, which would swing it."""
+    out, small = q.copy(), 1e-6
+    for _ in range(20):
+        here = algebra.translation(robot.fkm(out))
+        steps = np.tile(out, (len(out) - 3, 1))
+        steps[:, 3:] += small * np.eye(len(out) - 3)
+        jacobian = (algebra.translation(robot.fkm(steps)) - here).T / small
+        out[3:] += np.linalg.pinv(jacobian) @ (place - here)
+    return out
 
 
 def _pose(place: Array, height: float, heading: float) -> Array:
