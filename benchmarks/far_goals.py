@@ -19,16 +19,19 @@ from dqcontrol.loop import Record
 from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.references import DriveTo, random_goals
-from dqcontrol.robots.driving import RIM_LEVER
+from dqcontrol.reproductions.silva2017.goal_runs import (
+    ALL_LIMITS,
+    BASE_ACCELERATION,
+    BASE_TURN_ACCELERATION,
+    JOINT_ACCELERATION,
+    beyond_limits,
+)
 
 ARM = [0, -0.9, 0.9, 0.9, 0]
 PERIOD, SEED, COUNT, REACH = 0.05, 2017, 100, 1.5
 REACHED, NEAR = 1e-3, 0.01
-ACCELERATION = 2.0  # rad/s², of joints
-BASE = {"acceleration": 0.5, "turn_acceleration": 2.0}
-LAW = laws.GuidedProportional(
-    gain=1.0, constraints=laws.Constraints(acceleration=ACCELERATION, self_collision=False)
-)
+BASE = {"acceleration": BASE_ACCELERATION, "turn_acceleration": BASE_TURN_ACCELERATION}
+LAW = laws.GuidedProportional(gain=1.0, constraints=ALL_LIMITS)
 
 
 def bodies() -> dict[str, dqc.WholeBody]:
@@ -52,21 +55,8 @@ def follow(
 ) -> Record:
     """Return a run to a goal, and some seconds there."""
     home = np.array([0, 0, 0, *ARM])
-    way = DriveTo.pose(robot, home, goal, acceleration=ACCELERATION)
+    way = DriveTo.pose(robot, home, goal, acceleration=JOINT_ACCELERATION)
     return dqc.simulate(robot, way, LAW, plant, home, period, way.duration + rest)
-
-
-def excess(robot: dqc.WholeBody, record: Record) -> float:
-    """Return by which share positions, velocities, rims or accelerations go beyond their limits at most."""
-    u, limits = record.command[:-1], robot.limits
-    shares = [np.abs(u) / limits.velocity]
-    changes = np.abs(np.diff(u, axis=0, prepend=0.0)) / PERIOD
-    shares.append(changes / robot.acceleration_limits("acceleration", ACCELERATION))
-    for k, drive in enumerate(robot.drives):
-        v = int(drive[0]) - k
-        shares.append((np.abs(u[:, v]) + drive[RIM_LEVER] * np.abs(u[:, v + 1])) / limits.velocity[v])
-    beyond = max(0.0, *(float(each.max()) - 1 for each in shares))
-    return max(beyond, float(np.maximum(limits.lower - record.q, record.q - limits.upper).max()))
 
 
 def main() -> None:
@@ -89,7 +79,7 @@ def main() -> None:
         records = [follow(robot, goal, Integrator()) for goal in goals]
         errors = np.array([record.error[-round(1 / PERIOD) :].max() for record in records])
         times = [record.duration - 3.0 for record in records]
-        beyond = max(excess(robot, record) for record in records)
+        beyond = max(beyond_limits(robot, record, PERIOD) for record in records)
         cells = [name, float((errors < REACHED).sum()), errors.max(), float(np.median(times)), beyond]
         if name == "differential":
             plant = MobilePlant(location="odometry")

@@ -10,13 +10,19 @@ import time
 import numpy as np
 
 import dqcontrol as dqc
-from dqcontrol.plants import Basket, Cube, MobilePlant, RollerPhysics, WheeledBase, drive_square
+from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
 
 SEED = 20261209
 PERIOD = 0.02
 START = np.array([0, 0, 0, 0, -0.504, 1.397, 0, 0])
 SCENES = 20
+BODY = {
+    "mass": 26.0,
+    "height": 0.09,
+    "wheel_mass": 0.4,
+    "wheel_torque": 5.0,
+}  # kg, m, kg, N·m: as of a youBot
 
 
 def speeds() -> tuple[float, float]:
@@ -65,18 +71,49 @@ def errands() -> int:
     return done
 
 
+def drive_square(
+    base: dqc.MecanumBase | dqc.OmniBase, friction: float, side: float = 2.0, speed: float = 0.4
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Drive a square without turning, ahead, left, back and right, each side with minimum jerk at a mean speed, m/s.
+
+    Returns
+    -------
+    tuple
+        Length of each side in physics, (4,), m; where it ends, x, y and φ, (3,), of the zero of kinematics; and the
+        greatest slip of a wheel, m/s.
+    """
+    robot, seconds = dqc.WholeBody([base]), side / speed
+    live = MobilePlant(base=WheeledBase(friction=friction, **BODY)).start(robot, np.zeros(3), PERIOD, 0, 0)
+    wheels = len(base.wheels)
+    lengths, greatest, count = np.zeros(4), 0.0, round(seconds / PERIOD)
+    for k, way in enumerate([(1.0, 0), (0, 1), (-1, 0), (0, -1)]):
+        begin = live.q[:2].copy()
+        for i in range(count + 25):  # half a second at rest
+            t = min((i + 0.5) / count, 1.0)
+            v = 30 * side / seconds * (t * (1 - t)) ** 2
+            facing = live.q[
+                2
+            ]  # the velocity is that in the base's own axes, without a correction by the pose
+            c, s = np.cos(facing), np.sin(facing)
+            live.step(np.array([v * (c * way[0] - s * way[1]), v * (s * way[0] + c * way[1]), 0.0]))
+            greatest = max(greatest, float(np.abs(live.readings[2 * wheels : 3 * wheels]).max()))
+        lengths[k] = np.linalg.norm(live.q[:2] - begin)
+    return lengths, live.q.copy(), greatest
+
+
 def rollers() -> None:
     """Print how far mecanum and omni wheels come on a square of 2 m sides, against their kinematics."""
     for base in (
         dqc.MecanumBase(wheel_radius=0.05, half_track=0.158, half_wheelbase=0.228),
         dqc.OmniBase(wheel_radius=0.05, wheel_distance=0.2),
     ):
-        for friction in (0.8, 0.4):
-            lengths, end, slip = drive_square(RollerPhysics(base, mass=27.0, friction=friction))
+        for friction in (0.8, 0.4, 0.05):
+            lengths, end, slip = drive_square(base, friction)
             short = 100 * np.abs(lengths / 2.0 - 1.0).max()
+            back = 1e3 * np.hypot(*end[:2])
             print(
-                f"{base.kind} wheels, square of 2 m, friction {friction:g}: sides {short:.1f} % off at most, turned by "
-                f"{np.degrees(end[2]):.1f}°, slip up to {1e3 * slip:.0f} mm/s"
+                f"{base.kind} wheels, square of 2 m, friction {friction:g}: sides {short:.2f} % off at most, back "
+                f"within {back:.0f} mm, turned by {np.degrees(end[2]):.1f}°, slip up to {1e3 * slip:.0f} mm/s"
             )
 
 

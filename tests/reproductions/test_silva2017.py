@@ -25,6 +25,7 @@ def test_it_is_in_the_catalogue():
     assert {path.stem for path in (FOLDER / "specs").glob("*.yaml")} >= set(EXPERIMENTS) - {
         "pick-and-drop",
         "far-goals",
+        "two-tables",
     }
 
 
@@ -64,11 +65,15 @@ def test_the_comparison_has_s17s_law_and_stop_first():
         4.8729,
         9.2067,
     )
-    for box in done.tables[1:3]:
+    limited = {row[0]: row for row in done.tables[1].rows}
+    assert (limited["S17"][1:3], limited["classic"][1:3]) == ([650, 139], [650, 128])
+    assert all(row[10] < 1e-6 for row in limited.values()), "none goes beyond a limit"
+    assert limited["classic"][11] > 100, "without them the classic law does"
+    for box in done.tables[2:4]:
         by_law = {row[0]: row for row in box.rows}
         assert by_law["remedy: guided K along a planned way"][2:4] == [2, 2], "the remedy reaches all"
         assert {"S17", "S17 with (4.19)", "S17 with (3.13)", "ours", "classic", "cascade"} <= by_law.keys()
-    claims = {row[1]: row for row in done.tables[3].rows}
+    claims = {row[1]: row for row in done.tables[4].rows}
     assert len(claims) == 9
     similar = next(row for quotation, row in claims.items() if "similar convergence" in quotation)
     assert [str(similar[k]) for k in (2, 4)] == ["supported", "not supported"]

@@ -6,6 +6,7 @@ import pytest
 from dqcontrol.errors import Error, FileFormatError
 from dqcontrol.limits import CommandLimits, Supervisor
 from dqcontrol.plants import Servo
+from dqcontrol.references import DriveTo
 from dqcontrol.robots import (
     CarLikeBase,
     DifferentialDrive,
@@ -121,6 +122,33 @@ def test_contacts_of_wheels_on_rollers_move_across_their_rollers_only(base):
             axis = wheel.heading + wheel.roller
             assert abs((contact - rolled) @ [np.cos(axis), np.sin(axis)]) <= 1e-12
         np.testing.assert_allclose(base.from_wheel_speeds(base.wheel_speeds(twist)), twist, atol=1e-12)
+
+
+@pytest.mark.parametrize("base", [MECANUM, OMNI], ids=lambda b: b.kind)
+def test_no_rim_of_a_wheel_with_rollers_is_too_fast(base):
+    """In commands that are limited, in servos and in plans; commands keep their direction and use what they may."""
+    body = WholeBody([CAR, base])
+    keep, parameters = CommandLimits(velocity=True).prepare(body)
+    rng = np.random.default_rng(SEED)
+
+    def rims(phi, rates):
+        return base.wheel_radius * np.abs(base.wheel_speeds(base.own_twist(phi, rates))).max()
+
+    for u in rng.uniform(-3, 3, (100, 5)):
+        q, limited = rng.uniform(-3, 3, 6), u.copy()
+        assert keep(q, parameters, limited) == 0
+        np.testing.assert_allclose(limited[2:] * u[2], u[2:] * limited[2], atol=1e-12)
+        assert rims(q[5], limited[2:]) <= base.rim_speed + 1e-12
+    alone = WholeBody([base])
+    servos = Servo(time_constant=0.0).start(alone, np.zeros(3), 0.02, 50, 0)
+    for u in rng.uniform(-3, 3, (50, 3)):
+        before = servos.q.copy()
+        servos.step(u)
+        assert rims(before[2], (servos.q - before) / 0.02) <= base.rim_speed + 1e-9
+    way = DriveTo(alone, [0, 0, 0], [2, 1, 3.0], speed_fraction=1.0)
+    times = np.arange(0.0, way.duration, 0.05)
+    for q, u in zip(way.configurations(times), way.mean_inputs(times, 0.05), strict=True):
+        assert rims(q[2], u) <= base.rim_speed * (1 + 1e-9)
 
 
 def test_mecanum_speeds_are_those_of_the_textbook():

@@ -18,7 +18,7 @@ from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.laws.proportional import proportional_work
 from dqcontrol.laws.unconstrained_drive import drive_table
-from dqcontrol.references.drive_to import DriveTo
+from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -134,9 +134,9 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
         Raises
         ------
         Error
-            If the reference is no `DriveTo` of this robot.
+            If the reference is no `DriveTo` or `DriveThrough` of this robot.
         """
-        if not isinstance(reference, DriveTo) or reference.robot.input_names != robot.input_names:
+        if not isinstance(reference, PlannedWay) or reference.robot.input_names != robot.input_names:
             raise Error(f"law: guided-proportional follows a drive-to reference, planned for {robot.name}")
         if self.null_space is not None:
             raise Error("null_space: leave it out, guided-proportional follows its plan")
@@ -146,7 +146,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
         return plan_parameters.pack(
             **pose_parameters(self.parameter_rows(robot, times))._asdict(),
             pull=as_positive("pull", self.pull),
-            share=np.clip((times - reference.duration) / _HANDOVER, 0.0, 1.0),
+            share=np.clip(reference.rested(times) / _HANDOVER, 0.0, 1.0),
             drives=drive_table(robot),
             planned=reference.configurations(times),
             inputs=reference.mean_inputs(times, dt),

@@ -12,7 +12,13 @@ from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
 from dqcontrol.limits.compensation import Compensation
-from dqcontrol.limits.velocity_limit import scale_velocity, speed_limits, unlimited
+from dqcontrol.limits.velocity_limit import (
+    roller_speed_limits,
+    scale_velocity,
+    scale_velocity_on_rollers,
+    speed_limits,
+    unlimited,
+)
 from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
@@ -26,7 +32,7 @@ class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_field
     Parameters
     ----------
     velocity
-        True: where an input exceeds the robot's velocity limit, or the rim of a drive's wheel its rim speed, the whole
+        True: where an input exceeds the robot's velocity limit, or the rim of a wheel its rim speed, the whole
         command is scaled down, so that the hand keeps its direction and only slows. With `ModifiedClamping` joints do
         not slow the rest: each is held at its own limit, and the others make up for it as far as they can.
         If omitted, the plant decides (see `dqcontrol.plants.limits_before`); a law prepared without a plant leaves the
@@ -66,4 +72,9 @@ class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_field
             return unlimited, np.zeros(0)
         if not np.isfinite(robot.limits.velocity).any():
             raise ValueRangeError(f"limits.velocity: {robot.name} has no velocity limits to keep")
-        return scale_velocity, speed_limits.pack(fastest=robot.limits.velocity, drives=robot.drives)
+        fastest, drives, rollers = robot.limits.velocity, robot.drives, robot.rollers
+        if not len(rollers):
+            return scale_velocity, speed_limits.pack(fastest=fastest, drives=drives)
+        return scale_velocity_on_rollers, roller_speed_limits.pack(
+            fastest=fastest, drive_count=len(drives), drives=drives, rollers=rollers
+        )

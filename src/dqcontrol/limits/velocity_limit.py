@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.driving import DRIVE_COLUMNS, RIM_LEVER, drive_speeds, steer
+from dqcontrol.robots.driving import DRIVE_COLUMNS, RIM_LEVER, ROLLER_COLUMNS, drive_speeds, steer
 
 # q, parameters, command
 LIMIT = STATUS(INPUT, READ, WRITE)
@@ -20,7 +21,17 @@ class SpeedLimits(NamedTuple):
     drives: Annotated[Array, ..., DRIVE_COLUMNS]
 
 
+class RollerSpeedLimits(NamedTuple):
+    """`SpeedLimits` of a robot that has wheels with rollers too, see `dqcontrol.robots.driving`."""
+
+    fastest: Annotated[Array, "m"]
+    drive_count: float
+    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
+    rollers: Annotated[Array, ..., ROLLER_COLUMNS]
+
+
 speed_limits = MemoryLayout(SpeedLimits, "m")
+roller_speed_limits = MemoryLayout(RollerSpeedLimits, "m", "drives")
 
 
 @kernel(LIMIT)
@@ -57,8 +68,32 @@ def scale_down(q, speed_limits, command):
         steer(speed_limits.drives, command)
 
 
+@inline
+def scale_down_rollers(q, rollers, command):
+    """Scale the whole command so that no rim of a wheel with rollers is too fast."""
+    share = 1.0
+    for k in range(rollers.shape[0]):
+        j, phi = int(rollers[k, 0]), q[int(rollers[k, 1])]
+        c, s = math.cos(phi), math.sin(phi)
+        ahead = c * command[j] + s * command[j + 1]
+        left = c * command[j + 1] - s * command[j]
+        share = max(share, abs(rollers[k, 2] * ahead + rollers[k, 3] * left + rollers[k, 4] * command[j + 2]))
+    for i in range(command.shape[0]):
+        command[i] /= share
+
+
 @kernel(LIMIT)
 def scale_velocity(q, parameters, command):
     """Scale the command to the velocity limits."""
     scale_down(q, speed_limits(parameters, command.shape[0]), command)
+    return OK
+
+
+@kernel(LIMIT)
+def scale_velocity_on_rollers(q, parameters, command):
+    """Scale the command to the velocity limits, those of wheels with rollers among them."""
+    m = command.shape[0]
+    given = roller_speed_limits(parameters, m, int(parameters[m]))
+    scale_down_rollers(q, given.rollers, command)
+    scale_down(q, SpeedLimits(given.fastest, given.drives), command)
     return OK

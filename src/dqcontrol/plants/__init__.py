@@ -18,8 +18,7 @@ from dqcontrol.plants.live_plant import LivePlant, MovedPlant
 from dqcontrol.plants.mobile import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
 from dqcontrol.plants.mobile.odometry import Odometry
-from dqcontrol.plants.mobile.roller_physics import RollerPhysics, drive_square
-from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
+from dqcontrol.plants.mobile.scene import Basket, Cube, Scene, TableBlock
 from dqcontrol.plants.mobile.wheeled_base import WheeledBase
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.own_plant import OwnPlant
@@ -53,15 +52,14 @@ __all__ = [
     "PayloadCompensation",
     "Plant",
     "Push",
-    "RollerPhysics",
     "Scene",
     "Servo",
     "SinusoidalTwist",
+    "TableBlock",
     "TiringMotors",
     "WheeledBase",
     "WorstCase",
     "WristFault",
-    "drive_square",
     "limits_before",
     "load_servo",
 ]

@@ -239,7 +239,7 @@ def plants_that_drive(robot: Robot) -> str:
     if not bases:
         return "arms run on kind 'mujoco'"
     kinds = {kind for first, kind in robot.bases if first == 0}
-    if bases == 1 and kinds & {"differential drive"}:
+    if bases == 1 and kinds & {"differential drive", "mecanum", "omni"}:
         return "use kind 'mobile', or without physics 'servo' or 'integrator'"
     return "no physics has such a base; use kind 'servo' or 'integrator'"
 

@@ -5,6 +5,7 @@ from dqcontrol.references.circle import Circle, Spiral
 from dqcontrol.references.curve import Curve
 from dqcontrol.references.drawing import Drawing
 from dqcontrol.references.drawing.drawing_file import DrawingFile, load_drawing, parse_drawing
+from dqcontrol.references.drive_through import DriveThrough
 from dqcontrol.references.drive_to import DriveTo
 from dqcontrol.references.jerk_limited import JerkLimited
 from dqcontrol.references.points import Points
@@ -29,6 +30,7 @@ __all__ = [
     "Curve",
     "Drawing",
     "DrawingFile",
+    "DriveThrough",
     "DriveTo",
     "JerkLimited",
     "Points",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -52,9 +53,33 @@ _LOOK = 0.1  # s; between the instants of a way that are looked at
 _LEAST_SHARE = 0.5  # of the clearance: grids and straight links are coarse
 
 
+class PlannedWay(Reference):
+    """The hand's motion while its robot goes a way of configurations that it can go.
+
+    Attributes
+    ----------
+    robot
+        Whose way it is.
+    """
+
+    robot: Robot
+
+    @abstractmethod
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+
+    @abstractmethod
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+
+    def rested(self, times: Array) -> Array:
+        """Return for how long the robot has been where it was to go, s, shape (N,); not positive on the way."""
+        return times - self.duration
+
+
 @renamed_parameters(share="speed_fraction")
 @dataclass(frozen=True, eq=False, repr=False)
-class DriveTo(Reference):
+class DriveTo(PlannedWay):
     """The hand's motion while its robot goes from one configuration to another, as it can.
 
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,
@@ -414,6 +439,11 @@ def _pieces(drive: Array, start: Array, goal: Array, via: Sequence[Array]) -> li
     return turns_and_lines(start, goal, via)
 
 
+def _wheels_of_bases(rollers: Array) -> list[Array]:
+    """Return the rows of a table of wheels with rollers base by base."""
+    return [rollers[rollers[:, 0] == first] for first in np.unique(rollers[:, 0])]
+
+
 def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration: Array) -> Array:
     """Return how long motions of minimum jerk take at least, with their share of speeds, rims and accelerations."""
     ways, limits = np.abs(inputs), fraction * robot.limits.velocity
@@ -428,6 +458,11 @@ def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration:
             both = (ways[:, v] > 0) & (ways[:, v + 1] > 0)
             rim = ways[:, v] + drive[RIM_LEVER] * ways[:, v + 1]
             share[both, v] = rim[both] / limits[v]
+    for rows in _wheels_of_bases(robot.rollers):
+        j = int(rows[0, 0])
+        straight = np.hypot(rows[:, 2], rows[:, 3]).max() * np.hypot(ways[:, j], ways[:, j + 1])
+        rims = (straight + np.abs(rows[:, 4]).max() * ways[:, j + 2]) / fraction
+        share[:, j] = np.maximum(share[:, j], rims)  # whichever way the base faces
     lasts = np.maximum(_PEAK_SPEED * share, np.sqrt(_PEAK_ACCELERATION * _RAMP * share))
     lasts = np.maximum(lasts, np.sqrt(_PEAK_ACCELERATION * ways / (fraction * acceleration)))
     return lasts.max(axis=1, initial=0.0)

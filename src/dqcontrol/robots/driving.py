@@ -6,6 +6,10 @@ half the track b (m), the least turning radius ρ (m; 0 turns on the spot) and t
 the speed of its fastest driven rim, |v| + l |ω|. Without drives it has no rows, and the inputs are the rates of the
 configuration.
 
+A table of rollers has one row ``[j, i, a_x, a_y, a_ω]`` for each wheel with rollers that has a rim speed: the index of
+ẋ among the inputs, that of φ in the configuration, and the shares of that speed that v_x, v_y (s/m) and ω (s/rad) in
+the base's own axes take.
+
 What is asked of ω beyond |v| / ρ the wheels cannot steer: the base turns as far as they do.
 
 A robot with drives has m inputs, of which each drive has two, v and ω; or n of them, of which each drive has three
@@ -20,6 +24,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, READ2, STATUS, WRITE2, in
 
 DRIVE_COLUMNS = 6
 HALF_TRACK, TURNING_RADIUS, RIM_LEVER = 3, 4, 5  # columns of the table of drives
+ROLLER_COLUMNS = 5
 
 # drives, configurations (N × n), inputs (N × m or N × n), period, out
 INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)

@@ -94,6 +94,11 @@ class Robot(InverseKinematics):
         """Return the same robot with constrained or unconstrained inputs; see `WholeBody`."""
         return self
 
+    @property
+    def rollers(self) -> Array:
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see `dqcontrol.robots.driving`."""
+        return np.zeros((0, driving.ROLLER_COLUMNS))
+
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
 

@@ -18,6 +18,7 @@ from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Form, Robot, paired_rows
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 
@@ -126,6 +127,17 @@ class WholeBody(Robot):
     def driven_bases(self) -> tuple[Drive, ...]:
         """The bases that cannot move sideways, in the order of `drives`."""
         return tuple(part for part in self.parts if isinstance(part, Drive))
+
+    @property
+    def rollers(self) -> Array:
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see `dqcontrol.robots.driving`."""
+        rows = [
+            [np.searchsorted(self.input_coordinates, first), first + 2, *row]
+            for first, part in parts_with_offsets(self.parts)
+            if isinstance(part, RollerBase) and np.isfinite(part.rim_speed)
+            for row in part.wheel_matrix * part.wheel_radius / part.rim_speed
+        ]
+        return np.array(rows, dtype=np.float64).reshape(-1, driving.ROLLER_COLUMNS)
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""

@@ -16,8 +16,7 @@ from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
-from dqcontrol.plants.mobile.odometry import Odometry
-from dqcontrol.plants.mobile.wheeled_base import WHEELS, yaw_of
+from dqcontrol.plants.mobile.wheeled_base import yaw_of
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import as_command
@@ -25,13 +24,12 @@ from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mobile.mobile_plant import MobilePlant
-    from dqcontrol.robots.bases import DifferentialDrive
+    from dqcontrol.plants.mobile.running_gear import RunningGear
     from dqcontrol.robots.robot import Robot
 
 
 TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
 SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long drive nowhere
-SLIP, TILT = slice(4, 7), 7  # among the readings
 
 
 class LiveMobile(LivePlant):
@@ -42,9 +40,10 @@ class LiveMobile(LivePlant):
     model, data
         MuJoCo's own model and state, for whoever needs more.
     channels, readings
-        What is recorded beside them: angles, torques and slip of the wheels (slip: speed of each wheel's contact along
-        the heading, and of the axle across it), tilt and pose of the base, opening of the gripper, poses of the cubes,
-        and with a camera the age of its last frame and the share of the commands that is obeyed.
+        What is recorded beside them: angles, torques and slip of the wheels (slip of a drive: speed of each wheel's
+        contact along the heading, and of the axle across it; of wheels with rollers: along the axis of the roller),
+        tilt and pose of the base, opening of the gripper, poses of the cubes, and with a camera the age of its last
+        frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
     """
@@ -56,7 +55,7 @@ class LiveMobile(LivePlant):
         self,
         plant: MobilePlant,
         robot: Robot,
-        drive: DifferentialDrive,
+        gear: RunningGear,
         arm: Robot | None,
         model: Any,
         substeps: int,
@@ -64,23 +63,24 @@ class LiveMobile(LivePlant):
     ) -> None:
         self.model, self.data = model, import_mujoco().MjData(model)
         self.q, self.measured = np.zeros(robot.configuration_size), np.zeros(robot.configuration_size)
-        self._plant, self._robot, self._drive, self._arm, self._run = plant, robot, drive, arm, run
+        self._plant, self._robot, self._gear, self._arm, self._run = plant, robot, gear, arm, run
         self._substeps, self._advance = substeps, import_mujoco().mj_step
         joints = robot.joint_names[3:]
         self._joints = coordinates_of(model, joints)
         self.dofs: NDArray[np.intp] = dofs_of(model, joints)
-        wheels = [f"wheel_{name}" for name in WHEELS]
-        self._wheels, self._wheel_dofs = coordinates_of(model, wheels), dofs_of(model, wheels)
+        self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
         self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
         self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
-        self._rim = robot.limits.velocity[0] / drive.wheel_radius
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
-        self._acceleration, self._moving = (
-            robot.in_form("constrained").acceleration_limits("plant")[:2].tolist(),
-            [0.0, 0.0],
-        )  # of v and ω
-        self.channels = _channels(plant)
+        inputs = robot.in_form("constrained").acceleration_limits("plant")
+        self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
+        self.channels = _channels(plant, gear)
+        wheels, slips = len(gear.wheels), len(gear.slips)
+        self._slip, self._tilt = (
+            slice(2 * wheels, 2 * wheels + slips),
+            2 * wheels + slips,
+        )  # among the readings
         self.readings = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
@@ -116,8 +116,8 @@ class LiveMobile(LivePlant):
         data.time = 0.0
         import_mujoco().mj_forward(self.model, data)
         self.q[:] = start
-        wheels, camera = self._plant.base, self._plant.camera
-        self._odometry = Odometry(self._drive, start[:3], wheels.ticks, wheels.wheel_errors)
+        camera = self._plant.camera
+        self._odometry = self._gear.odometry(start[:3])
         self._sight: Sight | None = None
         if self._plant.location == "camera":
             self._sight = Sight(camera, start[:3], dt, count, seed)
@@ -131,20 +131,21 @@ class LiveMobile(LivePlant):
         Parameters
         ----------
         command
-            Inputs v and ω of the base and the joints' velocities, shape (n − 1,), or in the unconstrained form the
-            rates of the configuration, shape (n,); m/s and rad/s.
+            Inputs v and ω of the base and the joints' velocities, shape (n − 1,), or in the unconstrained form and of
+            a base that moves sideways the rates of the configuration, shape (n,); m/s and rad/s.
         """
         u = as_command(command, self._robot.input_size)
-        if len(u) == len(self.q) and isinstance(self._robot, WholeBody):
+        if len(self._robot.drives) and len(u) == len(self.q) and isinstance(self._robot, WholeBody):
             u = self._robot.feasible_inputs(self.measured, u)
         if self._sight is not None and self._sight.is_over:
             raise ValueRangeError("step: the plant was started for fewer periods, and they are over")
-        self._command_wheels(u[0], u[1])
+        inputs = self._gear.inputs
+        self._command_wheels(u[:inputs])
         self._command_gripper(self.data.time)
         self._compensate(self.q)
         joints = len(self._joints)
         rate = self.data.ctrl[:joints]
-        rate[:] = u[2:]
+        rate[:] = u[inputs:]
         if self._plant.command_mode == "measured":  # the rate that ends at measured + T u
             rate += (self.measured[3:] - self.data.act[:joints]) / self._run[0]
         rate *= self._share
@@ -163,14 +164,14 @@ class LiveMobile(LivePlant):
 
     def _check_standing(self) -> None:
         """Raise if the robot has fallen over, or slides for long."""
-        tilt = self.readings[TILT]
+        tilt = self.readings[self._tilt]
         if tilt > TOPPLED:
             raise FallenError(
                 f"toppled at {self.data.time:.3g} s: the base tilts by {math.degrees(tilt):.0f}°, more than "
                 f"{math.degrees(TOPPLED):.0f}°; drive or move the arm more slowly, or give the base a "
                 "heavier, lower or wider chassis"
             )
-        slip = np.abs(self.readings[SLIP]).max()
+        slip = np.abs(self.readings[self._slip]).max()
         self._slid = self._slid + self._run[0] if slip > SLIDING else 0.0
         if self._slid > SLIDES_FOR:
             raise FallenError(
@@ -184,25 +185,22 @@ class LiveMobile(LivePlant):
         """Share of the commands that is obeyed: 1, but without frames of the camera."""
         return self._sight.share if self._sight is not None else 1.0
 
-    def _command_wheels(self, v: float, omega: float) -> None:
-        """Set the wheels' speeds, along the same arc where the rims would be too fast, and no faster than it may."""
-        for i, wanted in enumerate((v, omega)):
-            most = self._run[0] * self._acceleration[i]
-            self._moving[i] = min(max(wanted, self._moving[i] - most), self._moving[i] + most)
-        v, omega = self._moving
-        turning, share = self._drive.half_track * omega, self._share
-        right, left = (
-            share * (v + turning) / self._drive.wheel_radius,
-            share * (v - turning) / self._drive.wheel_radius,
-        )
-        scale = min(1.0, self._rim / max(abs(right), abs(left), 1e-12))
+    def _command_wheels(self, wanted: Array) -> None:
+        """Set the wheels' speeds, of a base whose speed changes no faster than it may."""
+        most = self._run[0] * self._acceleration
+        self._moving = np.minimum(np.maximum(wanted, self._moving - most), self._moving + most)
+        heading = self.measured[2]
+        if self._gear.inputs > 2:  # the middle of the period's
+            heading += 0.5 * self._run[0] * self._moving[2]
         first = len(self._joints)
-        self.data.ctrl[first : first + 2] = scale * right, scale * left
+        self.data.ctrl[first : first + len(self._wheels)] = self._gear.wheel_speeds(
+            self._moving, heading, self._share
+        )
 
     def _command_gripper(self, time: float) -> None:
         gripper = self._plant.gripper
         if gripper is not None:
-            self.data.ctrl[len(self._joints) + 2 :] = 1.0 if gripper.is_closed(time) else -1.0
+            self.data.ctrl[len(self._joints) + len(self._wheels) :] = 1.0 if gripper.is_closed(time) else -1.0
 
     def _compensate(self, q: Array) -> None:
         """Let the servos carry their share of gravity."""
@@ -227,13 +225,14 @@ class LiveMobile(LivePlant):
         else:
             measured[:3] = self._sight.pose if self._sight is not None else self.q[:3]
         data, out = self.data, self.readings
-        out[0:2] = data.qpos[self._wheels]
-        out[2:4] = data.qfrc_actuator[self._wheel_dofs]
-        out[SLIP] = self._slip()
+        wheels, tilt = len(self._wheels), self._tilt
+        out[:wheels] = data.qpos[self._wheels]
+        out[wheels : 2 * wheels] = data.qfrc_actuator[self._wheel_dofs]
+        out[self._slip] = self._slipping()
         x, y = data.qpos[4:6]
-        out[TILT] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
-        out[8:15] = data.qpos[:7]
-        at = 15
+        out[tilt] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
+        out[tilt + 1 : tilt + 8] = data.qpos[:7]
+        at = tilt + 8
         if (gripper := self._plant.gripper) is not None:
             out[at] = gripper.opening - data.qpos[self._fingers].sum()
             at += 1
@@ -243,15 +242,14 @@ class LiveMobile(LivePlant):
         if self._sight is not None:
             out[at : at + 2] = self._sight.age, self._sight.share
 
-    def _slip(self) -> tuple[float, float, float]:
-        """Return the speeds of the right and the left wheel's contact along the heading, and of the axle across it."""
+    def _slipping(self) -> Array:
+        """Return how fast the wheels' contacts slide."""
         data, phi = self.data, self.q[2]
         c, s = math.cos(phi), math.sin(phi)
         vx, vy, turn = data.qvel[0], data.qvel[1], data.qvel[5]
-        forward, across = c * vx + s * vy, c * vy - s * vx
-        b, r = self._drive.half_track, self._drive.wheel_radius
-        right, left = data.qvel[self._wheel_dofs]
-        return forward + b * turn - r * right, forward - b * turn - r * left, across
+        return self._gear.slip(
+            np.array([c * vx + s * vy, c * vy - s * vx, turn]), data.qvel[self._wheel_dofs]
+        )
 
     @staticmethod
     def _turned(quaternion: Array, angle: float, out: Array) -> None:
@@ -271,12 +269,12 @@ def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
     return np.array([int(model.joint(name).dofadr[0]) for name in joints], dtype=np.intp)
 
 
-def _channels(plant: MobilePlant) -> tuple[Channel, ...]:
+def _channels(plant: MobilePlant, gear: RunningGear) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveMobile.readings`."""
     return (
-        Channel("wheel_angle", WHEELS, "rad"),
-        Channel("wheel_torque", WHEELS, "N·m"),
-        Channel("wheel_slip", (*WHEELS, "sideways"), "m/s"),
+        Channel("wheel_angle", gear.wheels, "rad"),
+        Channel("wheel_torque", gear.wheels, "N·m"),
+        Channel("wheel_slip", gear.slips, "m/s"),
         Channel("tilt", (), "rad"),
         Channel(BASE_POSITION, ("x", "y", "z"), "m"),
         Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),

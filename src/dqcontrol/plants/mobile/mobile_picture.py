@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,14 +12,19 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
-from dqcontrol.plants.mobile.wheeled_base import WHEELS
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
 def recorded_coordinates(
-    model: Any, robot: Robot, q: Array, readings: Mapping[str, Array], gripper: Gripper | None, cubes: int
+    model: Any,
+    robot: Robot,
+    q: Array,
+    readings: Mapping[str, Array],
+    wheels: Sequence[str],
+    gripper: Gripper | None,
+    cubes: int,
 ) -> Array:
     """Return MuJoCo's coordinates at each sample, shape (N, nq).
 
@@ -33,6 +38,8 @@ def recorded_coordinates(
         Configurations, shape (N, n), rad or m.
     readings
         By name what the plant sensed, each (N, size).
+    wheels
+        Names of the wheels' joints.
     gripper, cubes
         The plant's, and how many.
 
@@ -57,7 +64,7 @@ def recorded_coordinates(
     else:  # a recording of an earlier version
         out[:, base : base + 2] = q[:, :2]
         out[:, base + 3], out[:, base + 6] = np.cos(q[:, 2] / 2), np.sin(q[:, 2] / 2)
-    out[:, coordinates_of(model, [f"wheel_{name}" for name in WHEELS])] = readings["wheel_angle"]
+    out[:, coordinates_of(model, wheels)] = readings["wheel_angle"]
     out[:, coordinates_of(model, robot.joint_names[3:])] = q[:, 3:]
     if gripper:
         closed = 0.5 * (gripper.opening - readings["gripper_opening"])

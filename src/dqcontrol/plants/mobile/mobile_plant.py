@@ -14,13 +14,20 @@ from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
+from dqcontrol.plants.mobile.running_gear import RunningGear, running_gear
 from dqcontrol.plants.mobile.scene import Scene, add_scene
 from dqcontrol.plants.mobile.standing import check_standing
-from dqcontrol.plants.mobile.wheeled_base import WheeledBase, add_base, add_wheel_motors, with_assumed_inertia
+from dqcontrol.plants.mobile.wheeled_base import (
+    WheeledBase,
+    add_floor,
+    add_wheel_motors,
+    with_assumed_inertia,
+)
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import WholeBody
@@ -35,17 +42,18 @@ _SETTLING = 0.5  # s; until the robot stands still on its contacts
 
 
 class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
-    """A differential drive with one arm or two on a floor: wheels that roll and slip, casters, grippers, cubes.
+    """A base with one arm or two on a floor: wheels that roll and slip, casters or rollers, a gripper, things to grip.
 
-    The base is a free body; its wheels touch the floor with friction and are turned by speed controllers, which get
-    ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, both scaled down where the rims would be too fast. The arm's joints have
+    The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
+    friction and are turned by speed controllers, which get ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, or what
+    `RollerBase.wheel_speeds` says, all scaled down where the rims would be too fast. The arm's joints have
     the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
     cubes, baskets and the floor. A base that does not stand under its arm in all postures within the joint limits is
     refused; a run ends as toppled when the base tilts by more than `TOPPLED`, and as slipping when a wheel has slid
     faster than `SLIDING` for `SLIDES_FOR`.
 
-    Configuration x, y and φ are those of the point of the floor below the middle of the axle; the whole pose of the
-    base is recorded beside it.
+    Configuration x, y and φ are those of the point of the floor below the middle of the axle, or of all wheels; the
+    whole pose of the base is recorded beside it.
 
     Parameters
     ----------
@@ -110,7 +118,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         Parameters
         ----------
         robot
-            A whole body: a differential drive first, then arms and fixed poses; or two arms on one.
+            A whole body: a differential drive or a base on wheels with rollers first, then arms and fixed poses; or two
+            arms on one.
         q0
             First configuration, shape (n,), rad or m, joints within their limits.
         dt
@@ -128,14 +137,13 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
-        drive, arm = self._parts_of(robot)
-        base = self.base.under(drive, robot.name)
+        gear, arm = self._parts_of(robot)
         if arm is not None:
-            check_standing(robot.name, base, drive, arm)
+            check_standing(robot.name, gear, arm)
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
-        model = self._mobile_model(robot, drive, arm)
-        live = LiveMobile(self, robot, drive, arm, model, substeps, (dt, steps, seed))
+        model = self._mobile_model(robot, gear, arm)
+        live = LiveMobile(self, robot, gear, arm, model, substeps, (dt, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
@@ -146,38 +154,43 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def picture(self, robot: Robot) -> PhysicsPicture:
         """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
+        gear, arm = self._parts_of(robot)
+        things = (*self.scene.cubes, *self.scene.baskets, *self.scene.tables)
         return PhysicsPicture(
-            self._spec(robot, *self._parts_of(robot)),
-            np.array([[*thing.position, 0.0] for thing in (*self.scene.cubes, *self.scene.baskets)]).reshape(
-                -1, 3
-            ),
+            self._spec(robot, gear, arm),
+            np.array([[*thing.position, 0.0] for thing in things]).reshape(-1, 3),
             lambda model, q, readings: recorded_coordinates(
-                model, robot, q, readings, self.gripper, len(self.scene.cubes)
+                model, robot, q, readings, gear.joints, self.gripper, len(self.scene.cubes)
             ),
         )
 
-    def _parts_of(self, robot: Robot) -> tuple[DifferentialDrive, Robot | None]:
-        """Return the drive and what stands on it, one arm or two on a torso, with inertias."""
+    def _parts_of(self, robot: Robot) -> tuple[RunningGear, Robot | None]:
+        """Return what the robot drives on and what that carries, one arm or two on a torso, with inertias."""
         body = robot.base if isinstance(robot, TwoArms) else robot
         parts = body.parts if isinstance(body, WholeBody) else ()
         drive = parts[0] if parts else None
         carried = [part for part in parts[1:] if isinstance(part, SerialArm | np.ndarray)]
-        if not isinstance(drive, DifferentialDrive) or len(carried) < len(parts) - 1 or len(robot.bases) > 1:
+        if (
+            not isinstance(drive, DifferentialDrive | RollerBase)
+            or len(carried) < len(parts) - 1
+            or len(robot.bases) > 1
+        ):
             found = ", ".join(type(part).__name__ for part in parts if not isinstance(part, np.ndarray))
             raise ValueRangeError(
-                f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, got "
-                f"{robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
+                f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, MecanumBase or "
+                f"OmniBase, got {robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
+        gear = running_gear(self.base.under(drive, robot.name), drive)
         torso = (
             [SerialArm.join(carried, robot.name)]
             if any(isinstance(part, SerialArm) for part in carried)
             else []
         )
         if not isinstance(robot, TwoArms):
-            return drive, self._with_inertias(torso)[0] if torso else None
+            return gear, self._with_inertias(torso)[0] if torso else None
         if self.gripper is not None:
             raise ValueRangeError(f"plant.gripper: is at the hand of one arm, and {robot.name} has two")
-        if robot.input_size == robot.configuration_size:
+        if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
                 f"plant: mobile drives two arms by v and ω, and {robot.name} is unconstrained; "
                 "give its base 'form: constrained'"
@@ -186,7 +199,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         if not torso:
             arms = [SerialArm.join([*carried, arm], arm.name) for arm in arms]
         *base, left, right = self._with_inertias([*torso, *arms])
-        return drive, TwoArms(left, right, base=base[0] if base else None, name=robot.name)
+        return gear, TwoArms(left, right, base=base[0] if base else None, name=robot.name)
 
     def _with_inertias(self, arms: list[SerialArm]) -> list[SerialArm]:
         """Return arms with inertias, those assumed if one has none."""
@@ -198,14 +211,14 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in zip(arms, masses, strict=True)
         ]
 
-    def _spec(self, robot: Robot, drive: DifferentialDrive, arm: Robot | None) -> Any:
+    def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None) -> Any:
         """Return robot, gripper and scene without motors."""
         mujoco = import_mujoco()
         spec = mujoco.MjSpec()
         spec.modelname = robot.name
         spec.compiler.degree, spec.compiler.autolimits = False, True
-        base = self.base.under(drive, robot.name)
-        body = add_base(spec, base, drive, float(robot.chain[3, 6]))
+        add_floor(spec)
+        body = gear.add_to(spec, robot.chain[3, 4:7])
         if arm is not None:
             add_arm(body, arm)
             add_inertias(spec, arm)
@@ -213,18 +226,18 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             body = spec.body(f"link_{arm.configuration_size}")
         else:
             body.add_site(name="hand", pos=robot.chain[-1, 4:7], quat=robot.chain[-1, :4], size=[1e-3] * 3)
-        mass = 2 * base.wheel_mass + base.mass
+        mass = gear.mass
         mass += 0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum())
-        add_wheel_motors(spec, base, drive, mass)
+        add_wheel_motors(spec, gear.base, gear.joints, gear.radius, mass)
         if self.gripper is not None:
             add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
         add_scene(spec, self.scene)
         return spec
 
-    def _mobile_model(self, robot: Robot, drive: DifferentialDrive, arm: Robot | None) -> Any:
+    def _mobile_model(self, robot: Robot, gear: RunningGear, arm: Robot | None) -> Any:
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
-        spec = self._spec(robot, drive, arm)
+        spec = self._spec(robot, gear, arm)
         option = spec.option
         option.timestep, option.gravity = self.timestep, self.gravity
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

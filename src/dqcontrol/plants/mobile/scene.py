@@ -1,4 +1,4 @@
-"""Things around a robot in physics: cubes that it may carry, and baskets to drop them into."""
+"""Things around a robot in physics: tables, cubes that it may carry, and baskets to drop them into."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ Place = tuple[float, float]
 
 _COLOURS = ((0.90, 0.20, 0.15, 1.0), (0.15, 0.45, 0.85, 1.0), (0.20, 0.65, 0.25, 1.0))
 _WICKER = (0.78, 0.62, 0.38, 1.0)
+_WOOD = (0.62, 0.47, 0.33, 1.0)
 
 
 class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A cube that lies on the floor, or where it fell or was put.
+    """A cube that lies on the floor or on a table, or where it fell or was put.
 
     Parameters
     ----------
@@ -35,6 +36,8 @@ class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         kg.
     friction
         Coulomb's coefficient, against everything.
+    raised
+        Height of what it lies on at the start, m.
     """
 
     position: Annotated[Place, Meta(description="m")]
@@ -42,17 +45,19 @@ class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     side: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.03
     mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")] = 0.02
     friction: Annotated[float, Meta(ge=0, le=10)] = 0.8
+    raised: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
 
     def __post_init__(self) -> None:
         as_array("plant.scene.cubes.position", self.position, (2,))
         as_array("plant.scene.cubes.yaw", self.yaw, ())
         for field in ("side", "mass"):
             as_positive(f"plant.scene.cubes.{field}", getattr(self, field))
-        as_positive("plant.scene.cubes.friction", self.friction, zero_allowed=True)
+        for field in ("friction", "raised"):
+            as_positive(f"plant.scene.cubes.{field}", getattr(self, field), zero_allowed=True)
 
 
 class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An open square box that stands on the floor and does not move.
+    """An open square box that stands on the floor or on a table and does not move.
 
     Parameters
     ----------
@@ -60,22 +65,57 @@ class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
         x and y of its middle, m.
     side, height
         Inside, m.
+    raised
+        Height of what it stands on, m.
     """
 
     position: Annotated[Place, Meta(description="m")]
     side: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.16
     height: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.08
+    raised: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
 
     def __post_init__(self) -> None:
         as_array("plant.scene.baskets.position", self.position, (2,))
         as_positive("plant.scene.baskets.side", self.side)
         as_positive("plant.scene.baskets.height", self.height)
+        as_positive("plant.scene.baskets.raised", self.raised, zero_allowed=True)
 
     def holds(self, position: ArrayLike) -> NDArray[np.bool_]:
         """Return which points, shape (…, 3), m, lie inside."""
         points = as_array("position", position, (3,))
         beside = np.abs(points[..., :2] - self.position).max(axis=-1)
-        return (beside < self.side / 2) & (points[..., 2] > 0) & (points[..., 2] < self.height)
+        above = points[..., 2] - self.raised
+        return (beside < self.side / 2) & (above > 0) & (above < self.height)
+
+
+class TableBlock(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table: a block on the floor that does not move.
+
+    Parameters
+    ----------
+    position
+        x and y of its middle, m.
+    size
+        Along x and y, m.
+    height
+        m.
+    """
+
+    position: Annotated[Place, Meta(description="m")]
+    size: Annotated[Place, Meta(description="m")]
+    height: Annotated[float, Meta(gt=0, le=10, description="m")]
+
+    def __post_init__(self) -> None:
+        as_array("plant.scene.tables.position", self.position, (2,))
+        for size in as_array("plant.scene.tables.size", self.size, (2,)):
+            as_positive("plant.scene.tables.size", size)
+        as_positive("plant.scene.tables.height", self.height)
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """Its corners on the floor in order, shape (4, 2), m: a polygon of `dqcontrol.geometry.FloorMap`."""
+        signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        return np.array(self.position) + 0.5 * signs * np.array(self.size)
 
 
 class Scene(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -84,11 +124,14 @@ class Scene(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Parameters
     ----------
     cubes, baskets
-        Their poses are recorded as ``cube_1_position``, ``cube_1_quaternion`` and so on.
+        Poses of cubes are recorded as ``cube_1_position``, ``cube_1_quaternion`` and so on.
+    tables
+        What they may stand on.
     """
 
     cubes: Annotated[list[Cube], Meta(max_length=100)] = []
     baskets: Annotated[list[Basket], Meta(max_length=100)] = []
+    tables: Annotated[list[TableBlock], Meta(max_length=100)] = []
 
 
 def add_scene(spec: Any, scene: Scene) -> None:
@@ -98,7 +141,9 @@ def add_scene(spec: Any, scene: Scene) -> None:
     for i, cube in enumerate(scene.cubes):
         half, turn = cube.side / 2, cube.yaw / 2
         body = spec.worldbody.add_body(
-            name=f"cube_{i + 1}", pos=[*cube.position, half], quat=[math.cos(turn), 0, 0, math.sin(turn)]
+            name=f"cube_{i + 1}",
+            pos=[*cube.position, cube.raised + half],
+            quat=[math.cos(turn), 0, 0, math.sin(turn)],
         )
         body.add_freejoint(name=f"cube_{i + 1}")
         geom = body.add_geom(
@@ -106,8 +151,16 @@ def add_scene(spec: Any, scene: Scene) -> None:
         )
         geom.contype, geom.conaffinity, geom.condim = THINGS, THINGS, 4
         geom.friction = [cube.friction, 0.1 * cube.side * cube.friction, 0]
+    for table in scene.tables:
+        block = spec.worldbody.add_geom(
+            type=box,
+            size=[*(0.5 * np.array(table.size)), table.height / 2],
+            pos=[*table.position, table.height / 2],
+            rgba=_WOOD,
+        )
+        block.contype, block.conaffinity, block.friction = THINGS, THINGS, [0, 0, 0]
     for basket in scene.baskets:
-        _add_basket(spec.worldbody.add_body(pos=[*basket.position, 0]), basket, box)
+        _add_basket(spec.worldbody.add_body(pos=[*basket.position, basket.raised]), basket, box)
 
 
 def _add_basket(body: Any, basket: Basket, box: Any) -> None:

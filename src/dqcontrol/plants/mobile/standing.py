@@ -15,8 +15,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
+    from dqcontrol.plants.mobile.running_gear import Foot, RunningGear
     from dqcontrol.plants.mobile.wheeled_base import SolidBase
-    from dqcontrol.robots.bases import DifferentialDrive
     from dqcontrol.robots.robot import Robot
 
 
@@ -35,28 +35,27 @@ class Stance:
         Of the centre of mass from the nearest edge of the polygon of wheels and casters, m; negative outside.
     posture
         The arm's joints there, shape (n,), rad or m.
-    caster, wheel
-        Between which of them that edge runs: ``"front"`` or ``"rear"``, and ``"left"`` or ``"right"``.
+    edge
+        Between which wheels and casters that edge runs.
     least_mass
         Chassis mass with which the robot would just stand in all postures, kg; infinite if none does.
     """
 
     margin: float
     posture: Array
-    caster: str
-    wheel: str
+    edge: tuple[str, str]
     least_mass: float
 
 
-def check_standing(name: str, base: SolidBase, drive: DifferentialDrive, arm: Robot) -> None:
+def check_standing(name: str, gear: RunningGear, arm: Robot) -> None:
     """Raise if a robot at rest would fall over in some posture within its joint limits.
 
     Parameters
     ----------
     name
         Of the robot.
-    base, drive
-        Its masses and geometry.
+    gear
+        What it stands on.
     arm
         What it carries, with inertias, from the floor below the middle of the axle on.
 
@@ -65,18 +64,19 @@ def check_standing(name: str, base: SolidBase, drive: DifferentialDrive, arm: Ro
     ValueRangeError
         With how far the centre of mass is outside, and what helps.
     """
-    found = _known(base, drive, _Arm(_numbers(arm), arm))
+    found = _known(gear.base, gear.feet, _Arm(_numbers(arm), arm))
     if found.margin > 0:
         return
     remedies = (
         [f"a chassis of more than {found.least_mass:.3g} kg"] if math.isfinite(found.least_mass) else []
     )
-    remedies += ["wheels and casters farther apart", "tighter joint limits"]
+    casters = " and casters" if gear.base.caster_distance is not None else ""
+    remedies += [f"wheels{casters} farther apart", "tighter joint limits"]
     posture = ", ".join(f"{value:.2f}" for value in found.posture)
     raise ValueRangeError(
         f"plant.base: {name} would fall over: with its arm at ({posture}) its centre of mass is "
-        f"{1e3 * -found.margin:.0f} mm outside the line from the {found.caster} caster to the {found.wheel} wheel "
-        f"(chassis {base.mass:g} kg, arm {arm.inertia.mass.sum() if arm.inertia else 0:.3g} kg); "
+        f"{1e3 * -found.margin:.0f} mm outside the line from the {found.edge[0]} to the {found.edge[1]} "
+        f"(chassis {gear.base.mass:g} kg, arm {arm.inertia.mass.sum() if arm.inertia else 0:.3g} kg); "
         f"what helps: {', '.join(remedies[:-1])}, or {remedies[-1]}"
     )
 
@@ -96,54 +96,59 @@ def _numbers(arm: Robot) -> bytes:
 
 
 @lru_cache(maxsize=16)
-def _known(base: SolidBase, drive: DifferentialDrive, arm: _Arm) -> Stance:
+def _known(base: SolidBase, feet: tuple[Foot, ...], arm: _Arm) -> Stance:
     """Return `stance`, which takes a fifth of a second, once for all repeats of a run."""
-    return stance(base, drive, arm.arm)
+    return stance(base, feet, arm.arm)
 
 
-def stance(base: SolidBase, drive: DifferentialDrive, arm: Robot) -> Stance:
+def stance(base: SolidBase, feet: tuple[Foot, ...], arm: Robot) -> Stance:
     """Return how a robot stands in its worst posture.
 
-    The polygon is the rhombus of wheels (0, ±b) and casters (±c, 0). With n the outward normal of an edge and d its
-    distance from the middle of the axle, the robot tips over that edge if Σ m_i (n · c_i − d) > 0, all bodies counted.
+    With n the outward normal of an edge of the polygon of the feet and d its distance from the middle of the base, the
+    robot tips over that edge if Σ m_i (n · c_i − d) > 0, all bodies counted; the middle of the wheels is that of the
+    base.
     In a revolute joint that sum is A + B cos q + C sin q, in a sliding one a straight line: from random postures joint
     after joint is set to where it is largest, until nothing grows.
 
     Parameters
     ----------
-    base, drive, arm
+    base
+        Its masses.
+    feet
+        Where it stands, counter-clockwise.
+    arm
         As for `check_standing`.
     """
-    half_track, caster = drive.half_track, base.caster_distance
-    distance = half_track * caster / math.hypot(half_track, caster)
-    signs = [(x, y) for x in (1, -1) for y in (1, -1)]
-    normals = np.array([[x / caster, y / half_track, 0.0] for x, y in signs]) * distance
-    q, tipping = _worst_postures(arm, normals, distance)
-    own = distance - normals[:, 0] * base.centre_ahead  # of the chassis, for each kilogram
-    wheels = 2 * base.wheel_mass * distance
+    at = np.array([[foot.x, foot.y] for foot in feet])
+    along = np.roll(at, -1, axis=0) - at
+    normals = np.column_stack([along[:, 1], -along[:, 0], np.zeros(len(at))])
+    normals /= np.linalg.norm(along, axis=1)[:, None]
+    distances = (normals[:, :2] * at).sum(axis=1)
+    q, tipping = _worst_postures(arm, normals, distances)
+    own = distances - normals[:, 0] * base.centre_ahead  # of the chassis, for each kilogram
+    wheel_mass = len(base.wheel_errors) * base.wheel_mass
+    wheels = wheel_mass * distances
     assert arm.inertia is not None
-    total = base.mass + 2 * base.wheel_mass + float(arm.inertia.mass.sum())
+    total = base.mass + wheel_mass + float(arm.inertia.mass.sum())
     margins = (base.mass * own + wheels - tipping) / total
     worst = int(margins.argmin())
-    x, y = signs[worst]
     needed = (tipping - wheels) / np.where(own > 0, own, np.nan)
     least = float(needed.max()) if (own > 0).all() else math.inf
-    return Stance(
-        float(margins[worst]), q[worst], "front" if x > 0 else "rear", "left" if y > 0 else "right", least
-    )
+    edge = feet[worst].name, feet[(worst + 1) % len(feet)].name
+    return Stance(float(margins[worst]), q[worst], edge, least)
 
 
-def _worst_postures(arm: Robot, normals: Array, distance: float) -> tuple[Array, Array]:
+def _worst_postures(arm: Robot, normals: Array, distances: Array) -> tuple[Array, Array]:
     """Return for each edge the posture (n,) that tips the robot most over it, and Σ m (n · c − d) of the arm there."""
     slides = np.array([kind == "prismatic" for kind in arm.joint_types])
     reach = np.where(slides, _FARTHEST, math.pi)
     lower, upper = np.maximum(arm.limits.lower, -reach), np.minimum(arm.limits.upper, reach)
     edges, n = len(normals), arm.configuration_size
     q = np.random.default_rng(0).uniform(lower, upper, (edges * _STARTS, n))
-    towards = np.repeat(normals, _STARTS, axis=0)
+    towards, away = np.repeat(normals, _STARTS, axis=0), np.repeat(distances, _STARTS)
 
     def tipping(at: Array) -> Array:
-        return _moments(arm, at, towards, distance)
+        return _moments(arm, at, towards, away)
 
     best = tipping(q)
     for _ in range(_SWEEPS):
@@ -182,13 +187,13 @@ def _best_angle(
     return np.where(turned <= upper, turned, nearer)
 
 
-def _moments(arm: Robot, q: Array, normals: Array, distance: float) -> Array:
-    """Return Σ m_i (n · c_i − d) of an arm's links at configurations (N, n), one normal (3,) each."""
+def _moments(arm: Robot, q: Array, normals: Array, distances: Array) -> Array:
+    """Return Σ m_i (n · c_i − d) of an arm's links at configurations (N, n), one normal (3,) and distance each."""
     assert arm.inertia is not None
     mass, center = arm.inertia.mass, arm.inertia.center
     frames = arm.frames(q)[:, : len(mass)]
     centres = algebra.translation(frames) + _rotated(frames[..., :4], center)
-    return np.einsum("i,kij,kj->k", mass, centres, normals) - mass.sum() * distance
+    return np.einsum("i,kij,kj->k", mass, centres, normals) - mass.sum() * distances
 
 
 def _rotated(rotation: Array, vector: Array) -> Array:

@@ -1,8 +1,9 @@
-"""A base on two driven wheels, in physics: its parameters, all of them assumed, and its MuJoCo bodies."""
+"""A base on wheels, in physics: its parameters, all of them assumed, and the MuJoCo bodies of two driven wheels."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,11 +11,13 @@ import numpy as np
 from msgspec import Meta
 from msgspec.structs import asdict
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.bases import CLEARANCE
 from dqcontrol.robots.limits import Inertia
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
@@ -25,9 +28,9 @@ if TYPE_CHECKING:
 FLOOR, THINGS = 1, 2  # what touches what: wheels only the floor, things all but wheels
 WHEELS = ("right", "left")
 
-_CHASSIS = (0.22, 0.24, 0.27, 1.0)
-_TYRE = (0.10, 0.10, 0.11, 1.0)
-_RIM = (0.75, 0.77, 0.80, 1.0)
+CHASSIS = (0.22, 0.24, 0.27, 1.0)
+TYRE = (0.10, 0.10, 0.11, 1.0)
+RIM = (0.75, 0.77, 0.80, 1.0)
 _POST = (0.80, 0.82, 0.84, 1.0)
 _OF_THE_ROBOT = (  # what `Chassis` has
     "mass",
@@ -39,7 +42,8 @@ _OF_THE_ROBOT = (  # what `Chassis` has
     "centre_height",
     "centre_ahead",
 )
-_NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "caster_gap")
+_OF_CASTERS = ("radius", "caster_distance")  # which wheels with rollers do not need
+_NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "roller_friction", "caster_gap")
 _POSITIVE = (*_OF_THE_ROBOT[:-1], "wheel_time_constant", "ticks")
 
 
@@ -47,10 +51,12 @@ _WheelError = Annotated[float, Meta(ge=-0.5, le=0.5)]
 
 
 class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How a differential drive moves in physics: its body, if the robot has another or none, and what it rolls on.
+    """How a base on wheels moves in physics: its body, if the robot has another or none, and what it rolls on.
 
-    The geometry of wheels and track is the robot's own. Each wheel touches the floor at one point, below its centre.
-    Casters are spheres, one ahead of the axle and one behind it.
+    The geometry of the wheels is the robot's own. The wheels of a differential drive touch the floor at one point each,
+    below their centres; casters are spheres, one ahead of the axle and one behind it. Mecanum and omni wheels stand on
+    rollers, ellipsoids that turn freely about their axes, as thick as makes the wheel round; such bases have no casters
+    and are boxes over their wheels, without a ``radius``.
 
     Parameters
     ----------
@@ -67,7 +73,12 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     ticks
         Counts of a wheel's encoder in a turn; the speed controllers do not feel them, the odometry does.
     wheel_errors
-        By which share the odometry takes the right and the left wheel for larger than they are: it drifts.
+        By which share the odometry takes each wheel, right and left (or in the order of a `MecanumBase` or an
+        `OmniBase`), for larger than it is: it drifts. None if omitted.
+    roller_count
+        Of rollers a wheel.
+    roller_friction
+        Torque against each roller's turning, N·m.
 
     Raises
     ------
@@ -89,9 +100,15 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     wheel_torque: Annotated[float, Meta(gt=0, le=1e4, description="N·m")] | None = None
     wheel_time_constant: Annotated[float, Meta(gt=0, le=10, description="s")] = 0.02
     ticks: Annotated[float, Meta(gt=0, le=1e7, description="counts a turn")] = 508.8
-    wheel_errors: tuple[_WheelError, _WheelError] = (0.0, 0.0)
+    wheel_errors: Annotated[tuple[_WheelError, ...], Meta(max_length=12)] = ()
+    roller_count: Annotated[int, Meta(ge=8, le=32, description="a wheel")] = 12
+    roller_friction: Annotated[float, Meta(ge=0, le=10, description="N·m")] = 1e-4
 
     def __post_init__(self) -> None:
+        if not isinstance(self.roller_count, int) or not 8 <= self.roller_count <= 32:
+            raise ValueRangeError(
+                f"plant.base.roller_count: must be 8 … 32, got {self.roller_count!r}: fewer make no round wheel"
+            )
         for field in _POSITIVE:
             if getattr(self, field) is not None:
                 as_positive(f"plant.base.{field}", getattr(self, field))
@@ -100,20 +117,29 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         for field in _NOT_NEGATIVE:
             as_positive(f"plant.base.{field}", getattr(self, field), zero_allowed=True)
 
-    def under(self, drive: DifferentialDrive, name: str) -> SolidBase:
+    def under(self, drive: DifferentialDrive | RollerBase, name: str) -> SolidBase:
         """Return this base with all its numbers, those that are missing from the drive's own chassis.
 
         Raises
         ------
         ValueRangeError
-            If neither has them; ``name`` is that of the robot.
+            If neither has them, or there are numbers of what the base does not have; ``name`` is that of the robot.
         """
+        chassis = getattr(drive, "chassis", None)
         own = {field: getattr(self, field) for field in _OF_THE_ROBOT}
         found = {
-            field: getattr(drive.chassis, field, None) if value is None else value
-            for field, value in own.items()
+            field: getattr(chassis, field, None) if value is None else value for field, value in own.items()
         }
-        if drive.chassis is None:
+        source = "Give them here, or as chassis of the differential drive in the robot's file"
+        if isinstance(drive, RollerBase):
+            source = "Give them here"
+            for field in _OF_CASTERS:
+                if found.pop(field) is not None:
+                    raise ValueRangeError(
+                        f"plant.base.{field}: leave it out; {name} stands on {drive.kind} wheels, without casters, and "
+                        "its body is a box over them"
+                    )
+        if chassis is None:
             found["centre_ahead"] = found["centre_ahead"] or 0.0
             if found["height"] is not None:
                 found["centre_height"] = found["centre_height"] or CLEARANCE + 0.5 * found["height"]
@@ -121,35 +147,63 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         if missing:
             raise ValueRangeError(
                 f"plant.base: the body of {name} is unknown, and physics needs it; missing: {', '.join(missing)}. "
-                "Give them here, or as chassis of the differential drive in the robot's file"
+                f"{source}"
+            )
+        wheels = len(drive.wheels) if isinstance(drive, RollerBase) else len(WHEELS)
+        if len(self.wheel_errors) not in (0, wheels):
+            raise ValueRangeError(
+                f"plant.base.wheel_errors: expected {wheels} numbers, one a wheel, got {len(self.wheel_errors)}"
             )
         numbers: dict[str, Any] = asdict(self) | found
+        numbers["wheel_errors"] = self.wheel_errors or (0.0,) * wheels
         return SolidBase(**numbers)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolidBase:
-    """A wheeled base of which every number is known; they are those of `WheeledBase`."""
+    """A wheeled base of which every number is known; they are those of `WheeledBase`.
+
+    On wheels with rollers ``radius`` and ``caster_distance`` are None.
+    """
 
     mass: float
-    radius: float
     height: float
     centre_ahead: float
     centre_height: float
     wheel_mass: float
     friction: float
     caster_friction: float
-    caster_distance: float
     caster_gap: float
     rolling_resistance: float
     wheel_torque: float
     wheel_time_constant: float
     ticks: float
-    wheel_errors: tuple[float, float] = (0.0, 0.0)
+    wheel_errors: tuple[float, ...]
+    roller_count: int
+    roller_friction: float
+    radius: float | None = None
+    caster_distance: float | None = None
 
 
-def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float) -> Any:
-    """Add floor, chassis, wheels and casters to an ``mjSpec``; return the chassis.
+def add_floor(spec: Any) -> None:
+    """Add a floor, on which the friction of what stands on it counts."""
+    ground = spec.worldbody.add_geom(
+        name="ground", type=import_mujoco().mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=[0, 0, 0, 0]
+    )
+    ground.contype, ground.conaffinity, ground.friction = FLOOR | THINGS, 0, [0, 0, 0]
+
+
+def add_post(body: Any, height: float, mount: Array) -> None:
+    """Add a post from the top of a chassis up to a point (3,), m, of what it carries."""
+    x, y, top = mount
+    if top > CLEARANCE + height:
+        ends = [x, y, CLEARANCE + height, x, y, top]
+        cylinder = import_mujoco().mjtGeom.mjGEOM_CYLINDER
+        shown(body.add_geom(type=cylinder, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
+
+
+def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: Array) -> Any:
+    """Add chassis, two wheels and casters to an ``mjSpec``; return the chassis.
 
     Parameters
     ----------
@@ -158,46 +212,38 @@ def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float)
     base, drive
         Parameters and geometry.
     mount
-        Height above the floor of what the base carries, m; a post leads there.
+        Where what the base carries begins, shape (3,), m; a post leads there.
     """
     mujoco = import_mujoco()
     kinds = mujoco.mjtGeom
-    ground = spec.worldbody.add_geom(
-        name="ground", type=kinds.mjGEOM_PLANE, size=[0, 0, 1], rgba=[0, 0, 0, 0]
-    )
-    ground.contype, ground.conaffinity, ground.friction = (
-        FLOOR | THINGS,
-        0,
-        [0, 0, 0],
-    )  # the other's friction counts
+    assert base.radius is not None
+    assert base.caster_distance is not None
     body = spec.worldbody.add_body(name="base")
     body.add_freejoint(name="base")
     body.mass, body.ipos, body.explicitinertial = base.mass, [base.centre_ahead, 0, base.centre_height], True
-    body.inertia = _cylinder(base.mass, base.radius, base.height, 2)
+    body.inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
     chassis = body.add_geom(
         name="chassis",
         type=kinds.mjGEOM_CYLINDER,
         size=[base.radius, base.height / 2, 0],
         pos=[0, 0, CLEARANCE + base.height / 2],
-        rgba=_CHASSIS,
+        rgba=CHASSIS,
         mass=0,
     )
     chassis.contype, chassis.conaffinity = 0, THINGS
-    if mount > CLEARANCE + base.height:
-        ends = [0, 0, CLEARANCE + base.height, 0, 0, mount]
-        _shown(body.add_geom(type=kinds.mjGEOM_CYLINDER, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
+    add_post(body, base.height, mount)
     ball = 0.5 * CLEARANCE
     for name, x, gap in (
         ("front", base.caster_distance, 0.0),
         ("rear", -base.caster_distance, base.caster_gap),
     ):
-        _touching(
+        touching(
             body.add_geom(
                 name=f"caster_{name}",
                 type=kinds.mjGEOM_SPHERE,
                 size=[ball, 0, 0],
                 pos=[x, 0, ball + gap],
-                rgba=_RIM,
+                rgba=RIM,
                 mass=0,
             ),
             base.caster_friction,
@@ -207,15 +253,17 @@ def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: float)
     return body
 
 
-def add_wheel_motors(spec: Any, base: SolidBase, drive: DifferentialDrive, mass: float) -> None:
-    """Add the wheels' speed controllers; ``mass`` is all that they move, kg."""
-    mujoco = import_mujoco()
-    inertia = 0.5 * (mass + base.wheel_mass) * drive.wheel_radius**2  # the robot's half and the wheel's own
+def add_wheel_motors(spec: Any, base: SolidBase, wheels: Sequence[str], radius: float, mass: float) -> None:
+    """Add the speed controllers of wheels of one radius, m; ``mass`` is all that they move, kg."""
+    mujoco, count = import_mujoco(), len(wheels)
+    inertia = (
+        (mass + 0.5 * count * base.wheel_mass) / count * radius**2
+    )  # the robot's share and the wheel's own
     gain = inertia / base.wheel_time_constant
-    for name in WHEELS:
+    for name in wheels:
         motor = spec.add_actuator(
-            name=f"wheel_{name}",
-            target=f"wheel_{name}",
+            name=name,
+            target=name,
             trntype=mujoco.mjtTrn.mjTRN_JOINT,
             gaintype=mujoco.mjtGain.mjGAIN_FIXED,
             biastype=mujoco.mjtBias.mjBIAS_AFFINE,
@@ -247,7 +295,7 @@ def with_assumed_inertia(arm: SerialArm, masses: ArrayLike, radius: float) -> Se
             tensors[i] = 0.4 * mass[i] * radius**2 * np.eye(3)
             continue
         along = np.outer(end, end) / length**2
-        across, _, around = _cylinder(mass[i], radius, length, 2)
+        across, _, around = solid_cylinder(mass[i], radius, length, 2)
         tensors[i] = around * along + across * (np.eye(3) - along)
     return SerialArm(
         arm.chain[:, :7],
@@ -263,36 +311,36 @@ def _add_wheel(body: Any, name: str, base: SolidBase, radius: float, side: float
     mujoco = import_mujoco()
     wheel = body.add_body(name=f"wheel_{name}", pos=[0, side, radius])
     wheel.mass, wheel.ipos, wheel.explicitinertial = base.wheel_mass, [0, 0, 0], True
-    wheel.inertia = _cylinder(base.wheel_mass, radius, 0.3 * radius, 1)
+    wheel.inertia = solid_cylinder(base.wheel_mass, radius, 0.3 * radius, 1)
     joint = wheel.add_joint(name=f"wheel_{name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     joint.frictionloss = base.rolling_resistance
     ball = wheel.add_geom(
         name=f"wheel_{name}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=0, group=4
     )
-    _touching(ball, base.friction)
+    touching(ball, base.friction)
     kind, half = mujoco.mjtGeom.mjGEOM_CYLINDER, 0.12 * radius
-    for size, across, colour in ((radius, half, _TYRE), (0.6 * radius, 1.08 * half, _RIM)):
+    for size, across, colour in ((radius, half, TYRE), (0.6 * radius, 1.08 * half, RIM)):
         ends = [0, -across, 0, 0, across, 0]
-        _shown(wheel.add_geom(type=kind, fromto=ends, size=[size, 0, 0], rgba=colour, mass=0))
+        shown(wheel.add_geom(type=kind, fromto=ends, size=[size, 0, 0], rgba=colour, mass=0))
     spoke = [-0.45 * radius, 0, 0, 0.45 * radius, 0, 0]
-    _shown(
+    shown(
         wheel.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=spoke, size=[1.2 * half, 0, 0], rgba=_TYRE, mass=0
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=spoke, size=[1.2 * half, 0, 0], rgba=TYRE, mass=0
         )
     )
 
 
-def _touching(geom: Any, friction: float) -> None:
+def touching(geom: Any, friction: float) -> None:
     """Let a geom roll or slide on the floor."""
     geom.contype, geom.conaffinity, geom.condim, geom.friction = 0, FLOOR, 3, [friction, 0, 0]
 
 
-def _shown(geom: Any) -> None:
+def shown(geom: Any) -> None:
     """Let a geom touch nothing."""
     geom.contype = geom.conaffinity = 0
 
 
-def _cylinder(mass: float, radius: float, height: float, axis: int) -> list[float]:
+def solid_cylinder(mass: float, radius: float, height: float, axis: int) -> list[float]:
     """Return the principal moments of a solid cylinder about its centre, kg m²."""
     moments = [mass * (3 * radius**2 + height**2) / 12] * 3
     moments[axis] = 0.5 * mass * radius**2

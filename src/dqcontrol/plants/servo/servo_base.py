@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
+from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ShapeError, as_positive
-from dqcontrol.limits.velocity_limit import scale_down, speed_limits
+from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.bases import DifferentialDrive
-from dqcontrol.robots.driving import DRIVE_COLUMNS, advance, to_inputs
+from dqcontrol.robots.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
@@ -29,11 +30,12 @@ if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo
 
 # parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `speed_limits` has them; by how much each may change in a period; how each drive steers; then those of the joints'
-# servos
+# `speed_limits` has them; by how much each may change in a period; how each drive steers; wheels with rollers;
+# then those of the joints' servos
 _DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
 _DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
-_HEAD = 12
+_ROLLERS = 12
+_HEAD = 13
 
 
 @inline
@@ -90,7 +92,13 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     change = parameters[at : at + p]
     at += p
     steering = parameters[at : at + 4 * drive_count]
-    servos = parameters[at + 4 * drive_count :]
+    at += 4 * drive_count
+    rollers = as_matrix(
+        parameters[at : at + ROLLER_COLUMNS * int(parameters[_ROLLERS])],
+        int(parameters[_ROLLERS]),
+        ROLLER_COLUMNS,
+    )
+    servos = parameters[at + ROLLER_COLUMNS * int(parameters[_ROLLERS]) :]
     drives = limits.drives
     inputs, speed = state[0:p], state[p : 2 * p]
     joint = state[2 * p : 2 * p + 3 * joints]
@@ -124,6 +132,7 @@ def servo_on_base(command, parameters, noise, state, q, measured):
         if parameters[_OLDEST] < 1.0:  # the delay ends within the period
             newer = commands[commands.shape[0] - 2 * p + i]
             inputs[i] = parameters[_OLDEST] * inputs[i] + (1.0 - parameters[_OLDEST]) * newer
+    scale_down_rollers(q, rollers, inputs)
     scale_down(q, limits, inputs)
     for i in range(p):
         inputs[i] *= noise[joints]
@@ -174,11 +183,13 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     head[_DECAY] = math.exp(-dt / tau) if tau else 0.0
     head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
     head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
+    rollers = driven.rollers if plant.rate_limit else driven.rollers[:0]
+    head[_ROLLERS] = len(rollers)
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
     change = dt * driven.acceleration_limits("plant")
     steering = _steering(body, dt)
     parameters = np.concatenate(
-        [head, indices, velocity, body.drives.ravel(), change, steering, servos.parameters]
+        [head, indices, velocity, body.drives.ravel(), change, steering, rollers.ravel(), servos.parameters]
     )
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
     frames = np.tile(q0[place], late + 1)

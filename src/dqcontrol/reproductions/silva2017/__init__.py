@@ -22,6 +22,7 @@ EXPERIMENTS = {
     "clamping-robot": Experiment("motors that give up above their torque (Figs 5.11–5.13)"),
     "discretisation": Experiment("the effect of the control period, left to future work (chapter 6)"),
     "pick-and-drop": Experiment("a cube into a basket, in physics, from what a camera sees (Fig. 5.1)"),
+    "two-tables": Experiment("the same from table to table, the base driving between them (beyond Fig. 5.1)"),
 }
 
 

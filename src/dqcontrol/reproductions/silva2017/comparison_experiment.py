@@ -14,18 +14,27 @@ from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepar
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import ACTUATORS
-from dqcontrol.loop.simulate import simulate
+from dqcontrol.loop.simulate import simulate, simulate_prepared
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.plants import Camera, MobilePlant
+from dqcontrol.plants import Camera, Integrator, MobilePlant
 from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
-from dqcontrol.reproductions.silva2017.goal_runs import UNLIMITED
+from dqcontrol.reproductions.silva2017.goal_runs import (
+    ALL_LIMITS,
+    BASE_ACCELERATION,
+    BASE_TURN_ACCELERATION,
+    JOINT_ACCELERATION,
+    UNLIMITED,
+    beyond_limits,
+    with_acceleration_limits,
+)
 from dqcontrol.reproductions.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, matched_gain, outcome, until_good_enough
 from dqcontrol.reproductions.silva2017.random_races import random_tables
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, printed, spec_data, verdicts
+from dqcontrol.robots import WholeBody
 
 CLASSIC, MATCHED = "classic", "classic, matched to S17's"
 CAMERA = Camera(
@@ -87,6 +96,7 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: bool = True)
     )
     tables = [
         _table(ideal, spec.period, gain),
+        _limited_table(setting, {law: run.record for law, run in ideal.items()}),
         *([_physics_table(setting)] if in_physics else []),
         *random_tables(count, conditions),
         verdicts(
@@ -155,6 +165,59 @@ def _table(ideal: dict[str, Run], period: float, gain: float | None) -> Table:
         Column("Overshoot", "%", ".2g"),
     ]
     title = f"S17 Table 5.1; iterations and effort until the error is first below {GOOD_ENOUGH}, as S17 stops"
+    return Table(columns, rows, title)
+
+
+def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Table:
+    """Return the printed numbers beside ours with all limits on, as constraints around each law."""
+    scene, period = setting.scene, setting.spec.period
+    assert isinstance(scene.robot, WholeBody)
+    robot = with_acceleration_limits(scene.robot)
+    printed_as = {S17: "nonlinear", CLASSIC: CLASSIC}
+    runs: dict[str, Record] = {}
+    for label, law in setting.spec.law_by_label.items():
+        limited = msgspec.structs.replace(law, constraints=ALL_LIMITS).prepare(robot, None, period)
+        runs[label] = simulate_prepared(limited, Integrator(), scene.start, scene.samples)
+    firsts = {label: RaceOutcome.of(until_good_enough(run), period) for label, run in runs.items()}
+    rows: list[list[Cell]] = []
+    for label, run in runs.items():
+        law, first, whole = printed_as.get(label, ""), firsts[label], RaceOutcome.of(run, period)
+        arrived = math.isfinite(first.settling)
+        rows.append(
+            [
+                label,
+                printed("comparison", law, "iterations") if law else None,
+                first.first_below,
+                printed("comparison", law, "effort") if law else None,
+                first.effort if arrived else None,
+                first.effort / firsts[CLASSIC].effort if arrived else None,
+                whole.settling,
+                whole.first,
+                whole.largest_change,
+                whole.final,
+                100 * beyond_limits(robot, run, period),
+                100 * beyond_limits(robot, free[label], period),
+            ]
+        )
+    columns = [
+        Column("Law"),
+        Column("Iterations, published", "", ".4g"),
+        Column("Ours", "", ".4g"),
+        Column("Effort, published", "rad/√s", ".3g"),
+        Column("Ours", "rad/√s", ".3g"),
+        Column("Over classic", "", ".3g"),
+        Column("Iterations until it stays below", "", ".4g"),
+        Column("First command |u_f|", "rad/s", ".3g"),
+        Column("Largest change of u_f", "rad/s", ".3g"),
+        Column("Last error", "", ".2g"),
+        Column("Beyond a limit", "%", ".2g"),
+        Column("Beyond one without them", "%", ".3g"),
+    ]
+    title = (
+        "The same with all limits on, as constraints around each law: joints, wheels, rims, and accelerations of "
+        f"{BASE_ACCELERATION:g} m/s² and {BASE_TURN_ACCELERATION:g} rad/s² of the base and {JOINT_ACCELERATION:g} "
+        "rad/s² of the joints, which are our assumption"
+    )
     return Table(columns, rows, title)
 
 

@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
+from dqcontrol.experiments.prepared_robot import PreparedRobot
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
@@ -21,8 +23,10 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import (
+    ALL_LIMITS,
     ARRIVED,
     COUNTED,
+    JOINT_ACCELERATION,
     LIMITED,
     SECONDS,
     UNLIMITED,
@@ -30,10 +34,12 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
     has_arrived,
     median_final,
     run_to_goal,
+    with_acceleration_limits,
 )
 from dqcontrol.reproductions.silva2017.race import RaceOutcome
 from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
 from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
+from dqcontrol.robots import WholeBody
 
 _REMEDY = "remedy: guided K along a planned way"
 _IN_PHYSICS = (S17, OURS, "classic", _REMEDY)
@@ -75,9 +81,10 @@ class Reached:
 
     Attributes
     ----------
-    free, limited, physics
-        Runs to each goal without limits, with them, and in physics with them, as `counted` tells them.
-    limited_final, physics_final
+    free, limited, everything, physics
+        Runs to each goal without limits, with those of joints and wheels, with accelerations too, as constraints, and
+        in physics with limits of joints and wheels, as `counted` tells them.
+    limited_final, everything_final, physics_final
         Medians of the last errors.
     arrived
         How many runs without limits arrived, and how many with them.
@@ -88,8 +95,10 @@ class Reached:
 
     free: str
     limited: str
+    everything: str
     physics: str
     limited_final: float
+    everything_final: float
     physics_final: float | None
     arrived: tuple[int, int]
     outside: list[float]
@@ -118,27 +127,52 @@ def reached(trial: Trial) -> Reached:
         if trial.law in (S17, OURS) and not has_arrived(free[-1]):
             outside.append(float(task_range(scene.robot, run, inverse=inverse).share[-1]))
     limited = [RaceOutcome.of(run, period) for run in runs(Integrator(), LIMITED, goals)]
+    everything = [RaceOutcome.of(run, period) for run in _with_all_limits(scene, law, goals, period)]
     physics = [RaceOutcome.of(run, period) for run in runs(MobilePlant(), LIMITED, goals[: trial.in_physics])]
     return Reached(
         counted(free),
         counted(limited),
+        counted(everything),
         counted(physics) if physics else "",
         median_final(limited),
+        median_final(everything),
         median_final(physics) if physics else None,
         (sum(map(has_arrived, free)), sum(map(has_arrived, limited))),
         outside,
     )
 
 
+def _with_all_limits(scene: PreparedRobot, law: Law, goals: Array, period: float) -> Iterator[Record]:
+    """Run to each goal within the limits of joints, wheels and accelerations, as constraints of the law."""
+    assert isinstance(scene.robot, WholeBody)
+    robot = with_acceleration_limits(scene.robot)
+    keeping = msgspec.structs.replace(law, constraints=ALL_LIMITS)
+    for goal in goals:
+        yield run_to_goal(
+            robot, scene.start, goal, keeping, Integrator(), period, UNLIMITED, JOINT_ACCELERATION
+        )
+
+
 def _table(box: GoalBox, found: dict[str, Reached], count: int, in_physics: int) -> Table:
     rows: list[list[Cell]] = [
-        [law, each.free, each.limited, each.limited_final, each.physics, each.physics_final]
+        [
+            law,
+            each.free,
+            each.limited,
+            each.limited_final,
+            each.everything,
+            each.everything_final,
+            each.physics,
+            each.physics_final,
+        ]
         for law, each in found.items()
     ]
     columns = [
         Column("Law"),
         Column(f"Of {count}, no limits"),
         Column(f"Of {count}, limits of joints and wheels"),
+        Column("Last error, median", "", ".3g"),
+        Column(f"Of {count}, accelerations too, as constraints"),
         Column("Last error, median", "", ".3g"),
         Column(f"Of the first {in_physics}, with limits, in physics"),
         Column("Last error, median", "", ".3g"),

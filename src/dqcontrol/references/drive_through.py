@@ -1,0 +1,113 @@
+"""Several ways of a mobile manipulator in a row, with rests between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.references.drive_to import DriveTo, PlannedWay
+from dqcontrol.references.reference import NO_CORNERS
+from dqcontrol.references.sample import SAMPLE_SIZE
+from dqcontrol.robots import Robot
+
+_SAME_PLACE = 1e-9  # rad or m
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriveThrough(PlannedWay):
+    """Ways one after the other, each from where the one before it ends; `GuidedProportional` follows them as one.
+
+    Parameters
+    ----------
+    ways
+        At least one, of one robot.
+    rests
+        How long the robot stays at the end of each, s.
+
+    Attributes
+    ----------
+    arrivals
+        When each way ends, shape (k,), s; its rest begins then.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If there is no way, not one rest a way, a rest is negative, or a way begins elsewhere.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
+    >>> there = DriveTo(robot, start, [1, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    >>> both = DriveThrough([there, DriveTo(robot, there.goal, start)], rests=[2.0, 0.0])
+    >>> round(both.duration - 2 * there.duration, 9)
+    2.0
+    """
+
+    ways: Sequence[DriveTo]
+    rests: Sequence[float]
+    robot: Robot = field(init=False, repr=False)
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    arrivals: Array = field(init=False, repr=False)
+    _begins: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        ways, rests = tuple(self.ways), as_array("rests", self.rests)
+        if not ways or rests.shape != (len(ways),):
+            raise ShapeError(f"rests: expected {len(ways)} numbers, one a way, got {rests.size}")
+        if (rests < 0).any():
+            raise ValueRangeError(f"rests: must be ≥ 0, got {rests.min():g}")
+        for i, (before, way) in enumerate(pairwise(ways), 1):
+            apart = np.abs(np.subtract(way.start, before.goal)).max()
+            if way.robot.input_names != before.robot.input_names or apart > _SAME_PLACE:
+                raise ValueRangeError(f"ways[{i}]: must begin where ways[{i - 1}] ends")
+        ends = np.cumsum(np.array([way.duration for way in ways]) + rests)
+        values = {
+            "robot": ways[0].robot,
+            "duration": float(ends[-1]),
+            "corners": NO_CORNERS,
+            "arrivals": ends - rests,
+            "_begins": np.r_[0.0, ends[:-1]],
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+        at = as_array("times", times)
+        out = np.empty((len(at), self.robot.configuration_size))
+        for way, begin, here in self._shares(at):
+            out[here] = way.configurations(at[here] - begin)
+        return out
+
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+        at = as_array("times", times)
+        return sum(
+            (way.mean_inputs(at - begin, period) for way, begin in zip(self.ways, self._begins, strict=True)),
+            start=np.zeros((len(at), self.robot.input_size)),
+        )
+
+    def rested(self, times: Array) -> Array:
+        """Return for how long the robot has been at the end of a way, s, shape (N,); not positive on the way."""
+        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        return times - self.arrivals[of]
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        out = np.empty((len(times), SAMPLE_SIZE))
+        for way, begin, here in self._shares(times):
+            out[here] = way.motion(times[here] - begin)
+        return out
+
+    def _shares(self, times: Array) -> list[tuple[DriveTo, float, NDArray[np.bool_]]]:
+        """Return each way that some times are of, when it begins, and which they are."""
+        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        return [(way, float(self._begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]
