@@ -47,8 +47,8 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
     names = [each.name for each in shapes]
     moved = [list(faces_of(each, 1.0)) for each in LinkShapes(tuple(shapes)).moved(robot, q)]
     colours = [COLOURS[i % len(COLOURS)] for i in range(len(names))]
-    joints, discs = silhouette(robot, robot.frames(q))
-    everything = np.vstack([joints, *discs, *(face for faces in moved for face in faces)])
+    branches, discs = silhouette(robot, robot.frames(q))
+    everything = np.vstack([*branches, *discs, *(face for faces in moved for face in faces)])
     middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
     extents = np.ptp(everything, axis=0)
     half = 0.525 * np.maximum(extents, _THINNEST * extents.max())
@@ -58,7 +58,8 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
         faces = [face for each in moved for face in each]
         fill = [colour for each, colour in zip(moved, colours, strict=True) for _ in each]
         axes.add_collection3d(Poly3DCollection(faces, facecolors=fill, alpha=_OPACITY, shade=True))
-        axes.plot(*joints.T, color=NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
+        for joints in branches:
+            axes.plot(*joints.T, color=NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
         for disc in discs:
             axes.plot(*disc.T, color=NEUTRAL, lw=0.8)
         for name, centre, extent in zip("xyz", middle, half, strict=True):

@@ -142,7 +142,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
             raise Error("null_space: leave it out, guided-proportional follows its plan")
         steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
         check_steps("plan", steps)
-        times = dt * np.arange(steps)
+        times = dt * np.arange(steps, dtype=np.float64)
         return plan_parameters.pack(
             **pose_parameters(self.parameter_rows(robot, times))._asdict(),
             pull=as_positive("pull", self.pull),

@@ -10,8 +10,7 @@ import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment
-from dqcontrol.experiments.prepared_robot import PreparedRobot
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, PreparedRobot
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -22,7 +23,7 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.reproduced import Reproduced, Write
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import CAMERA, LINK_MASS, PERIOD, ROBOT, START
 from dqcontrol.reproductions.silva2017.pictures import if_drawable
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import DifferentialDrive, Robot, WholeBody, load_robot
 
 HEIGHT = 0.10  # m; of both tables
 TABLES = (
@@ -69,7 +70,7 @@ class Carried:
         return np.linalg.norm(self.cube - algebra.translation(self.record.pose), axis=1)
 
     @property
-    def while_carried(self) -> Array:
+    def while_carried(self) -> NDArray[np.bool_]:
         """Which samples are after the grip and before the drop, shape (N,)."""
         closed, opened = (event.time for event in _gripper(self.way).schedule)
         return (self.record.time > closed + 1.0) & (self.record.time < opened)
@@ -83,9 +84,13 @@ class Carried:
     @property
     def room(self) -> float:
         """Least distance of the chassis from a table on the way, m."""
-        chassis = load_robot(ROBOT).parts[0].chassis
+        robot = load_robot(ROBOT)
+        assert isinstance(robot, WholeBody)
+        drive = robot.parts[0]
+        assert isinstance(drive, DifferentialDrive)
+        assert drive.chassis is not None
         floor = FloorMap(tuple(table.corners for table in TABLES), HEIGHT)
-        return float(floor.clearance(self.record.q[:, :2]).min()) - chassis.radius
+        return float(floor.clearance(self.record.q[:, :2]).min()) - drive.chassis.radius
 
 
 def plan(robot: Robot, seed: int = 0) -> DriveThrough:
@@ -215,13 +220,10 @@ def _gripper(way: DriveThrough) -> Gripper:
 
 def _reached_by_the_arm(robot: Robot, q: Array, place: Array) -> Array:
     """Return the nearest configuration with the hand at a place (3,), m, without its base, which would swing it."""
-    out, small = q.copy(), 1e-6
+    out, joints = q.copy(), len(q) - 3
     for _ in range(20):
-        here = algebra.translation(robot.fkm(out))
-        steps = np.tile(out, (len(out) - 3, 1))
-        steps[:, 3:] += small * np.eye(len(out) - 3)
-        jacobian = (algebra.translation(robot.fkm(steps)) - here).T / small
-        out[3:] += np.linalg.pinv(jacobian) @ (place - here)
+        left = place - algebra.translation(robot.fkm(out))
+        out[3:] += np.linalg.pinv(robot.translation_jacobian(out)[:, -joints:]) @ left
     return out
 
 
