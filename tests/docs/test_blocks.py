@@ -52,7 +52,7 @@ SLOW = {  # parts of commands and of Python
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "identify.md": ("excite", "results/excited"),
     "mobile-bases.md": ("run examples/",),
-    "mobile-physics.md": ("run examples/", "drive_square"),
+    "mobile-physics.md": ("run examples/",),
     "own-data.md": ("results/mine", "results/from-python"),
     "painting.md": ("dqcontrol paint",),
     "pereira2016.md": ("--repeats 2", "--plant servo"),

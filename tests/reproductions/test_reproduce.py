@@ -366,7 +366,7 @@ def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
     reproduce("silva2017", out=tmp_path)
     assert ran == names[:1]
     said = capsys.readouterr().out
-    assert "resuming: 7 of 8 already done" in said
+    assert "resuming: 8 of 9 already done" in said
     assert f"{names[0]}: 1 of 8" in said
     assert (tmp_path / "gains" / "tables.md").is_file()
 

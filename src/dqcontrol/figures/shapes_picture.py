@@ -37,6 +37,7 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
 
     Examples
     --------
+    >>> import dqcontrol as dqc
     >>> arm = dqc.load_robot("panda")
     >>> shapes_picture(arm, arm.shapes.shapes, np.zeros(7)).savefig("panda.png")  # doctest: +SKIP
     """

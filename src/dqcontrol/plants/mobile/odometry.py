@@ -90,7 +90,7 @@ class RollerOdometry(Odometry):
     >>> base = dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.25)
     >>> odometry = RollerOdometry(base, [0, 0, 0], 1e6, [0, 0, 0, 0])
     >>> odometry.read([2.0, -2.0, -2.0, 2.0])
-    >>> odometry.pose.round(4).tolist()
+    >>> (odometry.pose.round(4) + 0.0).tolist()
     [0.0, 0.1, 0.0]
     """
 

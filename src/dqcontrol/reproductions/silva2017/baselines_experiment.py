@@ -107,7 +107,7 @@ def _table(robot: Robot, records: dict[str, Record], period: float) -> Table:
     return Table(columns, rows, "Laws that S17 cites, on the goal of its comparison; ideal joints, no limits")
 
 
-class Trial(NamedTuple):
+class BaselineTrial(NamedTuple):
     """A law, and how many of the drawn goals it is sent to, with or without limits."""
 
     law: str
@@ -124,7 +124,7 @@ class Counted:
     words: str
 
 
-def count_reached(trial: Trial) -> Counted:
+def count_reached(trial: BaselineTrial) -> Counted:
     """Run a law to goals; parsimonious control keeps limits by itself."""
     setting, box = setting_of("baselines"), trial.box
     scene, period = setting.scene, setting.spec.period
@@ -146,7 +146,7 @@ def count_reached(trial: Trial) -> Counted:
 def _goals_table(numbers: Mapping[str, int], count: int, conditions: Conditions) -> Table:
     """Return one row a law, which is run to so many of the goals that are drawn."""
     trials = [
-        Trial(law, box, is_limited, number, count)
+        BaselineTrial(law, box, is_limited, number, count)
         for law, number in numbers.items()
         for box in BOXES
         for is_limited in (False, True)

@@ -49,7 +49,7 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
     """Count which goals each law reaches: without limits, with them, and with them in physics."""
     setting = setting_of("comparison")
     trials = [
-        Trial(box, label, count, in_physics if label in _IN_PHYSICS else 0)
+        GoalTrial(box, label, count, in_physics if label in _IN_PHYSICS else 0)
         for box in BOXES
         for label in _laws(setting)
     ]
@@ -65,7 +65,7 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
     return Reproduced("silva2017/far-goals", [*tables, claims])
 
 
-class Trial(NamedTuple):
+class GoalTrial(NamedTuple):
     """A law, the goals that it is sent to, and how many of them in physics, too."""
 
     box: GoalBox
@@ -107,7 +107,7 @@ def _laws(setting: PreparedExperiment) -> dict[str, Law]:
     return setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0)}
 
 
-def reached(trial: Trial) -> Reached:
+def reached(trial: GoalTrial) -> Reached:
     """Run a law to the goals of a box."""
     setting, box = setting_of("comparison"), trial.box
     scene, period = setting.scene, setting.spec.period
