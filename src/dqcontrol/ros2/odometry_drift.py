@@ -26,6 +26,8 @@ class OdometryDrift:
 
     Attributes
     ----------
+    deviations
+        σ_s in m/√m, σ_m in rad/√m and σ_r in rad/√rad, shape (3,); 0 at first.
     pose
         Where the base believes to be, shape (3,).
     covariance
@@ -34,28 +36,23 @@ class OdometryDrift:
 
     def __init__(self, pose: Array, rng: np.random.Generator) -> None:
         self.pose: Array = pose.copy()
+        self.deviations: Array = np.zeros(3)
         self.covariance: Array = np.zeros((3, 3))
         self._true, self._rng = pose.copy(), rng
 
-    def follow(self, pose: Array, deviations: Array) -> None:
-        """Move on to where the base is, shape (3,).
-
-        Parameters
-        ----------
-        pose
-            As a sensor without drift measures it.
-        deviations
-            σ_s in m/√m, σ_m in rad/√m and σ_r in rad/√rad, shape (3,).
-        """
+    def follow(self, pose: Array) -> None:
+        """Move on to where the base is as a sensor without drift measures it, shape (3,)."""
+        if not (self.deviations.any() or self.covariance.any()):
+            self.pose, self._true = pose.copy(), pose.copy()
+            return
         (dx, dy, turn), half = pose - self._true, 0.5 * (pose[2] - self._true[2])
         self._true = pose.copy()
         c, s = math.cos(pose[2] - half), math.sin(pose[2] - half)
         moved = np.array([c * dx + s * dy, c * dy - s * dx, turn])
         way = math.hypot(dx, dy)
-        along, by_way, by_turn = np.square(deviations)
-        variances = np.array(
-            [along * abs(moved[0]), along * abs(moved[1]), by_way * way + by_turn * abs(turn)]
-        )
+        along, by_way, by_turn = np.square(self.deviations)
+        sideways = along * abs(moved[1])
+        variances = np.array([along * abs(moved[0]), sideways, by_way * way + by_turn * abs(turn)])
         moved += np.sqrt(variances) * self._rng.standard_normal(3)
         heading = self.pose[2] + 0.5 * moved[2]
         c, s = math.cos(heading), math.sin(heading)

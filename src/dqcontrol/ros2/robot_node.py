@@ -53,7 +53,7 @@ _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
 _MOST_BEHIND = 10.0  # periods of motion that it can have missed: its controller has stopped by then
-_PLANE = [0, 1, 5]  # x, y and heading in the covariance of a pose
+_PLANE = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and heading in the covariance of a pose
 _DRIFT = (
     Number("odometry_drift.way", 0.0, 0.0, 1.0, "of what odometry takes a way for, m/√m"),
     Number("odometry_drift.heading_by_way", 0.0, 0.0, 1.0, "of its heading, rad/√m"),
@@ -121,12 +121,17 @@ class RobotNode(Node):
         ]
         declare(self, own)
         refuse_unknown(self, [one.name for one in own])
-        on_change(self, lambda _: None, self._diagnostics.refuse)
+        on_change(self, self._change, self._diagnostics.refuse)
         self._obeyed = {
             name: Obeyed(self, *port, self._diagnostics.refuse) for name, port in self._ports().items()
         }
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
-        self._odometry = self._odometry_publisher(loaded) if parts.base else None
+        rng = np.random.default_rng(spec.seed)
+        self._drift = OdometryDrift(self._plant.measured[parts.place], rng)
+        self._change({one.name: number(self, one.name) for one in own})
+        self._odometry = (
+            odometry_publisher(self, parts, loaded.case.plant, self._drift) if parts.base else None
+        )
         self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._diagnostics.tell(
@@ -135,10 +140,10 @@ class RobotNode(Node):
         self._begun, self._origin = time.monotonic(), self.get_clock().now().nanoseconds
         steady_timer(self, loaded.period, self._tick)
 
-    def _odometry_publisher(self, loaded: Loaded) -> Callable[[int, Array, Array], None]:
-        rng = np.random.default_rng(loaded.setting.spec.seed)
-        drift = OdometryDrift(self._plant.measured[self._parts.place], rng)
-        return odometry_publisher(self, self._parts, loaded.case.plant, drift)
+    def _change(self, numbers: Mapping[str, float]) -> None:
+        """Take changed numbers: the drift's alone are kept, others are asked for where they count."""
+        for i, one in enumerate(_DRIFT):
+            self._drift.deviations[i] = numbers.get(one.name, self._drift.deviations[i])
 
     def _warm_up(self, loaded: Loaded) -> None:
         """Compile what a tick needs on another plant, gone before there is ours: one simulator may serve both."""
@@ -344,18 +349,15 @@ def odometry_publisher(
     publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
     say_transform = transform_publisher(node)
     position, angle = plant.base_errors()
-    of_plant = np.diag([position**2, position**2, angle**2])
+    of_plant, covariance = np.diag([position**2, position**2, angle**2]), np.zeros((6, 6))
     message = Odometry(child_frame_id="base_link")
     message.header.frame_id = "odom"
 
     def publish(stamp: int, measured: Array, rates: Array) -> None:
-        pose, covariance = measured[parts.place], np.zeros((6, 6))
-        drift.follow(pose, np.array([number(node, one.name) for one in _DRIFT]))
-        if drift.covariance.any():
-            pose = drift.pose
-        covariance[np.ix_(_PLANE, _PLANE)] = of_plant + drift.covariance
+        drift.follow(measured[parts.place])
+        covariance[_PLANE] = of_plant + drift.covariance
         message.pose.covariance = covariance.ravel()
-        x, y, heading = pose.tolist()
+        x, y, heading = drift.pose.tolist()
         stamp_of(stamp, message.header.stamp)
         place, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         place.x, place.y, turn.w, turn.z = x, y, math.cos(0.5 * heading), math.sin(0.5 * heading)
