@@ -243,7 +243,7 @@ def test_the_correction_of_a_localisation_is_heard_and_its_jumps_and_silence_sto
     localisation = following._localisation
     assert localisation is not None
     missing = f"no transform map → odom on {transforms()[0]}"
-    why = f"odometry: {missing}, in which it is to be corrected"
+    why = f"odometry: {missing}, which corrects it"
     assert node.serve(lambda: last_refused(diagnostics) == why)
     assert localisation.silence == missing
     turn, shift = 0.7, np.array([0.3, -0.5])

@@ -112,6 +112,8 @@ class Localisation:
         most, stamp = number(self._node, "odometry_deviation"), at / NANOSECONDS
         if self._correction:  # what drifts is corrected, however far it has drifted
             pose = self._correction.applied(pose)
+            if np.isnan(pose).any():
+                raise RefusedError(f"odometry: {self.silence}, which corrects it")
         elif deviation > most:
             raise RefusedError(
                 f"odometry: its standard deviation is {deviation:.3g} m; odometry_deviation is {most:g}"
@@ -127,8 +129,6 @@ class Localisation:
             self._stamps.check(at)
             self._monitor.start(now, stamp)
         self._heard, self._stamp = now, stamp
-        if not np.isfinite(pose).all():
-            raise RefusedError(f"odometry: {self.silence}, in which it is to be corrected")
         pose[2] = self._heading + math.remainder(pose[2] - self._heading, 2.0 * math.pi)
         self._heading = float(pose[2])
         self.pose = pose

@@ -13,7 +13,8 @@ from dqcontrol.geometry import FloorMap, load_map
 from dqcontrol.limits.supervisor.supervisor_layout import ZONE_COLUMNS
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.ways_around import body_points
-from dqcontrol.robots import Robot, SerialArm, WholeBody
+from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots.whole_body import Base
 
 Point = tuple[float, float]
 
@@ -70,6 +71,21 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     margin
         Kept beside, m, for what is not known: the base drives on at its speed while its measurement is late and its
         motors lag, so at least its speed times both delays.
+
+    Examples
+    --------
+    A base that is told to drive on stops 5 cm and its radius before a column:
+
+    >>> import numpy as np, dqcontrol as dqc
+    >>> zones = KeepOutZones(zones={"column": CircularZone(center=(1, 0), radius=0.2)}, footprint=0.3)
+    >>> cart = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.5)])
+    >>> given = dqc.limits.Supervisor(keep_out=zones, slow_below=0.0, hold_below=0.0)
+    >>> supervisor, q = given.prepare(cart, dt=0.02), np.zeros(3)
+    >>> state = supervisor.start(q)
+    >>> for _ in range(200):
+    ...     q = cart.integrate(q, supervisor.command(q, np.array([0.5, 0.0]), state), 0.02)
+    >>> float(q[0].round(2)), "keep-out zone" in supervisor.reasons(state)
+    (0.45, True)
     """
 
     zones: Annotated[
@@ -100,8 +116,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         ValueRangeError
             If its base has no shapes, and no radius is given.
         """
-        parts = robot.parts if isinstance(robot, WholeBody) else ()
-        if not parts or isinstance(parts[0], (SerialArm, np.ndarray)) or len(robot.bases) > 1:  # type: ignore[attr-defined]
+        if not isinstance(robot, WholeBody) or not isinstance(robot.parts[0], Base) or len(robot.bases) > 1:
             raise ShapeError(
                 f"supervisor.keep_out: is for robots whose first part is their only mobile base; {robot.name} is not"
             )
