@@ -132,7 +132,7 @@ class Spoken:
     def __init__(self, node):
         self.place, self.frame, self.ahead = list(START[:3]), "odom", 0.0
         self.deviation, self.is_silent, self.turn = 0.0, False, None
-        self.correction = None  # of odometry in a map: x, y, heading
+        self.correction: list[float] = []  # of odometry in a map: x, y, heading
         self._node = node
         self._states = node.create_publisher(JointState, "/joint_states", 1)
         self._odometry = node.create_publisher(Odometry, "/odom", 1)
@@ -163,7 +163,7 @@ class Spoken:
             pose.orientation.z = 0.0
         odometry.pose.covariance[0] = self.deviation**2
         self._odometry.publish(odometry)
-        if self.correction is not None:
+        if self.correction:
             self.say_correction()
 
     def say_correction(self):
@@ -268,7 +268,7 @@ def test_the_correction_of_a_localisation_is_heard_and_its_jumps_and_silence_sto
     following.control.reset()
     following.let_go()
     activated(node, controller)
-    said.correction = None
+    said.correction = []
     controller.set_parameters([Parameter("correction_timeout", value=0.05)])  # the time has come
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
     assert controller.outcome == "stop category 1: measurement stale or impossible"
@@ -483,6 +483,7 @@ def test_wheels_stand_within_100_ms_of_the_last_command_of_a_killed_controller(n
             print(f"controller killed: the wheels roll for {1e3 * rolling:.0f} ms after its last command")
             assert rolling <= SOON + 1e-9
             node.unhost(robot)
+            assert node.serve(lambda: not node.count_publishers("/cmd_vel"))  # who was killed counts for a while
 
 
 class CountedController(ControllerNode):
@@ -491,6 +492,7 @@ class CountedController(ControllerNode):
     def configure(self):
         super().configure()
         self.steps, following = [], self.following
+        assert following is not None
         step = following._step
 
         def counted(passed, measured, now):
@@ -508,14 +510,16 @@ def test_wheels_are_told_to_stand_within_100_ms_of_the_last_word_of_a_killed_rob
     controller = CountedController(path)
     controller.configure()
     node.host(controller)
+    following = controller.following
+    assert following is not None
 
     def is_rolling():
         if controller.phase is Phase.STOPPED:
-            controller.following.control.reset()
-            controller.following.let_go()
+            following.control.reset()
+            following.let_go()
         if controller.phase is Phase.INACTIVE:
             try:
-                controller.following.activate()
+                following.activate()
             except Error:
                 return False
             controller.steps.clear()
