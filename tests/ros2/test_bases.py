@@ -260,14 +260,17 @@ def test_the_correction_of_a_localisation_is_heard_and_its_jumps_and_silence_sto
     said.correction[0] += 0.05  # a small one is driven with
     assert node.serve(lambda: abs(following.control.measured[0] - START[0] - 0.05) < 1e-9)
     assert controller.phase is Phase.ACTIVE
-    said.correction[0] += 3.0
-    assert node.serve(lambda: controller.phase is Phase.STOPPED)
-    assert controller.outcome == "stop category 1: measured base jumped"
-    said.correction[0] -= 3.0
-    assert node.serve(lambda: abs(localisation.pose[0] - START[0] - 0.05) < 1e-9)
-    following.control.reset()
-    following.let_go()
-    activated(node, controller)
+    outcomes = []
+    while "stop category 1: measured base jumped" not in outcomes:
+        said.correction[0] += 3.0
+        assert node.serve(lambda: controller.phase is Phase.STOPPED)
+        outcomes.append(controller.outcome)  # or, on a busy machine, that it was silent just then
+        assert len(outcomes) < 5, outcomes
+        said.correction[0] -= 3.0
+        assert node.serve(lambda: abs(localisation.pose[0] - START[0] - 0.05) < 1e-9)
+        following.control.reset()
+        following.let_go()
+        activated(node, controller)
     said.correction = []
     controller.set_parameters([Parameter("correction_timeout", value=0.05)])  # the time has come
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
