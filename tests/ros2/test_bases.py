@@ -229,6 +229,7 @@ def test_odometry_that_cannot_be_right_is_refused_and_the_robot_stopped(spec, no
     assert controller.phase is Phase.ACTIVE
 
 
+@pytest.mark.slow
 def test_the_correction_of_a_localisation_is_heard_and_its_jumps_and_silence_stop(spec, node, diagnostics):
     """The base is where map → odom and odom → base_link together say, whatever odometry's own deviation."""
     said = Spoken(node)
