@@ -487,7 +487,9 @@ def test_wheels_stand_within_100_ms_of_the_last_command_of_a_killed_controller(n
             print(f"controller killed: the wheels roll for {1e3 * rolling:.0f} ms after its last command")
             assert rolling <= SOON + 1e-9
             node.unhost(robot)
-            assert node.serve(lambda: not node.count_publishers("/cmd_vel"))  # who was killed counts for a while
+            assert node.serve(
+                lambda: not node.count_publishers("/cmd_vel")
+            )  # who was killed counts for a while
 
 
 class CountedController(ControllerNode):
