@@ -382,6 +382,7 @@ def test_bad_parts(parts_given, error, text):
 
 BAD_BASES = [
     (lambda: DifferentialDrive(0, 0.1), "wheel_radius: must be > 0, got 0"),
+    (lambda: DifferentialDrive(0.1, 0.0), "half_track: must be > 0, got 0"),
     (lambda: DifferentialDrive(0.1, -0.1), "half_track: must be > 0, got -0.1"),
     (lambda: DifferentialDrive(0.1, 0.1, 0), "displacement: must not be 0"),
     (lambda: DifferentialDrive(0.1, 0.1, np.nan), "displacement: must be finite"),

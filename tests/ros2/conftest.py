@@ -119,7 +119,12 @@ def node():
         executor.add_node(other)
         hosted.append(other)
 
-    probe.serve, probe.publish, probe.host = serve, publish, host
+    def unhost(other):
+        executor.remove_node(other)
+        hosted.remove(other)
+        other.destroy_node()
+
+    probe.serve, probe.publish, probe.host, probe.unhost = serve, publish, host, unhost
     yield probe
     executor.shutdown()
     for one in hosted:

@@ -271,7 +271,7 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_SHARES_KINEMATICS {int(parts.shares_kinematics)}",
         *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
-            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0)}"
+            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0, 0)}"
             for name in ("lower", "upper")
         ),
         *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
@@ -303,6 +303,7 @@ def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
     numbers = (
         layout.DRIVES,
         layout.POINTS,
+        layout.ZONES,
         layout.TABLE_ROWS,
         layout.TABLE_COLUMNS,
         layout.TREE,

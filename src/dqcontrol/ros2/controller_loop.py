@@ -50,6 +50,7 @@ from dqcontrol.ros2.tuning import numbers_of, retune
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
+_OF_BASES = "footprint_frame", "odometry_frame"
 
 
 class Following:
@@ -125,13 +126,15 @@ class Following:
         if self._parts.base:
             words = "base_link", "frame of the mobile base, in its commands"
             self._footprint = read_once(node, "footprint_frame", *words)
+            words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
+            self._odometry_frame = read_once(node, "odometry_frame", *words)
         self.tracked = TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
         self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
-        read = ["joint_names", "base_frame", "tool_frame", *(["footprint_frame"] if self._parts.base else [])]
+        read = ["joint_names", "base_frame", "tool_frame", *(_OF_BASES if self._parts.base else ())]
         refuse_unknown(node, [*names, OVERRIDE, *read])
         self._retune(numbers_said(node, names))
         on_change(node, self._retune, diagnostics.refuse)
@@ -167,8 +170,8 @@ class Following:
         now = time.monotonic()
         if self._latest is None or self.age > self._longest_silence:
             raise Error(f"activate: no {'joint states' if self._joints else 'odometry'} on {self._topic}")
-        if self._localisation and self._localisation.is_silent:
-            raise Error(f"activate: no odometry on {self._localisation.topic}")
+        if self._localisation and (missing := self._localisation.silence):
+            raise Error(f"activate: {missing}")
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
         (heard, stamp), measured = self._latest, self._measured.copy()
@@ -271,6 +274,7 @@ class Following:
         return Localisation(
             self._node,
             self._base,
+            self._odometry_frame,
             heading,
             self.loaded.period,
             self._guarded,
@@ -373,7 +377,7 @@ class Following:
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
         age, felt = max(self._periods.age(now), self._felt.age), self._felt
-        if self._localisation and (self._localisation.is_silent or self.age >= 0.99 * self._patience):
+        if self._localisation and (self._localisation.silence or self.age >= 0.99 * self._patience):
             age = np.inf
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._send(control.rate)

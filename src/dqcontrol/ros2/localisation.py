@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from dqcontrol.arrays import Array
+from dqcontrol.ros2.base_transform import Correction
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
@@ -29,25 +30,26 @@ _AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from 
 _TIMEOUT, _TIMEOUT_PERIODS = 0.1, 2.5  # s, or so many periods if that is longer
 
 
-def numbers_of_odometry(period: float) -> tuple[Number, Number]:
+def numbers_of_odometry(period: float) -> tuple[Number, Number, Number]:
     """Return what may be changed of a controller that hears odometry, with its period, s."""
     timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * period)
     words = "after which odometry no longer counts, s"
     return (
         Number("odometry_timeout", timeout, 0.01, max(2.0, timeout), words),
         Number("odometry_deviation", 0.5, 0.001, 10.0, "standard deviation from which it counts as none, m"),
+        Number("correction_timeout", 1.0, 0.05, 60.0, "after which map → odom no longer counts, s"),
     )
 
 
 class Localisation:
-    """Hears odometry, and refuses what cannot be right.
+    """Hears odometry, and perhaps how a localisation corrects it, and refuses what cannot be right.
 
     Parameters
     ----------
     node
         Whose topics and parameters.
-    frame
-        That poses are to be in.
+    frame, odometry_frame
+        That poses are to be in, and that of odometry: if it is another one, the transform between them is heard.
     heading
         Where the base is expected to face at first, rad: of the equal headings the nearest counts, and from then on
         that nearest to the last one.
@@ -72,13 +74,18 @@ class Localisation:
         self,
         node: Node,
         frame: str,
+        odometry_frame: str,
         heading: float,
         period: float,
         guarded: Callable[..., Callable[[Any], None]],
         is_relied_on: Callable[[], bool],
         heard: Callable[[float, int], None],
     ) -> None:
-        self._node, self._frame, self._told = node, frame, heard
+        self._node, self._frame, self._told = node, odometry_frame, heard
+        self._correction = (
+            Correction(node, frame, odometry_frame, guarded) if frame != odometry_frame else None
+        )
+        self._frames = f"{frame} → {odometry_frame}"
         self._is_relied_on = is_relied_on
         self._heading, self._stamp, self._heard = heading, 0.0, -math.inf
         self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(period)
@@ -92,19 +99,26 @@ class Localisation:
         return self._monitor.age(time.monotonic()) if self._heard > -math.inf else math.inf
 
     @property
-    def is_silent(self) -> bool:
-        """Whether the last odometry is too old to count."""
-        return not self.age <= number(self._node, "odometry_timeout")
+    def silence(self) -> str:
+        """What has not been heard for too long to count, in words; empty if all has."""
+        correction = self._correction
+        if correction and not correction.age <= number(self._node, "correction_timeout"):
+            return f"no transform {self._frames} on {correction.topic}"
+        return "" if self.age <= number(self._node, "odometry_timeout") else f"no odometry on {self.topic}"
 
     def _hear(self, message: Odometry) -> None:
         now, at = time.monotonic(), nanoseconds(message.header.stamp)
         pose, deviation = planar_pose_of(message, self._frame), deviation_of(message)
         most, stamp = number(self._node, "odometry_deviation"), at / NANOSECONDS
-        if deviation > most:
+        if self._correction:  # what drifts is corrected, however far it has drifted
+            pose = self._correction.applied(pose)
+            if np.isnan(pose).any():
+                raise RefusedError(f"odometry: {self.silence}, which corrects it")
+        elif deviation > most:
             raise RefusedError(
                 f"odometry: its standard deviation is {deviation:.3g} m; odometry_deviation is {most:g}"
             )
-        if self._is_relied_on() or not self.is_silent:
+        if self._is_relied_on() or not self.silence:
             ahead = stamp - self._stamp - self._monitor.age(now)
             if ahead > _AHEAD:
                 raise RefusedError(f"odometry: its stamp is {ahead:.3g} s ahead of its clock")

@@ -179,16 +179,26 @@ def planar_pose_of(message: Any, frame: str) -> Array:
     """
     if message.header.frame_id != frame:
         raise RefusedError(f"odometry: unknown frame '{message.header.frame_id}' (allowed: {frame})")
-    place, turn = message.pose.pose.position, message.pose.pose.orientation
-    x, y, _ = numbers("odometry: position", [place.x, place.y, place.z], 3)
-    r = numbers("odometry: orientation", [turn.w, turn.x, turn.y, turn.z], 4)
+    return planar_pose("odometry", message.pose.pose.position, message.pose.pose.orientation)
+
+
+def planar_pose(what: str, place: Any, turn: Any) -> Array:
+    """Return x, y (m) and φ (rad, −π … π), shape (3,), of a point and a quaternion of ``geometry_msgs``.
+
+    Raises
+    ------
+    RefusedError
+        If the orientation is no unit quaternion or more than 20° off the plane, or a number is not finite.
+    """
+    x, y, _ = numbers(f"{what}: position", [place.x, place.y, place.z], 3)
+    r = numbers(f"{what}: orientation", [turn.w, turn.x, turn.y, turn.z], 4)
     norm = np.linalg.norm(r)
     if abs(norm - 1) > _UNIT:
-        raise RefusedError(f"odometry: orientation: expected a unit quaternion, got norm {norm:.3g}")
+        raise RefusedError(f"{what}: orientation: expected a unit quaternion, got norm {norm:.3g}")
     up = 1.0 - 2.0 * (r[1] ** 2 + r[2] ** 2) / norm**2
     if up < math.cos(_MOST_TILT):
         raise RefusedError(
-            f"odometry: the base is tilted by {math.degrees(math.acos(max(up, -1.0))):.3g}°; at most "
+            f"{what}: the base is tilted by {math.degrees(math.acos(max(up, -1.0))):.3g}°; at most "
             f"{math.degrees(_MOST_TILT):g}° are a plane"
         )
     return np.array([x, y, 2.0 * math.atan2(r[3], r[0])])

@@ -45,6 +45,7 @@ from dqcontrol.ros2.messages import (
     trajectory_point,
 )
 from dqcontrol.ros2.middleware import steady_timer
+from dqcontrol.ros2.odometry_drift import OdometryDrift
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol.ros2.tracked_hand import pose_publisher
@@ -53,6 +54,12 @@ _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats
 _MOST_LATE = 1.0  # s that the robot catches up; what is more is lost
 _MOST_BEHIND = 10.0  # periods of motion that it can have missed: its controller has stopped by then
+_PLANE = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and heading in the covariance of a pose
+_DRIFT = (
+    Number("odometry_drift.way", 0.0, 0.0, 1.0, "of what odometry takes a way for, m/√m"),
+    Number("odometry_drift.heading_by_way", 0.0, 0.0, 1.0, "of its heading, rad/√m"),
+    Number("odometry_drift.heading_by_turn", 0.0, 0.0, 1.0, "of its heading, rad/√rad"),
+)  # standard deviations
 _CATCH_UP = 0.05  # of its usual speed, that a robot adds to make up for position commands it could not follow
 
 
@@ -115,14 +122,23 @@ class RobotNode(Node):
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = silence(self._period, rolls=parts.base is not None)
         words = "after which the robot brakes if no command comes, s"
-        declare(self, [Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)])
-        refuse_unknown(self, ["command_timeout"])
-        on_change(self, lambda _: None, self._diagnostics.refuse)
+        own = [
+            Number("command_timeout", timeout, 0.002, max(1.0, timeout), words),
+            *(_DRIFT if parts.base else ()),
+        ]
+        declare(self, own)
+        refuse_unknown(self, [one.name for one in own])
+        on_change(self, self._change, self._diagnostics.refuse)
         self._obeyed = {
             name: Obeyed(self, *port, self._diagnostics.refuse) for name, port in self._ports().items()
         }
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
-        self._odometry = odometry_publisher(self, parts, loaded.case.plant) if parts.base else None
+        rng = np.random.default_rng(spec.seed)
+        self._drift = OdometryDrift(self._plant.measured[parts.place], rng)
+        self._change({one.name: number(self, one.name) for one in own})
+        self._odometry = (
+            odometry_publisher(self, parts, loaded.case.plant, self._drift) if parts.base else None
+        )
         self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._hand = pose_publisher(self, tracker, "odom" if parts.base else "base_link") if tracker else None
@@ -131,6 +147,11 @@ class RobotNode(Node):
         )  # the first line takes a while
         self._begun, self._origin = time.monotonic(), self.get_clock().now().nanoseconds
         steady_timer(self, loaded.period, self._tick)
+
+    def _change(self, numbers: Mapping[str, float]) -> None:
+        """Take changed numbers: the drift's alone are kept, others are asked for where they count."""
+        for i, one in enumerate(_DRIFT):
+            self._drift.deviations[i] = numbers.get(one.name, self._drift.deviations[i])
 
     def _warm_up(self, loaded: Loaded) -> None:
         """Compile what a tick needs on another plant, gone before there is ours: one simulator may serve both."""
@@ -327,24 +348,30 @@ class Obeyed:
         self.asked, self._heard = asked, time.monotonic()
 
 
-def odometry_publisher(node: Node, parts: RobotParts, plant: Plant) -> Callable[[int, Array, Array], None]:
+def odometry_publisher(
+    node: Node, parts: RobotParts, plant: Plant, drift: OdometryDrift
+) -> Callable[[int, Array, Array], None]:
     """Return what publishes where a base is, as odometry and as transform.
 
-    It takes a time in ns, and measured configuration and true rates, (n,) each.
+    It takes a time in ns, and measured configuration and true rates, (n,) each. With a drift, odometry and covariance
+    are those of wheels.
     """
     publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
     say_transform = transform_publisher(node)
     position, angle = plant.base_errors()
+    of_plant, covariance = np.diag([position**2, position**2, angle**2]), np.zeros((6, 6))
     message = Odometry(child_frame_id="base_link")
     message.header.frame_id = "odom"
-    message.pose.covariance = np.diag([position**2] * 2 + [0.0] * 3 + [angle**2]).ravel()
 
     def publish(stamp: int, measured: Array, rates: Array) -> None:
-        x, y, heading = measured[parts.place].tolist()
-        c, s = math.cos(heading), math.sin(heading)
+        drift.follow(measured[parts.place])
+        covariance[_PLANE] = of_plant + drift.covariance
+        message.pose.covariance = covariance.ravel()
+        x, y, heading = drift.pose.tolist()
         stamp_of(stamp, message.header.stamp)
         place, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         place.x, place.y, turn.w, turn.z = x, y, math.cos(0.5 * heading), math.sin(0.5 * heading)
+        c, s = math.cos(measured[parts.place[2]]), math.sin(measured[parts.place[2]])
         vx, vy, twist.angular.z = rates[parts.place].tolist()
         twist.linear.x, twist.linear.y = c * vx + s * vy, c * vy - s * vx
         publisher.publish(message)

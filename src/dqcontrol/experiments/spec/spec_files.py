@@ -105,16 +105,23 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield what names maps of floors: references that keep out of them, and constraints."""
+    """Yield what names maps of floors: references that keep out of them, constraints and the supervisor's zones."""
     reference = data.get("reference")
     if isinstance(reference, dict) and isinstance(reference.get("map"), str):
         yield reference, "map"
-    for part in (data, *_tables(data, "law")):
-        constraints = part.get("constraints")
-        obstacles = constraints.get("obstacles") if isinstance(constraints, dict) else None
-        for each in obstacles.values() if isinstance(obstacles, dict) else ():
-            if isinstance(each, dict) and each.get("kind") == "map" and isinstance(each.get("file"), str):
-                yield each, "file"
+    named = [_within(part, "constraints", "obstacles") for part in (data, *_tables(data, "law"))]
+    named.append(_within(data, "supervisor", "keep_out", "zones"))
+    for each in (each for names in named for each in names.values()):
+        if isinstance(each, dict) and each.get("kind") == "map" and isinstance(each.get("file"), str):
+            yield each, "file"
+
+
+def _within(data: dict[str, Any], *keys: str) -> dict[str, Any]:
+    """Return the mapping below these keys, an empty one where a spec has another thing or none."""
+    found: Any = data
+    for key in keys:
+        found = found.get(key) if isinstance(found, dict) else None
+    return found if isinstance(found, dict) else {}
 
 
 def _references(reference: Any) -> Iterator[dict[str, Any]]:

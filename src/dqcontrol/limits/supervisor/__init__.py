@@ -6,6 +6,7 @@ from dqcontrol.limits.supervisor.interventions import (
     list_interventions,
     stop_category,
 )
+from dqcontrol.limits.supervisor.keep_out_zones import CircularZone, KeepOutZones, MapZone, PolygonalZone
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.limits.supervisor.supervisor import (
     DeclaredPayload,
@@ -15,9 +16,13 @@ from dqcontrol.limits.supervisor.supervisor import (
 )
 
 __all__ = [
+    "CircularZone",
     "DeclaredPayload",
     "Intervention",
+    "KeepOutZones",
     "LinkPoint",
+    "MapZone",
+    "PolygonalZone",
     "PreparedSupervisor",
     "Supervisor",
     "WorkspaceBox",

@@ -36,7 +36,8 @@ INTERVENTIONS = "interventions"  # name of the signal in recordings
     EFFORT,
     CONTACT,
     BASE_JUMP,
-) = (2**i for i in range(25))
+    KEEP_OUT,
+) = (2**i for i in range(26))
 
 REASONS = {
     VELOCITY: "velocity limit",
@@ -64,6 +65,7 @@ REASONS = {
     EFFORT: "joint effort too large",
     CONTACT: "contact",
     BASE_JUMP: "measured base jumped",
+    KEEP_OUT: "keep-out zone",
 }
 
 # Stop categories of IEC 60204-1. 0 removes the power at once: only the robot can, and says so by its fault. In the

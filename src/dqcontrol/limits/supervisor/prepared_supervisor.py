@@ -9,6 +9,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
+from dqcontrol.limits.supervisor.keep_out_step import clearance
 from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
 from dqcontrol.limits.supervisor.supervisor_step import supervise
 from dqcontrol.robots.pose_task_kernels import COLUMNS
@@ -46,7 +47,7 @@ class PreparedSupervisor:
 
     def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
-        sizes = m, int(bounds[layout.DRIVES]), int(bounds[layout.POINTS])
+        sizes = m, *(int(bounds[rows]) for rows in (layout.DRIVES, layout.POINTS, layout.ZONES))
         tree = tree_of(robot)
         frames = len(tree) - 1 if len(tree) else n + 1
         bounds[layout.TABLE_ROWS], bounds[layout.TABLE_COLUMNS] = robot.table.shape
@@ -104,7 +105,8 @@ class PreparedSupervisor:
         Raises
         ------
         ValueRangeError
-            If a joint is outside its limits, or the hand outside the box: move it inside by other means first.
+            If a joint is outside its limits, the hand outside the box, or the base in a zone that it keeps out of: move
+            it by other means first.
         """
         n, m, bounds = self.robot.configuration_size, self.robot.input_size, self.bounds
         measured = as_array("q", q, (n,))
@@ -125,6 +127,7 @@ class PreparedSupervisor:
         memory.sent[:] = memory.position[:] = memory.sent_then[:] = position
         memory.usual_effort[:] = np.nan
         self._check_inside(measured)
+        self._check_clear(measured)
         return state
 
     def _check_inside(self, measured: Array) -> None:
@@ -136,6 +139,18 @@ class PreparedSupervisor:
             raise ValueRangeError(
                 f"supervisor.workspace: the hand starts at {places}, or a point of its links, outside "
                 f"{box[:3]} … {box[3:]} m"
+            )
+
+    def _check_clear(self, measured: Array) -> None:
+        bounds = self.bounds
+        if not len(bounds.zones):
+            return
+        x, y, footprint = *measured[:2], bounds.head[layout.FOOTPRINT]
+        room = clearance(bounds.zones, x, y)
+        if room < footprint:
+            raise ValueRangeError(
+                f"supervisor.keep_out: the base starts at ({x:.4g}, {y:.4g}) m, {room:.3g} m from a zone "
+                f"(negative: inside), nearer than its footprint of {footprint:.3g} m"
             )
 
     def command(

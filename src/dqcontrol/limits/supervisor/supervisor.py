@@ -12,6 +12,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.limits.supervisor import supervisor_layout as layout
+from dqcontrol.limits.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
@@ -119,6 +120,9 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         Whose weight is in the measured wrench; none if omitted. Its inertia is not taken off.
     contact_effort
         Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
+    keep_out
+        Zones on the floor that a mobile base is never commanded into: it brakes before them, and may leave them; none
+        if omitted.
 
     Examples
     --------
@@ -154,6 +158,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
     payload: DeclaredPayload | None = None
     contact_effort: Annotated[float, Meta(gt=0, description="N·m or N")] | None = None
+    keep_out: KeepOutZones | None = None
 
     def limits_alone(self) -> Supervisor:
         """Return what keeps position, velocity and acceleration limits and watches nothing, as a robot itself does."""
@@ -171,6 +176,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             contact_torque=None,
             payload=None,
             contact_effort=None,
+            keep_out=None,
             tracking_error=_NEVER,
             stale_after=_NEVER,
             measured_tolerance=_NEVER,
@@ -228,9 +234,10 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         head[layout.DT], head[layout.WINDOW] = dt, self._window(acceleration, dt)
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
-        points = self._workspace(robot, head)
+        points, zones = self._workspace(robot, head), self._zones(robot, head)
         head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
         head[layout.DRIVES], head[layout.POINTS] = len(robot.drives), len(points)
+        head[layout.ZONES] = len(zones)
         bounds = layout.bounds_layout.pack(
             head=head,
             acceleration=acceleration,
@@ -243,6 +250,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             velocity=velocity,
             drives=robot.drives,
             points=points,
+            zones=zones,
         )
         return PreparedSupervisor(robot, bounds)
 
@@ -314,6 +322,16 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             offset = as_array(f"{field}.offset", point.offset, (3,))
             rows.append([names.index(point.joint), *offset])
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+    def _zones(self, robot: Robot, head: Array) -> Array:
+        """Note the footprint; return the zones as rows."""
+        if self.keep_out is None:
+            return np.zeros((0, layout.ZONE_COLUMNS))
+        head[layout.FOOTPRINT] = self.keep_out.footprint_of(robot)
+        head[layout.KEEP_OUT_MARGIN] = as_positive(
+            "supervisor.keep_out.margin", self.keep_out.margin, zero_allowed=True
+        )
+        return self.keep_out.rows()
 
 
 def _each(field: str, value: float | list[float], m: int) -> Array:

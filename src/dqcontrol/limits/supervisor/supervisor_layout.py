@@ -36,25 +36,29 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     CONTACT_TORQUE,
     CONTACT_EFFORT,
     PAYLOAD_WEIGHT,
+    FOOTPRINT,
+    KEEP_OUT_MARGIN,
     BOXED,
     BOX,
-) = range(22)
+) = range(24)
 PAYLOAD_CENTER = BOX + 6  # (3)
-# sizes: of the robot, of drives and points; rows and columns of what its kinematics read, rows of its tree (none of a
-# chain) and of all its frames, and how many of these, the last, are hands
+# sizes: of the robot, of drives, points and rows of zones; rows and columns of what its kinematics read, rows of its
+# tree (none of a chain) and of all its frames, and how many of these, the last, are hands
 (
     COORDINATES,
     INPUTS,
     DRIVES,
     POINTS,
+    ZONES,
     TABLE_ROWS,
     TABLE_COLUMNS,
     TREE,
     FRAMES,
     HANDS,
-) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 12)
-HEAD = PAYLOAD_CENTER + 12
+) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 13)
+HEAD = PAYLOAD_CENTER + 13
 
+ZONE_COLUMNS = 6
 MOST_HANDS = 2  # as many frames as a task has
 
 # memory: single numbers of the state; the last are the commanded hands one period ago
@@ -92,6 +96,8 @@ class Bounds(NamedTuple):
         Index of the coordinate that an input moves, and whether that is a joint.
     drives, points
         Rows of 4: differential drives; row of a joint, and a point fixed to its link, m.
+    zones
+        That a base keeps out of, see `keep_out_step.clearance`.
     """
 
     head: Annotated[Array, HEAD]
@@ -105,6 +111,7 @@ class Bounds(NamedTuple):
     velocity: Annotated[Array, "inputs"]
     drives: Annotated[Array, "drives", DRIVE_COLUMNS]
     points: Annotated[Array, "points", 4]
+    zones: Annotated[Array, "zones", ZONE_COLUMNS]
 
 
 class Memory(NamedTuple):
@@ -162,7 +169,10 @@ class Scratch(NamedTuple):
     rates: Annotated[Array, "inputs"]
 
 
-moment_layout, bounds_layout = MemoryLayout(Moment), MemoryLayout(Bounds, "inputs", "drives", "points")
+moment_layout, bounds_layout = (
+    MemoryLayout(Moment),
+    MemoryLayout(Bounds, "inputs", "drives", "points", "zones"),
+)
 state_layout = MemoryLayout(Memory, "coordinates", "inputs")
 scratch_layout = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
 
@@ -174,7 +184,7 @@ class SupervisorMemory(NamedTuple):
     none: its frames are found from its table.
     """
 
-    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "points")]
+    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "points", "zones")]
     table: Annotated[Array, "table_rows", "table_columns"]
     tree: Annotated[Array, "tree", COLUMNS]
     scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
@@ -186,6 +196,7 @@ supervisor_memory = MemoryLayout(
     "inputs",
     "drives",
     "points",
+    "zones",
     "table_rows",
     "table_columns",
     "tree",
@@ -207,14 +218,14 @@ class Parts(NamedTuple):
 def taken_apart(memory, state):
     """Return the parts of what a supervisor was prepared with, and of its state."""
     n, m = int(memory[COORDINATES]), int(memory[INPUTS])
-    drives, points = int(memory[DRIVES]), int(memory[POINTS])
+    drives, points, zones = int(memory[DRIVES]), int(memory[POINTS]), int(memory[ZONES])
     rows, columns = int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])
     tree, frames = int(memory[TREE]), int(memory[FRAMES])
-    prepared = supervisor_memory(memory, n, m, drives, points, rows, columns, tree, frames)
+    prepared = supervisor_memory(memory, n, m, drives, points, zones, rows, columns, tree, frames)
     return Parts(
         prepared.table,
         prepared.tree,
-        bounds_layout(prepared.bounds, m, drives, points),
+        bounds_layout(prepared.bounds, m, drives, points, zones),
         state_layout(state, n, m),
         scratch_layout(prepared.scratch, n, m, frames),
     )

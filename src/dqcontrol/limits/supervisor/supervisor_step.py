@@ -15,6 +15,7 @@ from dqcontrol.limits.supervisor.interventions import (
     SOFT_STOP,
     VELOCITY,
 )
+from dqcontrol.limits.supervisor.keep_out_step import keep_out
 from dqcontrol.limits.supervisor.supervisor_geometry import (
     avoid_singularity,
     keep_safe,
@@ -45,6 +46,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     STARTED,
     STOPPED,
     WINDOW,
+    ZONES,
     moment_layout,
     taken_apart,
 )
@@ -250,6 +252,8 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
         now |= keep_safe(memory, state)
+    if head[ZONES] > 0.0:
+        now |= keep_out(memory, state)
     if looks_at_hand:
         numbers[STARTED] = 1.0
         for i in range(3 * MOST_HANDS):
