@@ -367,7 +367,7 @@ def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):
     assert ran == names[:1]
     said = capsys.readouterr().out
     assert "resuming: 8 of 9 already done" in said
-    assert f"{names[0]}: 1 of 8" in said
+    assert f"{names[0]}: 1 of 9" in said
     assert (tmp_path / "gains" / "tables.md").is_file()
 
 

@@ -48,7 +48,7 @@ def transform_publisher(node: Node) -> Callable[[Odometry], None]:
     return publish
 
 
-class Correction:
+class FrameCorrection:
     """Hears where a localisation sees the frame of odometry, as AMCL and SLAM tell it: map → odom.
 
     Their stamps say until when a transform counts, so they may lie ahead: its age counts from its hearing.

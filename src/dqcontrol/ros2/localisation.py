@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from dqcontrol.arrays import Array
-from dqcontrol.ros2.base_transform import Correction
+from dqcontrol.ros2.base_transform import FrameCorrection
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
@@ -83,7 +83,7 @@ class Localisation:
     ) -> None:
         self._node, self._frame, self._told = node, odometry_frame, heard
         self._correction = (
-            Correction(node, frame, odometry_frame, guarded) if frame != odometry_frame else None
+            FrameCorrection(node, frame, odometry_frame, guarded) if frame != odometry_frame else None
         )
         self._frames = f"{frame} → {odometry_frame}"
         self._is_relied_on = is_relied_on
