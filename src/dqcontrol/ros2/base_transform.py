@@ -19,6 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from dqcontrol.arrays import Array
+from dqcontrol.plants.mobile.live_camera import displaced
 from dqcontrol.ros2.messages import planar_pose
 
 TF, OURS = "/tf", "/base_transform"
@@ -86,9 +87,7 @@ class FrameCorrection:
 
     def applied(self, pose: Array) -> Array:
         """Return a pose (3,) in the frame of odometry as one in that of poses."""
-        (x, y, turn), (a, b, heading) = self.pose, pose
-        c, s = math.cos(turn), math.sin(turn)
-        return np.array([x + c * a - s * b, y + s * a + c * b, turn + heading])
+        return displaced(self.pose, pose)
 
     def _hear(self, message: Any) -> None:
         for each in getattr(message, "transforms", [message]):

@@ -9,19 +9,16 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.plants.mobile.wheeled_base import (
-    CHASSIS,
     RIM,
-    THINGS,
     TYRE,
     SolidBase,
-    add_post,
+    add_chassis,
     shown,
     solid_cylinder,
     touching,
 )
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.axes import z_onto
-from dqcontrol.robots.bases import CLEARANCE
 from dqcontrol.robots.roller_bases import RollerBase, RollerWheel
 
 _ROLLER = 0.25  # of the wheel's radius: the rollers' own, in their middle
@@ -43,22 +40,10 @@ def add_roller_base(spec: Any, base: SolidBase, drive: RollerBase, mount: Array)
     mount
         Where what the base carries begins, shape (3,), m; a post leads there.
     """
-    mujoco = import_mujoco()
-    body = spec.worldbody.add_body(name="base")
-    body.add_freejoint(name="base")
     half = np.array([*np.abs([[wheel.x, wheel.y] for wheel in drive.wheels]).max(axis=0), base.height / 2])
-    body.mass, body.ipos, body.explicitinertial = base.mass, [base.centre_ahead, 0, base.centre_height], True
-    body.inertia = base.mass / 3 * (np.sum(half**2) - half**2)
-    chassis = body.add_geom(
-        name="chassis",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=half - [0, 0.4 * drive.wheel_radius, 0],  # between its wheels
-        pos=[0, 0, CLEARANCE + base.height / 2],
-        rgba=CHASSIS,
-        mass=0,
-    )
-    chassis.contype, chassis.conaffinity = 0, THINGS
-    add_post(body, base.height, mount)
+    inertia = base.mass / 3 * (np.sum(half**2) - half**2)
+    size = half - [0, 0.4 * drive.wheel_radius, 0]  # between its wheels
+    body = add_chassis(spec, base, import_mujoco().mjtGeom.mjGEOM_BOX, size, inertia, mount)
     for i, wheel in enumerate(drive.wheels):
         _add_wheel(body, f"wheel_{i + 1}", wheel, base, drive.wheel_radius)
     return body

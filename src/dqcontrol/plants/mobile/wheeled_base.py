@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FLOOR, THINGS = 1, 2  # what touches what: wheels only the floor, things all but wheels
 WHEELS = ("right", "left")
 
-CHASSIS = (0.22, 0.24, 0.27, 1.0)
+_CHASSIS = (0.22, 0.24, 0.27, 1.0)
 TYRE = (0.10, 0.10, 0.11, 1.0)
 RIM = (0.75, 0.77, 0.80, 1.0)
 _POST = (0.80, 0.82, 0.84, 1.0)
@@ -193,13 +193,37 @@ def add_floor(spec: Any) -> None:
     ground.contype, ground.conaffinity, ground.friction = FLOOR | THINGS, 0, [0, 0, 0]
 
 
-def add_post(body: Any, height: float, mount: Array) -> None:
-    """Add a post from the top of a chassis up to a point (3,), m, of what it carries."""
+def add_chassis(
+    spec: Any, base: SolidBase, kind: Any, size: ArrayLike, inertia: ArrayLike, mount: Array
+) -> Any:
+    """Add a free chassis, that things touch and the floor does not, with a post up to what it carries; return it.
+
+    Parameters
+    ----------
+    spec
+        ``mjSpec``.
+    base
+        Its masses and height.
+    kind, size
+        MuJoCo's, of its geom.
+    inertia
+        About its centre of mass, along its axes, shape (3,), kg m².
+    mount
+        Where what it carries begins, shape (3,), m.
+    """
+    body = spec.worldbody.add_body(name="base")
+    body.add_freejoint(name="base")
+    body.mass, body.ipos, body.explicitinertial = base.mass, [base.centre_ahead, 0, base.centre_height], True
+    body.inertia = inertia
+    middle = [0, 0, CLEARANCE + base.height / 2]
+    chassis = body.add_geom(name="chassis", type=kind, size=size, pos=middle, rgba=_CHASSIS, mass=0)
+    chassis.contype, chassis.conaffinity = 0, THINGS
     x, y, top = mount
-    if top > CLEARANCE + height:
-        ends = [x, y, CLEARANCE + height, x, y, top]
+    if top > CLEARANCE + base.height:
+        ends = [x, y, CLEARANCE + base.height, x, y, top]
         cylinder = import_mujoco().mjtGeom.mjGEOM_CYLINDER
         shown(body.add_geom(type=cylinder, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
+    return body
 
 
 def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: Array) -> Any:
@@ -214,24 +238,12 @@ def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: Array)
     mount
         Where what the base carries begins, shape (3,), m; a post leads there.
     """
-    mujoco = import_mujoco()
-    kinds = mujoco.mjtGeom
+    kinds = import_mujoco().mjtGeom
     assert base.radius is not None
     assert base.caster_distance is not None
-    body = spec.worldbody.add_body(name="base")
-    body.add_freejoint(name="base")
-    body.mass, body.ipos, body.explicitinertial = base.mass, [base.centre_ahead, 0, base.centre_height], True
-    body.inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
-    chassis = body.add_geom(
-        name="chassis",
-        type=kinds.mjGEOM_CYLINDER,
-        size=[base.radius, base.height / 2, 0],
-        pos=[0, 0, CLEARANCE + base.height / 2],
-        rgba=CHASSIS,
-        mass=0,
-    )
-    chassis.contype, chassis.conaffinity = 0, THINGS
-    add_post(body, base.height, mount)
+    inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
+    size = [base.radius, base.height / 2, 0]
+    body = add_chassis(spec, base, kinds.mjGEOM_CYLINDER, size, inertia, mount)
     ball = 0.5 * CLEARANCE
     for name, x, gap in (
         ("front", base.caster_distance, 0.0),

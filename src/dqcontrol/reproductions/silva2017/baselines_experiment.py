@@ -16,14 +16,14 @@ from dqcontrol.loop.signals import ACTUATORS
 from dqcontrol.loop.simulate import simulate
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator
-from dqcontrol.references import Sample, SetPoint, random_goals
+from dqcontrol.references import Sample, SetPoint
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Draw, Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import COUNTED, LIMITED, UNLIMITED, counted, run_to_goal
 from dqcontrol.reproductions.silva2017.parsimonious import parsimonious_law
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, until_good_enough
-from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
+from dqcontrol.reproductions.silva2017.random_races import BOXES, GoalBox
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, S17, setting_of, spec_data, verdicts
 from dqcontrol.robots import Robot
 
@@ -126,16 +126,14 @@ class Counted:
 
 def count_reached(trial: BaselineTrial) -> Counted:
     """Run a law to goals; parsimonious control keeps limits by itself."""
-    setting, box = setting_of("baselines"), trial.box
+    setting = setting_of("baselines")
     scene, period = setting.scene, setting.spec.period
     if trial.law == PARSIMONIOUS:
         law: Law = parsimonious_law(scene.robot, _GAIN, limits_period=period if trial.is_limited else None)
         limits = UNLIMITED
     else:
         law, limits = setting.spec.law_by_label[trial.law], LIMITED if trial.is_limited else UNLIMITED
-    goals = scene.robot.fkm(
-        random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
-    )
+    goals = trial.box.goals(scene, trial.drawn)
     runs = [
         RaceOutcome.of(run_to_goal(scene.robot, scene.start, goal, law, Integrator(), period, limits), period)
         for goal in goals[: trial.number]

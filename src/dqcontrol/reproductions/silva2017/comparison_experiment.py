@@ -42,6 +42,14 @@ CAMERA = Camera(
 )  # as in the spec
 _SIMILAR, _CLEARLY_LESS, _OVERSHOOT, _SPIKE = 0.2, 0.6, 0.01, 5.0
 _LAST = 100  # samples, 5 s
+_PRINTED_AS = {S17: "nonlinear", CLASSIC: CLASSIC}
+_BESIDE_PRINT = (
+    Column("Iterations, published", "", ".4g"),
+    Column("Ours", "", ".4g"),
+    Column("Effort, published", "rad/√s", ".3g"),
+    Column("Ours", "rad/√s", ".3g"),
+    Column("Over classic", "", ".3g"),
+)
 
 
 @dataclass(frozen=True)
@@ -127,23 +135,28 @@ def _named(runs: dict[tuple[str, ...], Run], data: dict[str, Any]) -> dict[tuple
     }
 
 
+def _beside_print(label: str, first: RaceOutcome, iterations: float, classic: RaceOutcome) -> list[Cell]:
+    """Return the cells of `_BESIDE_PRINT`: of a run to its first good sample, and the classic law's effort to its."""
+    law, arrived = _PRINTED_AS.get(label), math.isfinite(first.settling)
+    return [
+        printed("comparison", law, "iterations") if law else None,
+        iterations,
+        printed("comparison", law, "effort") if law else None,
+        first.effort if arrived else None,
+        first.effort / classic.effort if arrived else None,
+    ]
+
+
 def _table(ideal: dict[str, Run], period: float, gain: float | None) -> Table:
-    printed_as = {S17: "nonlinear", CLASSIC: CLASSIC}
     rows: list[list[Cell]] = []
     first_classic = RaceOutcome.of(until_good_enough(ideal[CLASSIC].record), period)
     for label, run in ideal.items():
-        law = printed_as.get(label, "")
         first = RaceOutcome.of(until_good_enough(run.record), period)
         whole = RaceOutcome.of(run.record, period)
-        arrived = math.isfinite(first.settling)
         rows.append(
             [
                 label if label != MATCHED else f"{label}: K = {gain:.3g}",
-                printed("comparison", law, "iterations") if law else None,
-                first.settling,
-                printed("comparison", law, "effort") if law else None,
-                first.effort if arrived else None,
-                first.effort / first_classic.effort if arrived else None,
+                *_beside_print(label, first, first.settling, first_classic),
                 whole.settling,
                 whole.effort,
                 whole.first,
@@ -153,11 +166,7 @@ def _table(ideal: dict[str, Run], period: float, gain: float | None) -> Table:
         )
     columns = [
         Column("Law"),
-        Column("Iterations, published", "", ".4g"),
-        Column("Ours", "", ".4g"),
-        Column("Effort, published", "rad/√s", ".3g"),
-        Column("Ours", "rad/√s", ".3g"),
-        Column("Over classic", "", ".3g"),
+        *_BESIDE_PRINT,
         Column("Iterations until it stays below", "", ".4g"),
         Column("Effort of 60 s", "rad/√s", ".3g"),
         Column("First command |u_f|", "rad/s", ".3g"),
@@ -173,7 +182,6 @@ def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Tabl
     scene, period = setting.scene, setting.spec.period
     assert isinstance(scene.robot, WholeBody)
     robot = with_acceleration_limits(scene.robot)
-    printed_as = {S17: "nonlinear", CLASSIC: CLASSIC}
     runs: dict[str, Record] = {}
     for label, law in setting.spec.law_by_label.items():
         limited = msgspec.structs.replace(law, constraints=ALL_LIMITS).prepare(robot, None, period)
@@ -181,16 +189,11 @@ def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Tabl
     firsts = {label: RaceOutcome.of(until_good_enough(run), period) for label, run in runs.items()}
     rows: list[list[Cell]] = []
     for label, run in runs.items():
-        law, first, whole = printed_as.get(label, ""), firsts[label], RaceOutcome.of(run, period)
-        arrived = math.isfinite(first.settling)
+        first, whole = firsts[label], RaceOutcome.of(run, period)
         rows.append(
             [
                 label,
-                printed("comparison", law, "iterations") if law else None,
-                first.first_below,
-                printed("comparison", law, "effort") if law else None,
-                first.effort if arrived else None,
-                first.effort / firsts[CLASSIC].effort if arrived else None,
+                *_beside_print(label, first, first.first_below, firsts[CLASSIC]),
                 whole.settling,
                 whole.first,
                 whole.largest_change,
@@ -201,11 +204,7 @@ def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Tabl
         )
     columns = [
         Column("Law"),
-        Column("Iterations, published", "", ".4g"),
-        Column("Ours", "", ".4g"),
-        Column("Effort, published", "rad/√s", ".3g"),
-        Column("Ours", "rad/√s", ".3g"),
-        Column("Over classic", "", ".3g"),
+        *_BESIDE_PRINT,
         Column("Iterations until it stays below", "", ".4g"),
         Column("First command |u_f|", "rad/s", ".3g"),
         Column("Largest change of u_f", "rad/s", ".3g"),

@@ -17,7 +17,6 @@ from dqcontrol.loop import Record
 from dqcontrol.measures import task_range
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator, MobilePlant, Plant
-from dqcontrol.references import random_goals
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.reproduced import Reproduced
@@ -36,7 +35,7 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
     with_acceleration_limits,
 )
 from dqcontrol.reproductions.silva2017.race import RaceOutcome
-from dqcontrol.reproductions.silva2017.random_races import BOXES, SEED, GoalBox
+from dqcontrol.reproductions.silva2017.random_races import BOXES, GoalBox
 from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
 from dqcontrol.robots import WholeBody
 
@@ -109,12 +108,10 @@ def _laws(setting: PreparedExperiment) -> dict[str, Law]:
 
 def reached(trial: GoalTrial) -> Reached:
     """Run a law to the goals of a box."""
-    setting, box = setting_of("comparison"), trial.box
+    setting = setting_of("comparison")
     scene, period = setting.scene, setting.spec.period
     law = _laws(setting)[trial.law]
-    goals = scene.robot.fkm(
-        random_goals(scene.robot, scene.start, trial.drawn, reach=box.reach, heading=box.heading, seed=SEED)
-    )
+    goals = trial.box.goals(scene, trial.drawn)
 
     def runs(plant: Plant, limits: CommandLimits, some: Array) -> Iterator[Record]:
         return (run_to_goal(scene.robot, scene.start, goal, law, plant, period, limits) for goal in some)

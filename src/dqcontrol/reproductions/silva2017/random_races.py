@@ -10,6 +10,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.prepared_experiment import PreparedRobot
 from dqcontrol.laws import Law
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
@@ -17,7 +19,7 @@ from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, S17, setting_of
 
-SEED = 2017
+_SEED = 2017
 _SECONDS = 120.0
 _AT_ONCE = 5  # goals
 _SETTLED = 1e-3  # last error norm of a run that has arrived
@@ -32,6 +34,13 @@ class GoalBox:
     name: str
     reach: float
     heading: float
+
+    def goals(self, scene: PreparedRobot, count: int) -> Array:
+        """Return hand poses of configurations drawn in the box, the arm within its limits, shape (count, 8)."""
+        drawn = random_goals(
+            scene.robot, scene.start, count, reach=self.reach, heading=self.heading, seed=_SEED
+        )
+        return scene.robot.fkm(drawn)
 
 
 BOXES = (GoalBox("near", 0.5, math.pi / 4), GoalBox("far", 1.5, math.pi))
@@ -73,11 +82,9 @@ def random_tables(count: int, conditions: Conditions) -> list[Table]:
 
 def run_heat(heat: Heat) -> HeatOutcome:
     """Run all laws to some goals."""
-    setting, box = setting_of("comparison", duration=_SECONDS), heat.box
+    setting = setting_of("comparison", duration=_SECONDS)
     scene, period, laws = setting.scene, setting.spec.period, setting.spec.law_by_label
-    goals = scene.robot.fkm(
-        random_goals(scene.robot, scene.start, heat.drawn, reach=box.reach, heading=box.heading, seed=SEED)
-    )
+    goals = heat.box.goals(scene, heat.drawn)
     found: dict[str, list[RaceOutcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
     for goal in goals[heat.first : heat.last]:
         samples = SetPoint(goal).samples(scene.samples[:, -1])
@@ -116,7 +123,7 @@ def _table(box: GoalBox, count: int, heats: Sequence[HeatOutcome]) -> Table:
     ]
     title = (
         f"{count} {box.name} goals: base within ±{box.reach:g} m and ±{math.degrees(box.heading):.0f}°, any arm within "
-        f"its limits, hand above 5 cm, seed {SEED}; {_SECONDS:g} s without limits"
+        f"its limits, hand above 5 cm, seed {_SEED}; {_SECONDS:g} s without limits"
     )
     return Table(columns, rows, title)
 
