@@ -116,6 +116,9 @@ def _doubts(
 ) -> Iterator[str]:
     """Yield what is to be looked at: joints that move no shape, pairs kept apart in vain, pairs left out."""
     carrying = {each.frame for each in known}
+    for first, _ in robot.bases:  # whose three coordinates move the same shapes
+        of_base = {first + 1, first + 2, first + 3}
+        carrying |= of_base if of_base & carrying else set()
     bare = [name for k, name in enumerate(robot.joint_names, start=1) if k not in carrying]
     if bare:
         yield f"no shape moves with: {', '.join(bare)}"
