@@ -146,7 +146,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        answers = [self._answer(i, n, dt) for i in range(n)]
+        answers = self._answers(n, dt)
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
         sag = as_positive("plant.sag", self.sag, zero_allowed=True)
         compliance = sag / stiffness
@@ -218,7 +218,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             return None
         n = robot.configuration_size
         gain = self._each("gain", n, zero_allowed=False)
-        answers = [(self._answer(i, n, dt), float(gain[i])) for i in range(n)]
+        answers = list(zip(self._answers(n, dt), gain.tolist(), strict=True))
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], dt)
         from scipy.linalg import block_diag
@@ -276,23 +276,32 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             )
         return values
 
-    def _answer(self, joint: int, n: int, dt: float) -> _Answer:
-        """Return how a joint follows its targets.
+    def _answers(self, n: int, dt: float) -> list[_Answer]:
+        """Return how each of n joints follows its targets."""
+        delay, bandwidth, tau = (
+            self._each(field, n).tolist() for field in ("delay", "bandwidth", "time_constant")
+        )
+        is_second = any(bandwidth)
+        damping = self._each("damping_ratio", n, zero_allowed=False).tolist() if is_second else [1.0] * n
+        joints = list(zip(delay, bandwidth, damping, tau, strict=True))
+        found = {joint: _answer(*joint, dt) for joint in set(joints)}  # most arms have one kind
+        return [found[joint] for joint in joints]
 
-        A target that is followed for the first share f of a period, before the next one is for the rest, counts with
-        (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
-        """
-        delay, share = begun_periods("plant.delay", float(self._each("delay", n)[joint]), dt)
-        bandwidth = float(self._each("bandwidth", n)[joint])
-        if bandwidth:
-            damping = float(self._each("damping_ratio", n, zero_allowed=False)[joint])
-            return _Answer(delay, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
-        tau = float(self._each("time_constant", n)[joint])
-        if not tau:
-            return _Answer(delay, 1.0 if share == 1 else 0.0, 0.0)
-        decay = math.exp(-dt / tau)
-        oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
-        return _Answer(delay, oldest, decay)
+
+def _answer(delay: float, bandwidth: float, damping: float, tau: float, dt: float) -> _Answer:
+    """Return how a joint follows its targets.
+
+    A target that is followed for the first share f of a period, before the next one is for the rest, counts with
+    (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
+    """
+    late, share = begun_periods("plant.delay", delay, dt)
+    if bandwidth:
+        return _Answer(late, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
+    if not tau:
+        return _Answer(late, 1.0 if share == 1 else 0.0, 0.0)
+    decay = math.exp(-dt / tau)
+    oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
+    return _Answer(late, oldest, decay)
 
 
 class _SecondOrder(NamedTuple):
