@@ -315,4 +315,4 @@ def test_how_far_a_base_rolls_without_measurements_is_said_where_somebody_lets_i
     ]
     rolls = [[text for text in each.remarks() if "rolls" in text] for each in found]
     assert not rolls[0]
-    assert rolls[1][0].startswith("proportional: the base rolls up to about 0.2 m before it stands")
+    assert rolls[1][0].startswith("proportional · integrator: the base rolls up to about 0.2 m before")

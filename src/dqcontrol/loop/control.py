@@ -21,6 +21,7 @@ from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 
 FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, if nobody says how long
+_EARLY = 0.1  # periods by which a measurement may come before its time
 _NOTHING: Array = np.zeros(0)
 
 
@@ -42,7 +43,8 @@ class Control:
     law, target, supervisor
         Ready to run.
     longest_advance
-        Of the reference's time in one step, s, however late that is; one and a half periods if omitted.
+        Of the reference's time in one step, s, however late that is; one and a half periods if omitted. Where it is
+        more, the law is asked for all periods that it missed.
 
     Attributes
     ----------
@@ -88,7 +90,7 @@ class Control:
         self.desired: Array = np.zeros(21)
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
-        self.time = self._stamp = 0.0
+        self.time = self._stamp = self._asked = 0.0
         self._elapsed = law.dt
         self.black_box = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
@@ -133,7 +135,7 @@ class Control:
         self._law_state = self.law.initial_state(measured)
         self.measured[:] = measured
         self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
-        self.time = self._stamp = 0.0
+        self.time = self._stamp = self._asked = 0.0
         self.desired = np.zeros(21)
         self.desired[POSE] = pose = self.robot.fkm(measured)
         self.target.start(pose)
@@ -241,10 +243,14 @@ class Control:
             self.emergency_stop(recording.failure)
 
     def _ask_law(self, time: float) -> None:
+        """Ask the law, once for each period since it was asked last: what it adds up, it adds up by periods."""
+        most, missed = self.longest_advance / self.law.dt, (time - self._asked) / self.law.dt
+        self._asked = time
         row = max(round(time / self.law.dt), 0)
         try:
             self.desired = self.target.sample(time, self.robot.fkm(self.measured))
-            self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
+            for _ in range(max(int(min(missed, most) + _EARLY), 1)):
+                self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, FallenError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 
