@@ -304,3 +304,15 @@ def test_the_first_command_is_held_against_the_velocity_limits():
     )
     free = check(spec(reference=far, plant={"kind": "integrator"})).remarks()
     assert "limits: {velocity: true} scales commands to it" in list(free)[-1]
+
+
+def test_how_far_a_base_rolls_without_measurements_is_said_where_somebody_lets_it():
+    """0.5 m/s for 0.3 s, and 0.5²/(2 · 2.5) m while it brakes."""
+    base = {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]}
+    base |= {"reference": {"kind": "set-point", "duration": 1.0}, "plant": {"kind": "integrator"}}
+    found = [
+        check(spec(**base, supervisor={"acceleration": 2.5, **more})) for more in ({}, {"stale_after": 0.3})
+    ]
+    rolls = [[text for text in each.remarks() if "rolls" in text] for each in found]
+    assert not rolls[0]
+    assert rolls[1][0].startswith("proportional · integrator: the base rolls up to about 0.2 m before")

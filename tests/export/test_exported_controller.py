@@ -10,13 +10,28 @@ from exported import HERE, SPEC, LibraryController, Target, make, needs_c, shell
 import dqcontrol as dqc
 from dqcontrol.compiled import object_code
 from dqcontrol.compiled.object_code import OF_C, TARGETS, TargetProcessor
-from dqcontrol.errors import Error, NoteWarning, ShapeError, UnknownNameError
+from dqcontrol.errors import Error, NoteWarning, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.export import export_controller
 from dqcontrol.export.controller_parts import controller_parts
+from dqcontrol.export.expected_answers import vector_rows
+from dqcontrol.limits.supervisor.interventions import KEEP_OUT
 from dqcontrol.loop.control import Control
 from dqcontrol.loop.targets import PoseTarget, Speeds, TwistTarget
 
 START = np.array(SPEC["start"])
+WALL = {"kind": "polygon", "corners": [[0.5, -2], [0.7, -2], [0.7, 2], [0.5, 2]]}
+WALLED = {
+    "name": "walled",
+    "robot": "little-john",
+    "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
+    "period": 0.02,
+    "reference": {"kind": "set-point", "offset": {"translation": [1.5, 0.0, 0.0]}},
+    "duration": 6,
+    "law": {"kind": "proportional", "gain": 2},
+    "plant": {"kind": "integrator"},
+    "supervisor": {"acceleration": 1.0, "keep_out": {"zones": {"wall": WALL}, "footprint": 0.15}},
+}
+OUTSIDE_LIMITS = -5
 POSE, TWIST = 1, 2  # sources of targets, as dqc_controller.h has them
 
 
@@ -72,6 +87,29 @@ def test_streamed_targets_move_as_those_of_ros_2(exported_folder, source):
     asked.rotation[:], asked.linear[0] = [2, 0, 0, 0], np.nan
     library.step(q, 150 * period, asked)
     assert library.status == -7  # wrong target, ignored
+
+
+@needs_c
+def test_a_base_keeps_out_of_zones_in_c_and_starts_in_none(tmp_path):
+    """It brakes before a wall as in Python; a start in the wall is refused by both, and one beside it is not."""
+    parts = controller_parts(WALLED)
+    rows = list(vector_rows(parts))
+    assert any(row.interventions & KEEP_OUT for row in rows)
+    folder = export_controller(WALLED, tmp_path / "c").folder
+    assert "largest difference to Python 0 (bits compared)" in make(folder, "test")
+    assert parts.supervisor
+    library, supervisor = LibraryController(folder), parts.supervisor[1]
+    for x in (0.36, 0.6):  # the wall begins at 0.5 m, the footprint is 0.15 m
+        inside = np.array([x, *WALLED["start"][1:]])
+        u = library.step(inside, 0.0)
+        assert library.status == OUTSIDE_LIMITS
+        assert not u.any()
+        with pytest.raises(ValueRangeError, match="the base starts at"):
+            supervisor.start(inside)
+    beside = np.array([0.34, *WALLED["start"][1:]])
+    supervisor.start(beside)
+    library.step(beside, 0.0)
+    assert library.status == 0
 
 
 @needs_c

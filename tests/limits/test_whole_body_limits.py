@@ -5,9 +5,12 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.laws import Proportional
-from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, WeightedLeastNorm
+from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, Supervisor, WeightedLeastNorm
+from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
+from dqcontrol.limits.supervisor.prepared_supervisor import GO, RESET, STOP
 
 SEED = 20261122
+RIM = 0.8  # m/s
 T = 0.01
 START = np.array([0.1, -0.2, 0.4, 0.1, 0.4, -0.9, 0.6, 2.5])
 
@@ -133,3 +136,46 @@ def test_the_whole_run_of_a_body_keeps_its_rims():
     rims = [np.abs(body.wheel_speeds(each.command)[:, :2]).max() * 0.065 for each in (free, kept)]
     assert rims[0] > 1.0
     assert rims[1] == pytest.approx(0.5, rel=1e-12)
+
+
+def mecanum_rims(v_x, v_y, omega):
+    """Return the speed of the fastest rim, of wheels 0.15 m and 0.24 m beside the middle, m/s."""
+    return abs(v_x) + abs(v_y) + 0.39 * abs(omega)
+
+
+def omni_rims(v_x, v_y, omega):
+    """Return the same of three wheels 0.2 m from the middle, at 60°, 180° and 300°."""
+    angles = np.radians([60.0, 180.0, 300.0])
+    return np.abs(-np.sin(angles) * v_x + np.cos(angles) * v_y + 0.2 * omega).max()
+
+
+@pytest.mark.parametrize(
+    ("base", "fastest_rim"),
+    [
+        (
+            dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=RIM),
+            mecanum_rims,
+        ),
+        (dqc.OmniBase(wheel_radius=0.05, wheel_distance=0.2, rim_speed=RIM), omni_rims),
+    ],
+)
+@pytest.mark.parametrize("acceleration", [0.8, 10.0])
+def test_the_supervisor_keeps_the_rims_of_wheels_with_rollers(base, fastest_rim, acceleration):
+    """While a base turns on its way, brakes and is stopped, and within its acceleration."""
+    given = Supervisor(acceleration=acceleration, ramp=0.1, slow_below=0.0, hold_below=0.0)
+    body, rng = dqc.WholeBody([base]), np.random.default_rng(SEED)
+    prepared, q, last, rims, asked = given.prepare(body, 2 * T), np.zeros(3), np.zeros(3), [], []
+    state = prepared.start(q)
+    for k in range(1500):
+        if k % 30 == 0:
+            wanted = rng.uniform(-1, 1, 3) * body.limits.velocity * rng.choice([0.3, 1.0, 1.0], 3)
+        u = prepared.command(q, wanted, state, request={500: STOP, 600: RESET}.get(k, GO)).copy()
+        c, s = np.cos(q[2]), np.sin(q[2])
+        for rates, kept in ((u, rims), (wanted, asked)):
+            kept.append(fastest_rim(c * rates[0] + s * rates[1], c * rates[1] - s * rates[0], rates[2]))
+        assert np.abs(u - last).max() <= acceleration * 2 * T * (1 + 1e-9)
+        assert not prepared.code(state) & IMPOSSIBLE
+        q, last = body.integrate(q, u, 2 * T), u
+    assert max(asked) > 1.2 * RIM
+    assert max(rims) <= RIM * (1 + 1e-9)
+    assert sum(rim > 0.999 * RIM for rim in rims) > 20

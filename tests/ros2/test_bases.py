@@ -21,7 +21,8 @@ from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
 from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
-from dqcontrol.ros2 import base_transform
+from dqcontrol.ros2 import base_transform, controller_loop
+from dqcontrol.ros2 import localisation as localisation_module
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load
@@ -276,6 +277,45 @@ def test_the_correction_of_a_localisation_is_heard_and_its_jumps_and_silence_sto
     controller.set_parameters([Parameter("correction_timeout", value=0.05)])  # the time has come
     assert node.serve(lambda: controller.phase is Phase.STOPPED)
     assert controller.outcome == "stop category 1: measurement stale or impossible"
+
+
+class Later:
+    """A clock that can be set on."""
+
+    def __init__(self):
+        self.by = 0.0
+
+    def monotonic(self):
+        return time.monotonic() + self.by
+
+
+@pytest.mark.parametrize("stale_after", [None, 0.3])
+def test_a_base_rolls_on_without_messages_for_as_long_as_somebody_says(spec, node, monkeypatch, stale_after):
+    """Nothing comes for 0.15 s, which stops it by itself, and then for 0.4 s, which is too long for both."""
+    clock = Later()
+    for module in (controller_loop, localisation_module):
+        monkeypatch.setattr(module, "time", clock)
+    Spoken(node)
+    controller = ControllerNode(spec(**DRIVEN, supervisor={"stale_after": stale_after}), source="twist")
+    controller.configure()
+    following = controller.following
+    assert following is not None
+    assert following.loaded.longest_advance == (stale_after or 0.05)
+    node.host(controller)
+    activated(node, controller)
+    begun = following._latest[0]
+
+    def goes_without_messages_until(seconds):
+        clock.by += begun + seconds - clock.monotonic()
+        for _ in range(3):  # of a process that has slept the first look does nothing
+            following._watch()
+            clock.by += 0.02
+
+    goes_without_messages_until(0.15)
+    assert (controller.phase is Phase.ACTIVE) == (stale_after is not None)
+    goes_without_messages_until(0.4)
+    assert controller.phase in (Phase.STOPPING, Phase.STOPPED)
+    assert "measurement stale" in following.control.reason
 
 
 def test_odometry_that_drifts_says_how_much(spec, node):
@@ -564,34 +604,33 @@ parts:
   - {kind: mobile-robot, robot: "example-robot-data:tiago_description/robots/tiago_no_hand.urdf"}
 """
 UNRUSHED = {"stale_after": 1.0, "frozen_after": 1.0}  # what a busy machine delays is not judged here
-LONG = 8.0  # s
+CIRCLE = {"kind": "circle", "radius": 0.1, "duration": 8.0}
+ALWAYS = ("--", "-p", "command_timeout:=1.0")  # the robot's own watch, as patient as the controller's
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["little-john", "tiago"])
-def test_two_processes_follow_as_well_as_one(robot, start, spec, tmp_path):
+def test_two_processes_follow_a_circle_as_well_as_one(robot, start, spec, tmp_path):
     """little-john at 20 Hz and TIAGo at 100 Hz, the base by odometry: mean error of the hand within 10 %."""
-    changes = {**DRIVEN, "period": 0.05, "plant": {"kind": "servo"}, "supervisor": UNRUSHED, "duration": LONG}
+    changes = {**DRIVEN, "period": 0.05, "plant": {"kind": "servo"}, "supervisor": UNRUSHED}
+    changes |= {"reference": CIRCLE, "duration": CIRCLE["duration"]}
     if robot == "tiago":
         (tmp_path / "tiago.yaml").write_text(TIAGO)
         home = [0.0, 0.0, 0.0, 0.17, 1.0, -0.3, -1.0, 1.0, 0.0, 0.3, 0.0]
         changes |= {"robot": str(tmp_path / "tiago.yaml"), "start": home, "period": 0.01}
     path = spec(**changes)
     alone = dqc.run(path).record
-    start("robot", path)
+    start("robot", path, *ALWAYS)
     out = tmp_path / "out"
-    controller = start("controller", path, "--autostart", "--out", out, until="active")
-    begun = time.monotonic()
-    while controller.poll() is None and time.monotonic() - begun < LONG + 1.0:
-        time.sleep(0.1)
-    controller.terminate()
-    controller.wait()
+    controller = start("controller", path, "--autostart", "--out", out)
+    said, _ = controller.communicate()
+    assert controller.returncode == 0, said
     together = load_run(out).record
     mean = []
     for record in (alone, together):
         error = np.linalg.norm(record.position - record.desired_position, axis=1)
-        assert record.time[-1] > LONG - 0.2
-        mean.append(float(error[record.time <= LONG].mean()))
+        assert record.time[-1] > CIRCLE["duration"] - 0.2
+        mean.append(float(error[record.time <= CIRCLE["duration"]].mean()))
     print(
         f"{robot}: mean error of the hand {1e3 * mean[0]:.2f} mm in one process, {1e3 * mean[1]:.2f} mm in two"
     )

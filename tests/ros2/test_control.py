@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dqcontrol.algebra import translation
 from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.ros2.loading import load
@@ -171,3 +172,40 @@ def test_a_clock_of_another_speed_does_not_make_messages_old_and_a_queue_that_fi
             now = 0.01 * k
             pace.hear(now, 1000.0 + now * (1 + drift))
         assert pace.age(now) == pytest.approx(age, abs=1e-3), drift
+
+
+@pytest.fixture(scope="module")
+def driving():
+    base = {
+        "robot": "little-john",
+        "start": [0.2, -0.1, 0.4, 0, -0.9, 0.9, 0.9, 0],
+        "period": 0.05,
+        "reference": {"kind": "circle", "radius": 0.1, "duration": 8.0},
+        "law": {"kind": "feedback-linearization", "stiffness": 2.0, "damping": 2.0},
+        "plant": {"kind": "integrator"},
+        "supervisor": {"stale_after": 1.0, "frozen_after": 1.0},
+    }
+    return load(SPEC | base)
+
+
+@pytest.mark.parametrize(("lost", "steps_without"), [(0.05, False), (0.05, True), (0.2, True)])
+def test_a_base_that_rolls_on_without_messages_follows_nearly_as_well(driving, lost, steps_without):
+    """Some are lost at random; either nothing is done then, or a step is taken without one."""
+    means, draw = [], np.random.default_rng(0)
+    for share in (0.0, lost):
+        law, supervisor = driving.prepared_law("spec"), driving.prepared_supervisor("velocity")
+        control = Control(law, driving.target("spec"), supervisor, driving.longest_advance)
+        q, errors = driving.case.scene.start.copy(), []
+        control.activate(q)
+        for k in range(round(8.0 / driving.period)):
+            if k == 0 or draw.random() >= share:
+                control.step(k * driving.period, q, 0.0)
+                hand = translation(driving.robot.fkm(q))
+                errors.append(np.linalg.norm(hand - translation(control.desired[:8])))
+            elif steps_without:
+                control.step(k * driving.period, None, driving.period)
+            q = driving.robot.integrate(q, control.rate, driving.period)
+        assert control.phase is Phase.ACTIVE, control.reason
+        means.append(np.mean(errors))
+    assert 0.02 < means[0] < 0.023
+    assert means[1] == pytest.approx(means[0], rel=0.1)

@@ -29,6 +29,7 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
+from dqcontrol.robots.whole_body import base_coordinates
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away
@@ -111,6 +112,7 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
         yield from _of_singular_start(case)
         yield from _of_first_command(setting, case)
         yield from _of_constraints(setting, case)
+        yield from _of_rolling(setting, case)
 
 
 def way_out(law: Law) -> str:
@@ -184,6 +186,22 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
             f"reference: needs {demand.joint} at {100 * demand.peak_share:.4g} % of its velocity limit, at "
             f"t = {demand.time:.3g} s: make it {slower:g} times slower (duration), or start elsewhere"
         )
+
+
+def _of_rolling(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
+    """Say how far a mobile base rolls when nothing is measured any more, where somebody says `stale_after`."""
+    robot, given = case.scene.robot, setting.spec.supervisor_of(case.plant)
+    if given is None or given.stale_after is None or not base_coordinates(robot).any():
+        return
+    bounds = given.prepare(robot, setting.spec.period, command_mode(case.plant)).bounds
+    base = np.flatnonzero(bounds.is_joint == 0.0)
+    ahead = base[:1] if len(robot.drives) else base[:2]  # v, or x and y
+    fastest = float(np.linalg.norm(bounds.velocity[ahead]))
+    way = fastest * given.stale_after + 0.5 * fastest**2 / float(bounds.acceleration[ahead].min())
+    yield (
+        f"{case.names.label}: the base rolls up to about {way:.2g} m before it stands when nothing is measured any "
+        f"more: at {fastest:.3g} m/s for stale_after {given.stale_after:g} s, and while it brakes"
+    )
 
 
 def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterator[str]:

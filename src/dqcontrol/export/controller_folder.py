@@ -269,9 +269,10 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_TABLE_COLUMNS {parts.plan_field('table_columns')}",
         f"#define DQC_MOMENT {len(layout.Moment._fields)}",
         f"#define DQC_SHARES_KINEMATICS {int(parts.shares_kinematics)}",
+        f"#define DQC_LOOKS_AT_START {int(parts.looks_at_start)}",
         *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
-            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0, 0)}"
+            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0, 0, 0)}"
             for name in ("lower", "upper")
         ),
         *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
@@ -302,6 +303,7 @@ def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
     head = parts.supervisor[1].bounds.head
     numbers = (
         layout.DRIVES,
+        layout.ROLLERS,
         layout.POINTS,
         layout.ZONES,
         layout.TABLE_ROWS,

@@ -25,7 +25,7 @@ from dqcontrol.laws import Law, OwnLaw, PreparedLaw
 from dqcontrol.laws.command_kernel import Plan, sent, step
 from dqcontrol.limits import PreparedSupervisor, Supervisor
 from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.supervisor_step import supervise
+from dqcontrol.limits.supervisor.supervisor_step import check_start, supervise
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
 from dqcontrol.plants.live_plant import live_plant
@@ -94,6 +94,11 @@ class ControllerParts:
         return is_chain and self.supervisor is not None and self.supervisor[1].bounds.head[layout.SLOW] > 0.0
 
     @property
+    def looks_at_start(self) -> bool:
+        """Whether the supervisor judges a start by more than the joints."""
+        return self.supervisor is not None and self.supervisor[1].looks_at_start
+
+    @property
     def is_at_rest(self) -> bool:
         """Whether all samples of the reference are the same but for their time."""
         return bool((self.samples[:, :TIME] == self.samples[0, :TIME]).all())
@@ -126,6 +131,8 @@ class ControllerParts:
             found["dqc_kernel_law"] = own_law_kernel(self.law_spec)
         if self.supervisor:
             found["dqc_kernel_supervise"] = supervise
+        if self.looks_at_start:
+            found["dqc_kernel_check_start"] = check_start
         if self.shares_kinematics:
             found["dqc_kernel_given"] = given
         if self.path is not None and not self.is_at_rest:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.driving import DRIVE_COLUMNS, RIM_LEVER, ROLLER_COLUMNS, drive_speeds, steer
+from dqcontrol.robots.driving import (
+    DRIVE_COLUMNS,
+    RIM_LEVER,
+    ROLLER_COLUMNS,
+    drive_speeds,
+    rim_load,
+    steer,
+)
 
 # q, parameters, command
 LIMIT = STATUS(INPUT, READ, WRITE)
@@ -73,11 +79,7 @@ def scale_down_rollers(q, rollers, command):
     """Scale the whole command so that no rim of a wheel with rollers is too fast."""
     share = 1.0
     for k in range(rollers.shape[0]):
-        j, phi = int(rollers[k, 0]), q[int(rollers[k, 1])]
-        c, s = math.cos(phi), math.sin(phi)
-        ahead = c * command[j] + s * command[j + 1]
-        left = c * command[j + 1] - s * command[j]
-        share = max(share, abs(rollers[k, 2] * ahead + rollers[k, 3] * left + rollers[k, 4] * command[j + 2]))
+        share = max(share, abs(rim_load(rollers, k, q, command)))
     for i in range(command.shape[0]):
         command[i] /= share
 

@@ -20,7 +20,8 @@ from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 
-_FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, however late that is
+FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, if nobody says how long
+_EARLY = 0.1  # periods by which a measurement may come before its time
 _NOTHING: Array = np.zeros(0)
 
 
@@ -37,6 +38,14 @@ class Phase(Enum):
 class Control:
     """A law, its target and the supervisor that all its commands go through.
 
+    Parameters
+    ----------
+    law, target, supervisor
+        Ready to run.
+    longest_advance
+        Of the reference's time in one step, s, however late that is; one and a half periods if omitted. Where it is
+        more, the law is asked for all periods that it missed.
+
     Attributes
     ----------
     phase
@@ -44,7 +53,7 @@ class Control:
     reason
         Why it stopped, or what the supervisor does now; empty while nothing is to be said.
     time
-        Of the reference since the start, s: it advances by no more than one and a half periods a step.
+        Of the reference since the start, s: it advances by no more than `longest_advance` a step.
     black_box
         The last seconds of what was commanded and measured, also across stops.
     desired
@@ -65,8 +74,15 @@ class Control:
     phase: Phase
     reason: str
 
-    def __init__(self, law: PreparedLaw, target: Target, supervisor: PreparedSupervisor) -> None:
+    def __init__(
+        self,
+        law: PreparedLaw,
+        target: Target,
+        supervisor: PreparedSupervisor,
+        longest_advance: float | None = None,
+    ) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
+        self.longest_advance = longest_advance or FASTEST_REFERENCE * law.dt
         self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
@@ -74,7 +90,7 @@ class Control:
         self.desired: Array = np.zeros(21)
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
-        self.time = self._stamp = 0.0
+        self.time = self._stamp = self._asked = 0.0
         self._elapsed = law.dt
         self.black_box = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
@@ -119,7 +135,7 @@ class Control:
         self._law_state = self.law.initial_state(measured)
         self.measured[:] = measured
         self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
-        self.time = self._stamp = 0.0
+        self.time = self._stamp = self._asked = 0.0
         self.desired = np.zeros(21)
         self.desired[POSE] = pose = self.robot.fkm(measured)
         self.target.start(pose)
@@ -192,7 +208,7 @@ class Control:
             return
         passed = time - self._stamp if self._stamp or time else self.law.dt  # the first step is a period long
         self._stamp = time
-        self.time += min(max(passed, 0.0), _FASTEST_REFERENCE * self.law.dt) if time else 0.0
+        self.time += min(max(passed, 0.0), self.longest_advance) if time else 0.0
         self._elapsed = passed if elapsed is None or not passed >= 0.0 else max(passed, elapsed)
         if self.phase is Phase.ACTIVE and self.target.is_over(self.time):
             self.deactivate()
@@ -227,10 +243,14 @@ class Control:
             self.emergency_stop(recording.failure)
 
     def _ask_law(self, time: float) -> None:
+        """Ask the law, once for each period since it was asked last: what it adds up, it adds up by periods."""
+        most, missed = self.longest_advance / self.law.dt, (time - self._asked) / self.law.dt
+        self._asked = time
         row = max(round(time / self.law.dt), 0)
         try:
             self.desired = self.target.sample(time, self.robot.fkm(self.measured))
-            self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
+            for _ in range(max(int(min(missed, most) + _EARLY), 1)):
+                self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, FallenError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 
@@ -255,15 +275,14 @@ def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, samp
     supervisor.step(start, command, supervisor.start(start), 0.0, GO, command)
 
 
-def reference_time(time: Array, period: float) -> Array:
+def reference_time(time: Array, longest_advance: float) -> Array:
     """Return how far along its reference a `Control` was at the recorded times of its steps (N,), s.
 
     The reference waits where steps are late, so it falls behind the stamps of a robot whose messages are.
 
     Examples
     --------
-    >>> reference_time(np.array([0.0, 0.01, 0.02, 0.08, 0.09]), 0.01).round(3).tolist()
+    >>> reference_time(np.array([0.0, 0.01, 0.02, 0.08, 0.09]), 0.015).round(3).tolist()
     [0.0, 0.01, 0.02, 0.035, 0.045]
     """
-    passed = np.minimum(np.diff(time, prepend=time[:1]), _FASTEST_REFERENCE * period)
-    return np.cumsum(passed)
+    return np.cumsum(np.minimum(np.diff(time, prepend=time[:1]), longest_advance))

@@ -65,6 +65,16 @@ def drive_speeds(drives, k, u, q):
 
 
 @inline
+def rim_load(rollers, k, q, u):
+    """Return the share of its rim speed, with its sign, that inputs give wheel k of those with rollers."""
+    j, phi = int(rollers[k, 0]), q[int(rollers[k, 1])]
+    c, s = math.cos(phi), math.sin(phi)
+    ahead = c * u[j] + s * u[j + 1]
+    left = c * u[j + 1] - s * u[j]
+    return rollers[k, 2] * ahead + rollers[k, 3] * left + rollers[k, 4] * u[j + 2]
+
+
+@inline
 def roll(v, omega, dt, q, i):
     """Move x, y and φ at q[i], q[i + 1], q[i + 2] along the arc of constant v and ω."""
     half = 0.5 * omega * dt

@@ -29,7 +29,7 @@ from dqcontrol.ros2.interfaces import (
     joint_port,
     publishers_of,
 )
-from dqcontrol.ros2.loading import Loaded, silence
+from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.localisation import Localisation
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
@@ -108,7 +108,7 @@ class Following:
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control: Control = Control(law, self.target, supervisor)
+        self.control: Control = Control(law, self.target, supervisor, loaded.longest_advance)
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
         self._origin = self._passed = 0.0  # s, by stamps
@@ -168,14 +168,14 @@ class Following:
             If there are no joint states or no odometry, or the robot is not where the spec starts.
         """
         now = time.monotonic()
-        if self._latest is None or self.age > self._longest_silence:
+        if self._latest is None or self.age > self.loaded.stale_after:
             raise Error(f"activate: no {'joint states' if self._joints else 'odometry'} on {self._topic}")
         if self._localisation and (missing := self._localisation.silence):
             raise Error(f"activate: {missing}")
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
         (heard, stamp), measured = self._latest, self._measured.copy()
-        if self._felt.age > self._longest_silence:
+        if self._felt.age > self.loaded.stale_after:
             raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
         if self.tracked:
             self.tracked.check(stamp)
@@ -220,19 +220,17 @@ class Following:
         return ", ".join(words)
 
     @property
-    def _longest_silence(self) -> float:
-        return self.loaded.supervisor.stale_after or np.inf
+    def _brakes_early(self) -> bool:
+        """Whether a step without a message brakes: that of a mobile base, which would roll on, if nobody lets it."""
+        return self._parts.base is not None and self.loaded.supervisor.stale_after is None
 
     @property
     def _patience(self) -> float:
         """Time without a message after which a step is taken without one, s.
 
-        That step brakes a mobile base, which would roll on; the supervisor stops if the next one is without, too.
+        If that step brakes, the supervisor stops if the next one is without, too; else as soon as the age is too much.
         """
-        period, usual = self.loaded.period, SILENCE * self.loaded.period
-        return (
-            max(usual, min(silence(period, rolls=True), self._longest_silence)) if self._parts.base else usual
-        )
+        return self.loaded.rolling_time if self._brakes_early else SILENCE * self.loaded.period
 
     def _check_start(self, measured: Array) -> None:
         away = np.abs(measured - self.loaded.case.scene.start)
@@ -314,10 +312,10 @@ class Following:
 
     def _hear(self, now: float, at: int, coordinates: Indices, values: Array) -> None:
         """Take a step for joint states, or odometry of a base alone, heard now and stamped at some ns."""
-        if not self.control.is_commanding and self.age > self._longest_silence:
+        if not self.control.is_commanding and self.age > self.loaded.stale_after:
             self._stamps.forget()  # the robot may have begun anew, with another clock
         stamp = self._stamps.check(at) / NANOSECONDS
-        if self.age > self._longest_silence:
+        if self.age > self.loaded.stale_after:
             self._steady_since = now
         self._measured[coordinates] = values
         measured = self._measured.copy()
@@ -377,7 +375,8 @@ class Following:
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
         age, felt = max(self._periods.age(now), self._felt.age), self._felt
-        if self._localisation and (self._localisation.silence or self.age >= 0.99 * self._patience):
+        is_late = self._brakes_early and self.age >= 0.99 * self._patience
+        if is_late or (self._localisation and self._localisation.silence):
             age = np.inf
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._send(control.rate)
@@ -415,6 +414,7 @@ class Following:
             self.control.law = self.loaded.prepared_law(self._source)
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
+            self.control.longest_advance = self.loaded.longest_advance
             self._felt.listen(self.control.supervisor)
         if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)

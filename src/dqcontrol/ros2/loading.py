@@ -13,6 +13,7 @@ from dqcontrol.experiments.prepared_experiment import Combination, PreparedExper
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import DeclaredPayload, PreparedSupervisor, Supervisor
+from dqcontrol.loop.control import FASTEST_REFERENCE
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
@@ -80,6 +81,22 @@ class Loaded:
         return RobotParts(self.robot)
 
     @property
+    def stale_after(self) -> float:
+        """Age from which what was measured no longer counts, s."""
+        return self.supervisor.stale_after or silence(self.period)
+
+    @property
+    def rolling_time(self) -> float:
+        """How long a mobile base rolls on without a message, s: for `stale_after`, if somebody says that."""
+        return self.supervisor.stale_after or silence(self.period, rolls=True)
+
+    @property
+    def longest_advance(self) -> float:
+        """How far the reference's time advances in a step at most, s: a base rolls on until a late message comes."""
+        usual = FASTEST_REFERENCE * self.period
+        return max(usual, self.rolling_time) if self.parts.base else usual
+
+    @property
     def payload(self) -> DeclaredPayload:
         """What the hand carries, as the supervisor has it."""
         return self.supervisor.payload or DeclaredPayload(mass=0.0)
@@ -103,7 +120,8 @@ class Loaded:
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""
-        return self.supervisor.prepare(self.robot, self.period, self._mode(interface))
+        supervisor = msgspec.structs.replace(self.supervisor, stale_after=self.stale_after)
+        return supervisor.prepare(self.robot, self.period, self._mode(interface))
 
     def limits_alone(self, interface: str) -> tuple[PreparedSupervisor, bool]:
         """Return a supervisor that only keeps velocity, acceleration and position limits, as a robot itself does.
@@ -142,7 +160,6 @@ def _loaded(source: str | Path, setting: PreparedExperiment) -> Loaded:
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     supervisor = msgspec.structs.replace(
         supervisor,
-        stale_after=supervisor.stale_after or silence(setting.spec.period),
         payload=supervisor.payload or DeclaredPayload(mass=0.0),  # has numbers to change
     )
     loaded = Loaded(setting, case, case.variant.law, supervisor, Speeds())

@@ -30,9 +30,9 @@ _AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from 
 _TIMEOUT, _TIMEOUT_PERIODS = 0.1, 2.5  # s, or so many periods if that is longer
 
 
-def numbers_of_odometry(period: float) -> tuple[Number, Number, Number]:
-    """Return what may be changed of a controller that hears odometry, with its period, s."""
-    timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * period)
+def numbers_of_odometry(period: float, stale_after: float) -> tuple[Number, Number, Number]:
+    """Return what may be changed of a controller that hears odometry, with its period and the age that it allows, s."""
+    timeout = max(_TIMEOUT, _TIMEOUT_PERIODS * period, stale_after)
     words = "after which odometry no longer counts, s"
     return (
         Number("odometry_timeout", timeout, 0.01, max(2.0, timeout), words),

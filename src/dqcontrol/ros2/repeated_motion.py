@@ -25,6 +25,7 @@ from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.launch import end_with_parent
+from dqcontrol.ros2.loading import load_simulated
 from dqcontrol.ros2.tracked_hand import TRACKED, read_tracked
 from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, write_motion
 
@@ -93,7 +94,7 @@ class RobotBehindTopics:
         if not has_failed(record.stopped):
             self._go_back(problem, record.measured[-1], folder)
         desired = record.desired.copy()
-        desired[:, TIME] = reference_time(record.time, problem.spec.period)
+        desired[:, TIME] = reference_time(record.time, load_simulated(spec).longest_advance)
         record = replace(record, desired=desired)
         if tracked:
             poses = read_tracked(folder / "run" / TRACKED, record.time)

@@ -41,7 +41,7 @@ def numbers_of(loaded: Loaded) -> list[Number]:
     """
     return [
         *_OWN,
-        *(numbers_of_odometry(loaded.period) if loaded.parts.base else ()),
+        *(numbers_of_odometry(loaded.period, loaded.stale_after) if loaded.parts.base else ()),
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
         *_fields(_SUPERVISOR, loaded.supervisor, "of the supervisor; only while inactive"),
         *_fields(f"{_SUPERVISOR}payload.", loaded.payload, "of what it carries; only while inactive"),

@@ -80,6 +80,13 @@ static int start(dqc_controller *controller, const double *q, double time) {
     state[DQC_USUAL_EFFORT + i] = NAN;
   }
 #endif
+#if DQC_LOOKS_AT_START
+  int64_t refused;
+  void *failure;
+  dqc_kernel_check_start(&refused, &failure, NUMBERS(controller->supervisor_, DQC_SUPERVISOR),
+                         NUMBERS(state, DQC_SUPERVISOR_STATE));
+  if (refused) return DQC_OUTSIDE_LIMITS;
+#endif
   memcpy(controller->state_, dqc_law_state, DQC_STATE * sizeof(double));
   for (int i = 0; i < DQC_STARTS; i++) controller->state_[dqc_starts[i][0]] = q[dqc_starts[i][1]];
   memcpy(controller->measured, q, DQC_COORDINATES * sizeof(double));
@@ -397,7 +404,7 @@ const char *dqc_status_text(int status) {
     case DQC_NOT_INITIALISED: return "dqc_init was not called, or failed";
     case DQC_WRONG_ROBOT: return "the robot has another number of joints than the controller was exported for";
     case DQC_NOT_FINITE: return "a number is NaN or infinite";
-    case DQC_OUTSIDE_LIMITS: return "a joint is outside its limits; move it inside by other means first";
+    case DQC_OUTSIDE_LIMITS: return "a joint is outside its limits, a hand outside its box or the base in a keep-out zone; move the robot by other means first";
     case DQC_LAW_FAILED: return "the law failed, and there is no supervisor to brake";
     case DQC_WRONG_TARGET: return "the target is none, or none of its kind is taken";
     case DQC_UNKNOWN_PARAMETER: return "there is no parameter of that name";

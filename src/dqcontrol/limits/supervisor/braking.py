@@ -41,6 +41,27 @@ def surely_stops(room, rate, acceleration, dt):
 
 
 @inline
+def largest_share(keeps, parts, least):
+    """Return which share of what is wanted beyond full braking keeps something, and whether that is kept.
+
+    It is 1, a half, a quarter, … down to the first that is no more than ``least``, then 0; ``keeps`` takes the
+    supervisor's parts and a share, and leaves in its scratch what it looked at.
+    """
+    share = 1.0
+    while True:
+        is_kept = keeps(parts, share)
+        if is_kept or share == 0.0:
+            return share, is_kept
+        share = 0.5 * share if share > least else 0.0
+
+
+@inline
+def braking_share(rate, step):
+    """Return the share of a rate that one period of braking by at most ``step`` takes."""
+    return step / abs(rate) if abs(rate) > step else 1.0
+
+
+@inline
 def braked(rate, step):
     """Return a rate after one period of braking by at most ``step``."""
     return rate - min(max(rate, -step), step)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import apart, inline
+from dqcontrol.limits.supervisor.braking import braking_share, largest_share
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
 from dqcontrol.limits.supervisor.supervisor_layout import (
     DT,
@@ -42,23 +43,28 @@ def clearance(zones, x, y):
 
 @inline
 def _braking_shares(bounds, rate, out):
-    """Write the share of each of the base's inputs that one period of braking takes: a drive brakes on its arc."""
+    """Write the share of each of the base's inputs that one period of braking takes.
+
+    A drive brakes on its arc, a base on rollers along its way: so none of their rims becomes faster.
+    """
     dt = bounds.head[DT]
     for i in range(out.shape[0]):
-        step = bounds.acceleration[i] * dt
-        out[i] = step / abs(rate[i]) if abs(rate[i]) > step else 1.0
+        out[i] = braking_share(rate[i], bounds.acceleration[i] * dt)
     if bounds.drives.shape[0] > 0:
         out[0] = out[1] = min(out[0], out[1])
+    if bounds.rollers.shape[0] > 0:
+        out[0] = out[1] = out[2] = min(out[0], out[1], out[2])
 
 
 @inline
-def _stays_clear(bounds, memory, scratch, share):
+def _stays_clear(parts, share):
     """Return whether the base keeps clear after these rates, and in each period of braking from them.
 
     The rates are those of full braking, and a share of what is wanted beyond; what is looked at is what is sent, after
     smoothing. On an arc of length w that turns by φ, a distance that is d at its ends is at least d − w²/(8d) − wφ/8
     between them. A base that is too near already is clear of what it comes no nearer to.
     """
+    bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past, rates = bounds.head, memory.past, scratch.rates
     m, dt, window = rates.shape[0], head[DT], int(head[WINDOW])
     config, sent, asked, sums = scratch.config, scratch.look, scratch.asked, scratch.sums
@@ -108,13 +114,8 @@ def _stays_clear(bounds, memory, scratch, share):
 def keep_out(memory, state):
     """Mix the base's rates with full braking until it keeps clear of all zones; return what was done."""
     parts = taken_apart(memory, state)
-    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
-    share = 1.0
-    while True:
-        is_clear = _stays_clear(bounds, kept, scratch, share)
-        if is_clear or share == 0.0:
-            break
-        share = 0.5 * share if share > _LEAST_SHARE else 0.0
+    bounds, scratch = parts.bounds, parts.scratch
+    share, is_clear = largest_share(_stays_clear, parts, _LEAST_SHARE)
     if share == 1.0:
         return 0
     rates, inputs = scratch.rates, 2 if scratch.rates.shape[0] < scratch.config.shape[0] else 3

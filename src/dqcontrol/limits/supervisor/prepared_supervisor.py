@@ -10,8 +10,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import describe_stop, reasons, stop_category
 from dqcontrol.limits.supervisor.keep_out_step import clearance
-from dqcontrol.limits.supervisor.supervisor_geometry import is_inside
-from dqcontrol.limits.supervisor.supervisor_step import supervise
+from dqcontrol.limits.supervisor.supervisor_step import check_start, supervise
 from dqcontrol.robots.pose_task_kernels import COLUMNS
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import TreeRobot
@@ -47,7 +46,8 @@ class PreparedSupervisor:
 
     def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
-        sizes = m, *(int(bounds[rows]) for rows in (layout.DRIVES, layout.POINTS, layout.ZONES))
+        counted = layout.DRIVES, layout.ROLLERS, layout.POINTS, layout.ZONES
+        sizes = m, *(int(bounds[rows]) for rows in counted)
         tree = tree_of(robot)
         frames = len(tree) - 1 if len(tree) else n + 1
         bounds[layout.TABLE_ROWS], bounds[layout.TABLE_COLUMNS] = robot.table.shape
@@ -126,32 +126,33 @@ class PreparedSupervisor:
         memory.good[:] = measured
         memory.sent[:] = memory.position[:] = memory.sent_then[:] = position
         memory.usual_effort[:] = np.nan
-        self._check_inside(measured)
-        self._check_clear(measured)
+        if self.looks_at_start and (refused := check_start(self.memory, state)):
+            raise ValueRangeError(self._why_not_there(refused, measured))
         return state
 
-    def _check_inside(self, measured: Array) -> None:
-        bounds, hand = self.bounds, np.zeros(3 * layout.MOST_HANDS)
-        frames = np.zeros(8 * int(bounds.head[layout.FRAMES]))
-        if not is_inside(self._parts, measured, bounds, 0.0, frames, hand):
-            box, hands = bounds.head[layout.BOX : layout.BOX + 6], int(bounds.head[layout.HANDS])
-            places = " and ".join(str(each) for each in hand.reshape(-1, 3)[:hands].round(4))
-            raise ValueRangeError(
-                f"supervisor.workspace: the hand starts at {places}, or a point of its links, outside "
-                f"{box[:3]} … {box[3:]} m"
-            )
+    @property
+    def looks_at_start(self) -> bool:
+        """Whether a start is judged by more than the joints: a box for hands and points, or zones for the base."""
+        return bool(self.bounds.head[layout.BOXED] or len(self.bounds.zones))
 
-    def _check_clear(self, measured: Array) -> None:
-        bounds = self.bounds
-        if not len(bounds.zones):
-            return
-        x, y, footprint = *measured[:2], bounds.head[layout.FOOTPRINT]
-        room = clearance(bounds.zones, x, y)
-        if room < footprint:
-            raise ValueRangeError(
-                f"supervisor.keep_out: the base starts at ({x:.4g}, {y:.4g}) m, {room:.3g} m from a zone "
-                f"(negative: inside), nearer than its footprint of {footprint:.3g} m"
+    def _why_not_there(self, refused: int, measured: Array) -> str:
+        """Say where a robot that `check_start` has refused would start."""
+        head = self.bounds.head
+        if refused == layout.IN_ZONE:
+            x, y, footprint = *measured[:2], head[layout.FOOTPRINT]
+            return (
+                f"supervisor.keep_out: the base starts at ({x:.4g}, {y:.4g}) m, "
+                f"{clearance(self.bounds.zones, x, y):.3g} m from a zone (negative: inside), nearer than its "
+                f"footprint of {footprint:.3g} m"
             )
+        robot, hands, box = self.robot, int(head[layout.HANDS]), head[layout.BOX : layout.BOX + 6]
+        sizes = robot.configuration_size, robot.input_size, int(head[layout.FRAMES])
+        hand = layout.scratch_layout(self._parts.scratch, *sizes).ahead
+        places = " and ".join(str(each) for each in hand.reshape(-1, 3)[:hands].round(4))
+        return (
+            f"supervisor.workspace: the hand starts at {places}, or a point of its links, outside "
+            f"{box[:3]} … {box[3:]} m"
+        )
 
     def command(
         self,

@@ -236,8 +236,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         self._fill_head(head, margin)
         points, zones = self._workspace(robot, head), self._zones(robot, head)
         head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
-        head[layout.DRIVES], head[layout.POINTS] = len(robot.drives), len(points)
-        head[layout.ZONES] = len(zones)
+        head[layout.DRIVES], head[layout.ROLLERS] = len(robot.drives), len(robot.rollers)
+        head[layout.POINTS], head[layout.ZONES] = len(points), len(zones)
         bounds = layout.bounds_layout.pack(
             head=head,
             acceleration=acceleration,
@@ -249,6 +249,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             is_joint=~base_coordinates(robot)[input_coordinates],
             velocity=velocity,
             drives=robot.drives,
+            rollers=robot.rollers,
             points=points,
             zones=zones,
         )

@@ -10,7 +10,7 @@ import math
 from dqcontrol.algebra.dual_quaternion_kernels import translation
 from dqcontrol.compiled.compile import OK, apart, inline
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.limits.supervisor.braking import braked
+from dqcontrol.limits.supervisor.braking import braked, largest_share
 from dqcontrol.limits.supervisor.interventions import (
     HAND_ACCELERATION,
     HAND_SPEED,
@@ -47,6 +47,7 @@ from dqcontrol.robots.singular_bound import exceeds
 _FAR = 1.1  # share of the singular value that slows: further away it is not computed
 _BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
 _ROUNDING = 1e-9  # share of a limit
+_LEAST_SHARE = 0.2  # of what is wanted beyond full braking
 _BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
 
 
@@ -275,12 +276,13 @@ def _decayed(rate, change):
 
 
 @inline
-def _stays_safe(robot, bounds, memory, scratch, share):
+def _stays_safe(parts, share):
     """Return whether the commanded hands keep box and speed after these rates, and in each period of braking from them.
 
     The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
     smoothing: rates from before still come out of its window when all joints brake.
     """
+    bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past = bounds.head, memory.past
     m, dt, window = scratch.rates.shape[0], head[DT], int(head[WINDOW])
     look, trial, sums, config = scratch.look, scratch.trial, scratch.sums, scratch.config
@@ -313,7 +315,7 @@ def _stays_safe(robot, bounds, memory, scratch, share):
                 config[int(bounds.coordinate[i])] = look[i]
                 trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
-        if not is_inside(robot, config, bounds, 0.0, scratch.frames, scratch.ahead):
+        if not is_inside(parts, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
         limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
@@ -332,12 +334,7 @@ def keep_safe(memory, state):
     """Mix the rates with full braking until the hands keep box and speed; return what was done."""
     parts = taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
-    share = 1.0
-    while True:
-        is_safe = _stays_safe(parts, bounds, kept, scratch, share)
-        if is_safe or share == 0.0:
-            break
-        share = 0.5 * share if share > 0.2 else 0.0
+    share, is_safe = largest_share(_stays_safe, parts, _LEAST_SHARE)
     if share == 1.0:
         return 0
     for i in range(scratch.rates.shape[0]):

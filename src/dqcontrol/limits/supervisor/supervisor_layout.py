@@ -7,10 +7,11 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.driving import DRIVE_COLUMNS
+from dqcontrol.robots.driving import DRIVE_COLUMNS, ROLLER_COLUMNS
 from dqcontrol.robots.pose_task_kernels import COLUMNS
 
 AT_REST = 50  # status: stopped, and no longer moving
+OUTSIDE_BOX, IN_ZONE = 51, 52  # what a start is refused for
 GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests
 RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
 
@@ -42,12 +43,13 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     BOX,
 ) = range(24)
 PAYLOAD_CENTER = BOX + 6  # (3)
-# sizes: of the robot, of drives, points and rows of zones; rows and columns of what its kinematics read, rows of its
-# tree (none of a chain) and of all its frames, and how many of these, the last, are hands
+# sizes: of the robot, of drives, wheels with rollers, points and rows of zones; rows and columns of what its kinematics
+# read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are hands
 (
     COORDINATES,
     INPUTS,
     DRIVES,
+    ROLLERS,
     POINTS,
     ZONES,
     TABLE_ROWS,
@@ -55,8 +57,8 @@ PAYLOAD_CENTER = BOX + 6  # (3)
     TREE,
     FRAMES,
     HANDS,
-) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 13)
-HEAD = PAYLOAD_CENTER + 13
+) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 14)
+HEAD = PAYLOAD_CENTER + 14
 
 ZONE_COLUMNS = 6
 MOST_HANDS = 2  # as many frames as a task has
@@ -94,8 +96,10 @@ class Bounds(NamedTuple):
         Single numbers, see above.
     coordinate, is_joint
         Index of the coordinate that an input moves, and whether that is a joint.
-    drives, points
-        Rows of 4: differential drives; row of a joint, and a point fixed to its link, m.
+    drives, rollers
+        Bases that cannot move sideways, and wheels with rollers; see `dqcontrol.robots.driving`.
+    points
+        Rows of 4: row of a joint, and a point fixed to its link, m.
     zones
         That a base keeps out of, see `keep_out_step.clearance`.
     """
@@ -110,6 +114,7 @@ class Bounds(NamedTuple):
     is_joint: Annotated[Array, "inputs"]
     velocity: Annotated[Array, "inputs"]
     drives: Annotated[Array, "drives", DRIVE_COLUMNS]
+    rollers: Annotated[Array, "rollers", ROLLER_COLUMNS]
     points: Annotated[Array, "points", 4]
     zones: Annotated[Array, "zones", ZONE_COLUMNS]
 
@@ -171,7 +176,7 @@ class Scratch(NamedTuple):
 
 moment_layout, bounds_layout = (
     MemoryLayout(Moment),
-    MemoryLayout(Bounds, "inputs", "drives", "points", "zones"),
+    MemoryLayout(Bounds, "inputs", "drives", "rollers", "points", "zones"),
 )
 state_layout = MemoryLayout(Memory, "coordinates", "inputs")
 scratch_layout = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
@@ -184,7 +189,7 @@ class SupervisorMemory(NamedTuple):
     none: its frames are found from its table.
     """
 
-    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "points", "zones")]
+    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "rollers", "points", "zones")]
     table: Annotated[Array, "table_rows", "table_columns"]
     tree: Annotated[Array, "tree", COLUMNS]
     scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
@@ -195,6 +200,7 @@ supervisor_memory = MemoryLayout(
     "coordinates",
     "inputs",
     "drives",
+    "rollers",
     "points",
     "zones",
     "table_rows",
@@ -218,14 +224,15 @@ class Parts(NamedTuple):
 def taken_apart(memory, state):
     """Return the parts of what a supervisor was prepared with, and of its state."""
     n, m = int(memory[COORDINATES]), int(memory[INPUTS])
-    drives, points, zones = int(memory[DRIVES]), int(memory[POINTS]), int(memory[ZONES])
+    drives, rollers = int(memory[DRIVES]), int(memory[ROLLERS])
+    points, zones = int(memory[POINTS]), int(memory[ZONES])
     rows, columns = int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])
     tree, frames = int(memory[TREE]), int(memory[FRAMES])
-    prepared = supervisor_memory(memory, n, m, drives, points, zones, rows, columns, tree, frames)
+    prepared = supervisor_memory(memory, n, m, drives, rollers, points, zones, rows, columns, tree, frames)
     return Parts(
         prepared.table,
         prepared.tree,
-        bounds_layout(prepared.bounds, m, drives, points, zones),
+        bounds_layout(prepared.bounds, m, drives, rollers, points, zones),
         state_layout(state, n, m),
         scratch_layout(prepared.scratch, n, m, frames),
     )

@@ -6,7 +6,7 @@ import math
 
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.limits.supervisor.braking import fastest_stoppable, surely_stops
+from dqcontrol.limits.supervisor.braking import braking_share, fastest_stoppable, surely_stops
 from dqcontrol.limits.supervisor.interventions import (
     ACCELERATION,
     IMPOSSIBLE,
@@ -15,9 +15,10 @@ from dqcontrol.limits.supervisor.interventions import (
     SOFT_STOP,
     VELOCITY,
 )
-from dqcontrol.limits.supervisor.keep_out_step import keep_out
+from dqcontrol.limits.supervisor.keep_out_step import clearance, keep_out
 from dqcontrol.limits.supervisor.supervisor_geometry import (
     avoid_singularity,
+    is_inside,
     keep_safe,
     limit_hand_acceleration,
     limit_hand_speed,
@@ -29,15 +30,18 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     DT,
     ENDING,
     FAULT,
+    FOOTPRINT,
     FROM_MEASURED,
     HAND_ACCELERATION_LIMIT,
     HAND_BEFORE,
     HAND_SPEED_LIMIT,
+    IN_ZONE,
     INDEX,
     INPUTS,
     MODE,
     MOST_HANDS,
     NOW,
+    OUTSIDE_BOX,
     RAMP,
     RETURNING,
     RUNNING,
@@ -51,14 +55,16 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     taken_apart,
 )
 from dqcontrol.limits.supervisor.supervisor_watch import judge
-from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down
-from dqcontrol.robots.driving import RIM_LEVER, drive_speeds, steer
+from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down, scale_down_rollers
+from dqcontrol.robots.driving import RIM_LEVER, drive_speeds, rim_load, steer
 
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
 _ROUNDING = 1e-9  # relative
 
 # kinematics, memory, moment, measured, wanted, measured effort and wrench (empty: not measured), state, out
 SUPERVISOR = STATUS(ADDRESS, WRITE, READ, READ, READ, READ, READ, WRITE, WRITE)
+# memory, state
+START = STATUS(WRITE, WRITE)
 
 
 @inline
@@ -133,6 +139,31 @@ def _keep(bounds, memory, rates, inwards):
 
 
 @inline
+def _keep_rims(bounds, memory, rates):
+    """Mix the rates of each base on rollers with braking it along its way, until each rim keeps its limit.
+
+    Both are within reach of the present rates, and so is all between them; a rim's speed is linear in the share.
+    """
+    done, rollers, rate, dt = 0, bounds.rollers, memory.rate, bounds.head[DT]
+    for k in range(rollers.shape[0]):
+        first, load = int(rollers[k, 0]), rim_load(rollers, k, memory.good, rates)
+        if abs(load) <= 1.0:
+            continue
+        left = 1.0
+        for i in range(first, first + 3):
+            left = min(left, braking_share(rate[i], bounds.acceleration[i] * dt))
+        left = 1.0 - left
+        safe = left * rim_load(rollers, k, memory.good, rate)
+        share = 0.0
+        if abs(safe) < 1.0:
+            share = (math.copysign(1.0, load) - safe) / (load - safe)
+        for i in range(first, first + 3):
+            rates[i] = left * rate[i] + share * (rates[i] - left * rate[i])
+        done |= VELOCITY
+    return done
+
+
+@inline
 def _breaks_bounds(bounds, memory):
     """Return whether what leaves is beyond a limit of position or speed, which moved or was exceeded at the start."""
     found = False
@@ -147,6 +178,8 @@ def _breaks_bounds(bounds, memory):
         v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
         fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
         found = found or abs(v) + bounds.drives[k, RIM_LEVER] * abs(omega) > fastest * (1.0 + _ROUNDING)
+    for k in range(bounds.rollers.shape[0]):
+        found = found or abs(rim_load(bounds.rollers, k, memory.good, memory.sent_rate)) > 1.0 + _ROUNDING
     return found
 
 
@@ -190,6 +223,17 @@ def _commit(bounds, memory, rates):
     return still
 
 
+@kernel(START)
+def check_start(memory, state):
+    """Return OK if a robot may start where its state has it: hands and points in their box, its base in no zone."""
+    parts = taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
+    if not is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):
+        return OUTSIDE_BOX
+    room = clearance(bounds.zones, kept.good[0], kept.good[1]) if bounds.zones.shape[0] > 0 else math.inf
+    return IN_ZONE if room < bounds.head[FOOTPRINT] else OK
+
+
 @kernel(SUPERVISOR)
 def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, state, out):
     """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped.
@@ -231,6 +275,8 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         )  # good is measured: nothing was wrong
     for i in range(m):
         scratch.asked[i] = rates[i]
+    if bounds.rollers.shape[0] > 0:
+        scale_down_rollers(kept.good, bounds.rollers, rates)
     scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
     for i in range(m):
         if rates[i] != scratch.asked[i] and following:
@@ -248,10 +294,11 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     done |= _keep(bounds, kept, rates, inwards)
     if m < n:
         steer(bounds.drives, rates)
-    if following:
-        now |= done
     if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
         now |= keep_safe(memory, state)
+    done |= _keep_rims(bounds, kept, rates)
+    if following:
+        now |= done
     if head[ZONES] > 0.0:
         now |= keep_out(memory, state)
     if looks_at_hand:
