@@ -69,6 +69,7 @@ _AT_NOISE, _LEFT_NOISE = (
     3.0,
 )  # times the noise in the band: what is taken for noise, and what is not any more
 _MOST_FLAT = 2
+_SAME = 1.001  # is no growth: what is not learnt stays as it is
 _MISSING = 2.5  # periods at the end that a robot's record may lack
 _HIDDEN = 1.3  # times what encoders see: less is not worth a word
 _NOISE = "what is left is the sensors' noise"
@@ -196,9 +197,9 @@ class Learning:
     def remarks(self) -> list[str]:
         """Say what was expected, and why it ended."""
         factor, frequency = self.convergence.worst
+        most = f" by more than {factor:.3g} a repeat (at {frequency:.2g} Hz)" if factor > _SAME else ""
         return [
-            f"condition: errors of no frequency grow by more than {factor:.3g} a repeat (at {frequency:.2g} Hz); "
-            f"learnt up to {self.convergence.cutoff:.2g} Hz",
+            f"condition: errors of no frequency grow{most}; learnt up to {self.convergence.cutoff:.2g} Hz",
             f"loop: its gain could be multiplied by {self.margin:.3g}, as the model says",
             f"noise: each repeat puts {self.convergence.noise_factor:.2g} × the noise of its measurement into the "
             "motion",
