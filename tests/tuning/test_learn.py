@@ -272,6 +272,7 @@ def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     errors = [each.learnable for each in found.repeats]
     assert "grown" in [each.outcome for each in found.repeats]
     assert found.repeats[found.best].learnable == min(errors)
+    assert found.gain > 20  # without learning less the next repeat grows as much, and all ends
 
 
 def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
