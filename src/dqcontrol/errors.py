@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
@@ -190,6 +191,8 @@ def as_each(field: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
 
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
     """Return a finite number above zero (or not below it)."""
+    if type(value) is float and 0.0 < value < math.inf:  # searches check thousands
+        return value
     number = float(as_array(field, value, ()))
     if number < 0 or (number == 0 and not zero_allowed):
         raise ValueRangeError(f"{field}: must be {'≥' if zero_allowed else '>'} 0, got {number:g}")

@@ -2,14 +2,17 @@
 
 import copy
 import json
+import time
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 import yaml
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, NoteWarning
+from dqcontrol.experiments import check
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate_prepared
@@ -164,6 +167,23 @@ def test_the_condition_is_that_of_the_operator():
     assert np.allclose(factors, np.abs(expected))
 
 
+def test_joints_with_masses_learn_too():
+    """MuJoCo, half of gravity compensated: what the joints miss is not in the model."""
+    pytest.importorskip("mujoco")
+    arm = {"kind": "mujoco", "gravity_compensation": 0.5}
+    found = dqc.learn(spec(plant=arm, reference=SPEC["reference"] | {"duration": 2}), repeats=2)
+    assert found.gain > 20
+    assert [each.outcome for each in found.repeats] == ["first", "accepted", "accepted"]
+
+
+def test_repeats_on_the_clock_are_those_without_it():
+    short = spec(reference={"kind": "circle", "radius": 0.01, "duration": 0.4, "ramp": 0.1})
+    begun = time.monotonic()
+    found = dqc.learn(short, repeats=1, real_time=True)
+    assert time.monotonic() - begun > 2 * 0.4
+    assert found.repeats == dqc.learn(short, repeats=1).repeats
+
+
 @pytest.mark.slow
 def test_a_tracker_sees_what_encoders_hide():
     pytest.importorskip("mujoco")
@@ -208,6 +228,11 @@ MISTAKES = {
         {},
         "× its largest speed at",
     ),
+    "a loop that is unstable": (
+        {"law": {"kind": "proportional", "gain": 70}},
+        {},
+        "law: its loop is unstable with the model: only 0.",
+    ),
     "no repeats": ({}, {"repeats": 0}, "learn.repeats: expected a whole number >= 1, got 0"),
     "no such key": ({}, {"repeat": 3}, "learn: unknown key 'repeat'; did you mean 'repeats'"),
     "a law that corrects nothing": ({"law": {"kind": "open-loop"}}, {}, "law: its loop gains are 0"),
@@ -238,7 +263,7 @@ def test_a_motion_that_ends_elsewhere_is_learnt_if_the_hand_may_go_back():
 
 
 def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
-    """A learning operator that is far too strong: the guard narrows the band and goes back."""
+    """A learning operator that is far too strong: the guard narrows the band, goes back and learns half as much."""
     from dqcontrol.tuning.learning import run_learning
 
     usual = run_learning.increment
@@ -247,6 +272,20 @@ def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     errors = [each.learnable for each in found.repeats]
     assert "grown" in [each.outcome for each in found.repeats]
     assert found.repeats[found.best].learnable == min(errors)
+    assert found.gain > 20  # without learning less the next repeat grows as much, and all ends
+
+
+def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
+    """The margin is that of `check`; a shift of the reference may make such a loop swing."""
+    data = spec(law={"kind": "proportional", "gain": 30})
+    (row,) = check(data)
+    ran = Mock(side_effect=KeyboardInterrupt)
+    monkeypatch.setattr("dqcontrol.tuning.learning.run_learning.simulate_prepared", ran)
+    with (
+        pytest.warns(NoteWarning, match=rf"law: {row.worst.margin:.3g} × its gain makes the loop unstable"),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        dqc.learn(data)
 
 
 def test_the_block_may_stand_in_a_file(tmp_path):

@@ -2,9 +2,11 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace as changed
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
@@ -112,6 +114,23 @@ def test_what_is_free_may_be_said(problem):
     assert set(found.result.parameters) >= {"orientation_gain", "inverse"}
     assert 2 <= found.result.law["orientation_gain"] <= 8
     assert found.result.law["translation_gain"] == 4
+
+
+def held_out_at(tuned, *ratios):
+    laws = [
+        replace(law, result=changed(law.result, held_out_total=ratio * law.result.total))
+        for law, ratio in zip(tuned.laws, ratios, strict=True)
+    ]
+    return [line for line in replace(tuned, laws=tuple(laws)).remarks() if "held out" in line]
+
+
+def test_what_is_harder_for_every_law_is_not_called_a_fault_of_the_search(tuned):
+    assert held_out_at(tuned, 1.0, 1.09) == []
+    (both,) = held_out_at(tuned, 1.3, 1.5)
+    assert both.startswith("held out: harder for every law, totals are 1.3 to 1.5 times those searched on")
+    (one,) = held_out_at(tuned, 1.0, 1.5)
+    assert one.startswith(f"{tuned.laws[1].label}: held out its total is 1.5 times that searched on")
+    assert held_out_at(tuned, math.inf, 1.0) == []
 
 
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):

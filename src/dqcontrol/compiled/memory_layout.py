@@ -100,8 +100,12 @@ class MemoryLayout(Generic[Fields]):
             parts.append(value.reshape(*rows, prod(value.shape[len(rows) :])))
         if all(part.ndim == 1 for part in parts):
             return np.concatenate(parts)
-        rows = np.broadcast_shapes(*(part.shape[:-1] for part in parts))
-        return np.concatenate([np.broadcast_to(part, (*rows, part.shape[-1])) for part in parts], axis=-1)
+        rows = np.broadcast_shapes(*{part.shape[:-1] for part in parts})
+        whole, place = np.empty((*rows, sum(part.shape[-1] for part in parts))), 0
+        for part in parts:
+            whole[..., place : place + part.shape[-1]] = part
+            place += part.shape[-1]
+        return whole
 
     def _taken_apart(self) -> Any:
         """Write the function that takes an array apart in kernels, which cannot loop over fields."""

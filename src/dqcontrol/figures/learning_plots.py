@@ -41,9 +41,11 @@ def repeats_of_learning(learning: Learning) -> Figure:
     left.legend()
     left.xaxis.get_major_locator().set_params(integer=True)
     start = learning.first.desired_position
-    right.plot(*_over_time(learning.first, start), color=COLOURS[1], label="first")
-    right.plot(*_over_time(learning.last, start), color=COLOURS[0], label=f"repeat {learning.best}")
+    before, after = _over_time(learning.first, start), _over_time(learning.last, start)
+    right.plot(*before, color=COLOURS[1], label="first")
+    right.plot(*after, color=COLOURS[0], label=f"repeat {learning.best}")
     logarithmic(right)
+    right.set_ylim(bottom=0.1 * min(np.median(before[1]), np.median(after[1])))  # at the start both are 0
     right.set_xlabel("time [s]")
     right.legend()
     return figure

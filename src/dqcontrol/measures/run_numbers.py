@@ -94,6 +94,7 @@ MEASURE = STATUS(ADDRESS, READ2, READ2, READ2, READ2, READ, READ, READ, types.in
 
 _DESIRED = WORK  # scratch behind that of `end_poses`: the desired poses, and what the errors are
 _DISTANCE, _TURN, _ERROR = WORK + 7 * LANES, WORK + 8 * LANES, WORK + 9 * LANES
+_REACHED = WORK + 10 * LANES
 _DEGREES = 16.0 * 180.0 / math.pi
 
 
@@ -141,6 +142,26 @@ def _write_errors(samples, first, work):
         work[_TURN + lane] = _DEGREES * t * (1.0 - u * series)
 
 
+@inline
+def _limit_margin(q, lower, upper, reached):
+    """Return how near a joint came to an end of its range; ``reached`` is scratch.
+
+    Each joint's extremes first: one minimum over all would wait for itself on every joint of every sample.
+    """
+    n = q.shape[1]
+    lowest, highest = reached[0:n], reached[n : 2 * n]
+    for i in range(n):
+        lowest[i], highest[i] = math.inf, -math.inf
+    for k in range(q.shape[0]):
+        for i in range(n):
+            lowest[i] = min(lowest[i], q[k, i])
+            highest[i] = max(highest[i], q[k, i])
+    margin = math.inf
+    for i in range(n):
+        margin = min(margin, lowest[i] - lower[i], upper[i] - highest[i])
+    return margin
+
+
 @kernel(MEASURE)
 def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed, skipped, work, out):
     """Write all `NUMBERS` of a run; NaN where one does not exist."""
@@ -153,7 +174,7 @@ def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed,
     last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
     x0, y0, z0 = 0.0, 0.0, 0.0
     vx0, vy0, vz0, last_interval, last_rate = 0.0, 0.0, 0.0, 0.0, 0.0
-    margin, share, saturated, jerk, path = math.inf, 0.0, 0.0, 0.0, 0.0
+    share, saturated, jerk, path = 0.0, 0.0, 0.0, 0.0
     last_outside, is_bounded = -1, False
     for i in range(m):
         is_bounded = is_bounded or per_speed[i] > 0.0
@@ -171,8 +192,6 @@ def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed,
         x, y, z = work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane]
         now_distance, now_turn = work[_DISTANCE + lane], work[_TURN + lane]
         now_error = work[_ERROR + lane]
-        for i in range(n):
-            margin = min(margin, q[k, i] - lower[i], upper[i] - q[k, i])
         if k == 0:
             first_error = now_error
             distance = Sums(0.0, 0.0, now_distance)
@@ -222,6 +241,7 @@ def measure_kernel(forward, samples, q, command, table, lower, upper, per_speed,
             vx0, vy0, vz0, last_interval, last_rate = vx, vy, vz, interval, rate
         x0, y0, z0 = x, y, z
         last_distance, last_turn, last_error = now_distance, now_turn, now_error
+    margin = _limit_margin(q, lower, upper, work[_REACHED : _REACHED + 2 * n])
     duration = samples[count - 1, TIME] - samples[0, TIME]
     skip_time = samples[count - 1, TIME] - samples[min(skipped, count - 1), TIME]
     place = 0
@@ -287,7 +307,7 @@ class RunMeasure:
         self._table = robot.table
         self._lower, self._upper = (np.ascontiguousarray(each) for each in (limits.lower, limits.upper))
         self._per_speed = 1.0 / np.asarray(limits.velocity, dtype=np.float64)
-        self._work = np.zeros(WORK + 10 * LANES)
+        self._work = np.zeros(_REACHED + 2 * robot.configuration_size)
 
     def __call__(self, samples: Array, q: Array, command: Array, skipped: int) -> Array:
         """Return all `NUMBERS` of a run of two samples or more; NaN where one does not exist.

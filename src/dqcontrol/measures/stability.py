@@ -197,6 +197,15 @@ def stability_limit(
     return below
 
 
+def gain_margin(gain: LoopGain, model: LinearModel, period: float) -> float:
+    """Return by how much a loop's gain could be multiplied before a plant makes it unstable; infinite for no gain."""
+    if not (size := abs(gain.value)):
+        return math.inf
+    direction = gain.value / size if gain.value.imag else 1.0
+    behind = with_lag(model, gain.lag, period)
+    return stability_limit(behind, period, direction, gain.integral_share) / (size * period)
+
+
 def _closed_loops(model: LinearModel, gains: NDArray[Any], resets: NDArray[np.float64]) -> NDArray[Any]:
     """Return the transitions of u = −k w for each gain, with w of `with_integral` for each ρT, shape (g, s, s)."""
     transition, inputs = model.transition, model.inputs

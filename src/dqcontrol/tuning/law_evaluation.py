@@ -114,6 +114,7 @@ class LawEvaluation:
             for each in family.plants
         ]
         share_records([loop for loops in self._loops for loop in loops])
+        self._last: tuple[Law, list[PreparedLaw]] | None = None
 
     @property
     def runs(self) -> int:
@@ -127,10 +128,13 @@ class LawEvaluation:
 
     def prepared(self, law: Law) -> list[PreparedLaw]:
         """Return a law made ready for each scene; once for all, if it asks for no horizon and nothing for the start."""
+        if self._last is not None and self._last[0] is law:  # judged a moment ago
+            return self._last[1]
         first, *others = self._scenes
         depends = law.horizon(first.reference) > 0.0 or isinstance(first.robot, TreeRobot)
         made = [self._prepared(law, scene) for scene in (first, *(others if depends else ()))]
-        return made if depends else made * len(self._scenes)
+        self._last = law, made if depends else made * len(self._scenes)
+        return self._last[1]
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> PreparedLaw:
         period, limits = self._spec.period, self._limits

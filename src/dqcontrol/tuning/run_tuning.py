@@ -35,6 +35,7 @@ from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
 
 TuneProgress = Callable[[int, int], None]  # laws done; laws in all
 WINNERS, BEST, EVALUATIONS, FRONTS = "winners.json", "best.yaml", "evaluations.parquet", "fronts.json"
+_LARGER = 1.1  # times the searched total
 _STEP = 1.5e-6  # s, roughly
 
 
@@ -188,7 +189,27 @@ class Tuning:
                     f"{each.label}: {100 * found.searched['saturation']:.2g} % of the samples are at velocity limits: "
                     "what was tuned is the saturation"
                 )
-        return lines
+        return lines + self._held_out_remarks()
+
+    def _held_out_remarks(self) -> list[str]:
+        """Say whose total is larger on what the search did not see, and whether the search is to blame."""
+        ratios = {
+            each.label: each.result.held_out_total / each.result.total
+            for each in self.laws
+            if each.succeeded and each.result.total > 0 and math.isfinite(each.result.held_out_total)
+        }
+        larger = {label: ratio for label, ratio in ratios.items() if ratio > _LARGER}
+        if len(larger) == len(ratios) > 1:
+            low, high = min(larger.values()), max(larger.values())
+            return [
+                f"held out: harder for every law, totals are {low:.3g} to {high:.3g} times those searched on; that is "
+                "the motion rather than the search"
+            ]
+        return [
+            f"{label}: held out its total is {ratio:.3g} times that searched on: a harder motion, or the search saw "
+            "too few"
+            for label, ratio in larger.items()
+        ]
 
     def winners(self) -> list[dict[str, Any]]:
         """Return what ``winners.json`` holds."""

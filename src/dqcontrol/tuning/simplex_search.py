@@ -6,6 +6,7 @@ in about 20 evaluations, CMA-ES in 40 to 110, TPE in 25 to 90.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 
@@ -98,7 +99,7 @@ class SimplexSearch:
         simplex = np.vstack([begin, begin + side * np.where(begin > 0.5, -1, 1) * np.eye(self._size)])
         scale = abs(self.points[self.best][1])
         minimize(
-            lambda point: self._value(point),
+            lambda point: self._value(tuple(point.tolist())),
             begin,
             method="Nelder-Mead",
             bounds=[(0.0, 1.0)] * self._size,
@@ -110,14 +111,13 @@ class SimplexSearch:
             },
         )
 
-    def _value(self, shares: Sequence[float] | Array) -> float:
-        point = tuple(float(min(max(share, 0.0), 1.0)) for share in shares)
+    def _value(self, point: Point) -> float:
         if point not in self.points:
             if len(self.points) >= self._budget:
                 raise _BudgetSpentError
             self.points[point] = self._rank(point)
         violation, total = self.points[point]
-        return _REJECTED * (1 + violation) if violation or not np.isfinite(total) else total
+        return _REJECTED * (1 + violation) if violation or not math.isfinite(total) else total
 
 
 def sobol_points(size: int, count: int, seed: int) -> list[Point]:

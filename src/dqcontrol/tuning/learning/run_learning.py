@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,12 @@ from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folde
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.working_folder import WorkingFolder
-from dqcontrol.files.plain_data import write_json, yaml_text
+from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.stability import gain_margin
 from dqcontrol.measures.table_cells import Cell, Column
 from dqcontrol.measures.tables import Table
 from dqcontrol.plants.linear_model import LinearModel
@@ -61,12 +62,14 @@ tracker is to measure the reading `TRACKED_POSE`."""
 _CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where it starts
 _JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
 _GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
-_NARROWER = 0.6
+_NARROWER, _WEAKER = 0.6, 0.5  # after growth: the cut-off, and what is learnt of an error
+_GOOD_MARGIN = 2.0  # of the loop's gain, below which it is said
 _AT_NOISE, _LEFT_NOISE = (
     1.5,
     3.0,
 )  # times the noise in the band: what is taken for noise, and what is not any more
 _MOST_FLAT = 2
+_SAME = 1.001  # is no growth: what is not learnt stays as it is
 _MISSING = 2.5  # periods at the end that a robot's record may lack
 _HIDDEN = 1.3  # times what encoders see: less is not worth a word
 _NOISE = "what is left is the sensors' noise"
@@ -131,6 +134,8 @@ class Learning:
         The learnt motion.
     stopped
         Why there are no more repeats.
+    margin
+        By how much the law's gain could be multiplied, as the model says.
     first, last
         Records of the first run and of the best.
     notes
@@ -143,6 +148,7 @@ class Learning:
     best: int
     motion: Points
     stopped: str
+    margin: float
     first: Record = field(repr=False)
     last: Record = field(repr=False)
     notes: tuple[str, ...] = ()
@@ -191,9 +197,10 @@ class Learning:
     def remarks(self) -> list[str]:
         """Say what was expected, and why it ended."""
         factor, frequency = self.convergence.worst
+        most = f" by more than {factor:.3g} a repeat (at {frequency:.2g} Hz)" if factor > _SAME else ""
         return [
-            f"condition: errors of no frequency grow by more than {factor:.3g} a repeat (at {frequency:.2g} Hz); "
-            f"learnt up to {self.convergence.cutoff:.2g} Hz",
+            f"condition: errors of no frequency grow{most}; learnt up to {self.convergence.cutoff:.2g} Hz",
+            f"loop: its gain could be multiplied by {self.margin:.3g}, as the model says",
             f"noise: each repeat puts {self.convergence.noise_factor:.2g} × the noise of its measurement into the "
             "motion",
             *self.notes,
@@ -238,6 +245,7 @@ class Learning:
             "worst_factor": self.convergence.worst[0],
             "worst_frequency": self.convergence.worst[1],
             "noise_factor": self.convergence.noise_factor,
+            "margin": finite_or_none(self.margin),
             "notes": list(self.notes),
         }
         write_json(folder / HISTORY, history)
@@ -334,9 +342,13 @@ class _Session:
         self.notes: list[str] = []
         self.weights = start_weights(self.time, problem.block.skip)
         self._check_motion()
-        self.convergence = self._convergence()
-        self._delay = problem.block.sensor_delay / problem.spec.period
+        models, uncertain = self._models()
+        scene = self.case.scene
         self._law = self.case.prepare_law(problem.spec)
+        shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start)
+        self.margin = self._margin(models, uncertain)
+        self.convergence = self._convergence(shape, models, uncertain)
+        self._delay = problem.block.sensor_delay / problem.spec.period
         self.kept: WorkingFolder | None = None
 
     def _check_motion(self) -> None:
@@ -367,29 +379,51 @@ class _Session:
                 f"{demand.time:.3g} s, and saturation cannot be learnt; slow it down"
             )
 
-    def _convergence(self) -> Convergence:
-        """Return the learning operator, or raise if it does not converge."""
-        problem, block, spec, case = self.problem, self.problem.block, self.problem.spec, self.case
-        model: Plant = case.plant if block.model is None else block.model
+    def _models(self) -> tuple[list[LinearModel], str]:
+        """Return what the plant may be, the nominal one first, and in words how uncertain that is."""
+        problem, block = self.problem, self.problem.block
+        model: Plant = self.case.plant if block.model is None else block.model
         family = plant_family(
-            model, block.uncertainty, 0.0, spec.period, problem.identified, "learn.uncertainty"
+            model, block.uncertainty, 0.0, problem.spec.period, problem.identified, "learn.uncertainty"
         )
-        models = [_linear(problem, case, each) for each in family.plants]
-        shape: LoopShape = loop_shape(case.scene.robot, case.prepare_law(spec), case.gains, case.scene.start)
+        models = [_linear(problem, self.case, each) for each in family.plants]
+        return models, _with(family.lag, family.delay)
+
+    def _margin(self, models: Sequence[LinearModel], uncertain: str) -> float:
+        """Return by how much the law's gain could be multiplied; raise if its loop is unstable, warn if nearly so."""
+        where, period = self.problem.where, self.problem.spec.period
+        margin = min(gain_margin(gain, each, period) for gain in self.case.gains or () for each in models)
+        if margin <= 1:
+            raise ValueRangeError(
+                f"{where}: law: its loop is unstable with the model{uncertain}: only {margin:.3g} × its gain is "
+                "stable, and nothing can be said of how it answers a shift; choose less"
+            )
+        if margin < _GOOD_MARGIN:
+            warnings.warn(
+                f"{where}: law: {margin:.3g} × its gain makes the loop unstable, as the model says{uncertain}, and "
+                f"what is learnt may make it swing; {margin / _GOOD_MARGIN:.2g} × its gain, or less, is well within",
+                NoteWarning,
+                stacklevel=2,
+            )
+        return margin
+
+    def _convergence(self, shape: LoopShape, models: Sequence[LinearModel], uncertain: str) -> Convergence:
+        """Return the learning operator, or raise if it does not converge."""
+        problem, block = self.problem, self.problem.block
         if block.cutoff is not None:
             found = Convergence(shape, tuple(models), block.caution, block.cutoff)
             if (frequency := found.breaks_at) is not None:
                 factor, at = found.worst
                 raise ValueRangeError(
                     f"{problem.where}: learn.cutoff: with {block.cutoff:g} Hz errors grow from {frequency:.2g} Hz on, "
-                    f"by {factor:.3g} a repeat at {at:.2g} Hz{_with(family.lag, family.delay)}; choose a lower one"
+                    f"by {factor:.3g} a repeat at {at:.2g} Hz{uncertain}; choose a lower one"
                 )
             return found
         found = widest(shape, models, block.caution, highest=HIGHEST)
         if found is None:
             raise ValueRangeError(
                 f"{problem.where}: learn: does not converge at any cut-off from 0.1 Hz on"
-                f"{_with(family.lag, family.delay)}: the model is not sure enough"
+                f"{uncertain}: the model is not sure enough"
             )
         return found
 
@@ -400,7 +434,7 @@ class _Session:
         shift, best_shift = np.zeros((count, 6)), np.zeros((count, 6))
         best_error, best_size, best = np.zeros((count, 6)), math.inf, 0
         convergence, accepted, flat, stopped = self.convergence, 0, 0, "all repeats are done"
-        at_noise = 0  # repeats whose errors were noise
+        strength, at_noise = 1.0, 0  # of learning; repeats whose errors were noise
         repeats: list[LearningRun] = []
         first = last = None
         motion = motion_of(self.samples, shift)
@@ -428,6 +462,7 @@ class _Session:
                 motion, last = motion_of(self.samples, shift), record
             elif outcome == "grown":
                 convergence = replace(convergence, cutoff=_NARROWER * convergence.cutoff)
+                strength *= _WEAKER
             repeats.append(self._repeat(record, number, error, size, noise, convergence.cutoff, outcome))
             first = first or record
             if best_size < _AT_NOISE * noise or outcome == "averaged":
@@ -437,11 +472,15 @@ class _Session:
                 break
             elif flat >= _MOST_FLAT:
                 stopped = "two repeats brought less than 10 %"
+                if outcome == "grown":
+                    stopped = "errors grew again, though less was learnt; what was best before is kept"
                 break
             step = 1.0 if accepted < _TRUSTED else 1.0 / (accepted - 1)
             if at_noise:
                 step = 1.0 / (1 + at_noise)
-            shift = best_shift + step * increment(convergence, self.time, self.weights * best_error)
+            shift = best_shift + strength * step * increment(
+                convergence, self.time, self.weights * best_error
+            )
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
@@ -452,6 +491,7 @@ class _Session:
             best,
             motion,
             stopped,
+            self.margin,
             first,
             last,
             tuple(self.notes),
