@@ -30,6 +30,27 @@ def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, 
     return flat
 
 
+def nearly_dependent_programs(rng, count, n, m, closest, *, equalities=0):
+    """Return programs whose rows come in pairs of nearly one direction: their sines are between `closest` and 0.1."""
+    flat = random_programs(rng, count, n, m)
+    for each in flat:
+        program = active_set.unpack_program(each, n, m)
+        pairs = m // 2
+        sine = 10.0 ** rng.uniform(np.log10(closest), -1, pairs)
+        first = rng.normal(size=(pairs, n))
+        slack = rng.exponential(0.3, pairs)
+        other = np.maximum(slack + sine * rng.normal(size=pairs) * rng.choice([0, 1, 1], pairs), 0)
+        slack[: equalities // 2] = other[: equalities // 2] = 0
+        program.columns[:, 0 : 2 * pairs : 2] = first.T
+        program.columns[:, 1 : 2 * pairs : 2] = (first + sine[:, None] * rng.normal(size=(pairs, n))).T
+        inside = rng.uniform(-0.5, 0.5, n)
+        program.bounds[:] = inside @ program.columns
+        program.bounds[0 : 2 * pairs : 2] += slack
+        program.bounds[1 : 2 * pairs : 2] += other
+        program.equal[:equalities] = 1
+    return flat
+
+
 def programs_of_a_loop(rng, count, period=0.005):
     """Return so many programs that a Panda among obstacles solved in its loop: packed, with numbers of their rows."""
     arm, found = dqc.load_robot("panda"), []
@@ -56,6 +77,26 @@ def programs_of_a_loop(rng, count, period=0.005):
             program.gradient[:] = -program.hessian @ work.wish
             found.append((flat, m))
     return found[:count]
+
+
+def solve_by_daqp(flat, n, m):
+    """Return DAQP's answer of one packed program, and the seconds that its own timer says."""
+    import daqp
+
+    program = active_set.unpack_program(flat, n, m)
+    sense = np.zeros(n + m, np.int32)
+    sense[n:][program.equal > 0] = 5  # active, and never to be taken away
+    u, _, flag, about = daqp.solve(
+        program.hessian.copy(),
+        program.gradient.copy(),
+        np.ascontiguousarray(program.columns.T),
+        np.concatenate([program.upper, program.bounds]),
+        np.concatenate([program.lower, np.where(program.equal > 0, program.bounds, -1e30)]),
+        sense,
+        primal_tol=1e-12,
+    )
+    assert flag == 1
+    return u, about["setup_time"] + about["solve_time"]
 
 
 def solve(flat, n, m, sets=None, limit=500):

@@ -644,17 +644,6 @@ def solve_recentered(program, memory, chosen, n, m, limit, u):
     return _search(program, memory, chosen, fixed, q, False, n, m, limit, u)
 
 
-@_in_order_once
-def tighten(program, memory, chosen, softness, n, m, u):
-    """Let rows of this softness, which made dependent ones solvable, no longer give way: what is active is kept."""
-    for p in range(m):
-        if program.softness[p] == softness:
-            program.softness[p] = 0.0
-    _fill_residuals(program, memory, u, n, m)
-    if _is_off(program, memory, chosen, chosen[0], u, n, m):
-        _refine(program, memory, chosen, chosen[0], u, n, m)
-
-
 @_in_order
 def solve(program, memory, chosen, n, m, limit, u):
     """Solve a program from the set given; return the status."""
