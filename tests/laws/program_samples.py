@@ -68,7 +68,7 @@ def programs_of_a_loop(rng, count, period=0.005):
             law.sent(state, u)
             q = q + period * u
             m = (int(np.isfinite(work.program).sum()) - n * n - 3 * n) // (n + 3)
-            if m < 0:  # no program was solved
+            if m < 1:  # no program was solved, or one without rows
                 continue
             flat = work.program[: active_set.program_size(n, m)].copy()
             program = active_set.unpack_program(flat, n, m)

@@ -102,7 +102,9 @@ def test_a_hundred_thousand_programs(n, m, count):
 def test_a_hundred_thousand_programs_of_nearly_dependent_rows(n):
     pytest.importorskip("daqp", reason="DAQP is the reference")
     rng = np.random.default_rng(n)
-    assert sum(beyond_daqp(nearly_dependent_programs(rng, 1925, n, m, 1e-6), n, m) for m in (5, 12, 25, 40)) == 0
+    assert (
+        sum(beyond_daqp(nearly_dependent_programs(rng, 1925, n, m, 1e-6), n, m) for m in (5, 12, 25, 40)) == 0
+    )
 
 
 def test_contradictory_rows_get_the_least_violation():

@@ -4,11 +4,12 @@
 
 as Goldfarb and Idnani (1983) step: with H = LLᵀ, m_i = L⁻¹a_i and the set W of active constraints, the multipliers
 solve G y = c, G = M_W M_Wᵀ, and u = u₀ − L⁻ᵀM_Wᵀy. M_W = N P, N unit lower triangular, the rows of P orthogonal with
-squares D, so that G = N D Nᵀ without squares of what is nearly dependent (DAQP, Arnström, Bemporad, Axehill 2022, forms
-them): P grows by a Gram–Schmidt step, repeated where it cancels, and shrinks by rotations without roots. Multipliers are
-never negative and the dual objective only grows, so that no set returns. A *soft* row may give way: it costs
-½ s²/softness, as if it had an input s of its own: a coordinate beyond the n of its m, where it is the root of its
-softness. More rows than inputs are then independent, and the violation is s = softness · y.
+squares D, hence G = N D Nᵀ. DAQP (Arnström, Bemporad, Axehill 2022) makes such factors of G, where the sine between two
+rows is squared and lost below 1e-8; P grows by Gram–Schmidt steps, repeated where they cancel, and shrinks by rotations
+without roots. Multipliers are never negative and the dual objective only grows, so that no set returns.
+
+A *soft* row may give way: it costs ½ s²/softness, as if it had an input s of its own. Its m has a coordinate more, the
+root of the softness; then even more rows than inputs are independent, and the violation is s = softness · y.
 
 Constraints have numbers: i < m the rows, m + k the upper, m + n + k the lower bound of u_k. A set is an array of
 integers, its size first.
@@ -390,7 +391,7 @@ def _is_off(program, memory, chosen, q, u, n, m):
             k = p - m if p < m + n else p - m - n
             given = program.upper[k] if p < m + n else program.lower[k]
             memory.trial[j] = u[k] - given if p < m + n else given - u[k]
-            off = off or abs(memory.trial[j]) > _REFINED * (abs(given) + abs(memory.center[k]))
+            off = off or abs(memory.trial[j]) > _REFINED * (1.0 + abs(given))
     return off
 
 
@@ -481,9 +482,9 @@ def _start(program, memory, chosen, n, m):
     for j in range(before):
         p = int(memory.trial[j])
         equation = p < m and program.equal[p] > _EQUAL
-        if 0 <= p < m + 2 * n and not equation and q < room and not _is_active(chosen, q, p):
-            if _append(program, memory, chosen, q, p, n, m):
-                q += 1
+        is_new = 0 <= p < m + 2 * n and not equation and not _is_active(chosen, q, p)
+        if is_new and q < room and _append(program, memory, chosen, q, p, n, m):
+            q += 1
     return fixed, _drop_negative(memory, chosen, fixed, q), skipped
 
 
