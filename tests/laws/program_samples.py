@@ -59,6 +59,7 @@ def programs_of_a_loop(rng, count, period=0.005):
         given = random_constraints(rng, arm, HOME, acceleration=float(rng.uniform(5, 20)))
         goal = random_goal(rng, arm)
         law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(arm, goal, period)
+        assert law.constraints is not None
         scratch, state, q = law._parts.constraint_work, law.initial_state(HOME), HOME
         settings = {**head(law.constraints.parameters)._asdict(), "n": n, "m": n}
         work = work_of(scratch, *(int(settings[name]) for name in work_of.sizes))
