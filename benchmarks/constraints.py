@@ -135,87 +135,6 @@ def capsule_ratio() -> list[Ratio]:
     return [Ratio("capsule and capsule in a loop", 1e-3 * ours, "µs", "Coal, from Python", t, "≤ 0.07")]
 
 
-def program_ratios() -> list[Ratio]:
-    """Return a program of 7 inputs and 40 rows, cold and from its own set, against DAQP's own timer."""
-    from program_samples import random_programs, solve
-
-    from dqcontrol.laws.constrained import active_set
-
-    n, m, count = 7, 40, 400
-    flat = random_programs(np.random.default_rng(6), count, n, m)
-    answers, sets, _ = solve(flat, n, m)
-    room = active_set.room_for(n, m, soft=False)
-    scratch, out = np.empty(active_set.scratch_size(n, m, room)), np.empty_like(answers)
-
-    def cold() -> None:
-        active_set.solve_programs(flat, n, m, 500, out, np.zeros((count, room + 2), np.intp), scratch)
-
-    def warm() -> None:
-        active_set.solve_programs(flat, n, m, 500, out, sets, scratch)
-
-    t = medians({"cold": cold, "warm": warm}, 5, 7)
-    print(f"program, n = 7, 40 rows: cold {t['cold'] / count:.2f}, warm {t['warm'] / count:.2f} µs")
-    if not find_spec("daqp"):
-        return []
-    import daqp
-
-    least = np.full(count, np.inf)
-    for _ in range(7):
-        for i, each in enumerate(flat):
-            program = active_set.unpack_program(each, n, m)
-            u, _, _, about = daqp.solve(
-                program.hessian.copy(),
-                program.gradient.copy(),
-                np.ascontiguousarray(program.columns.T),
-                np.concatenate([program.upper, program.bounds]),
-                np.concatenate([program.lower, np.full(m, -1e30)]),
-                np.zeros(n + m, np.int32),
-                primal_tol=1e-11,
-            )
-            if not np.abs(u - answers[i, :n]).max() < 1e-9:
-                raise SystemExit("program: differs from DAQP")
-            least[i] = min(least[i], 1e6 * (about["solve_time"] + about["setup_time"]))
-    theirs = float(least.mean())
-    return [
-        Ratio("program, n = 7, 40 rows, cold", t["cold"] / count, "µs", "DAQP, its own timer", theirs, "≤ 1"),
-        Ratio(
-            "program, n = 7, 40 rows, warm", t["warm"] / count, "µs", "DAQP, its own timer", theirs, "≤ 0.5"
-        ),
-    ]
-
-
-def level_times() -> tuple[float, float]:
-    """Return µs of three degenerate levels with 14 inputs, and of one program of the same rows."""
-    from program_samples import degenerate_levels, packed_levels, solve_levels
-
-    from dqcontrol.laws.constrained import active_set
-
-    rng = np.random.default_rng(3)
-    cases = [packed_levels(*degenerate_levels(rng), 3) for _ in range(100)]
-    _, _, n, m = cases[0]
-    room = active_set.room_for(n, m, soft=True)
-    scratch = np.empty(active_set.scratch_size(n, m, room))
-    softened = []
-    for each, *_ in cases:
-        copy = each.copy()
-        active_set.unpack_program(copy, n, m).softness[:] = 1e-4
-        softened.append(copy)
-    answer = np.empty((1, 3 * n + m))
-
-    def programs() -> None:
-        for each in softened:
-            active_set.solve_programs(
-                each[None], n, m, 500, answer, np.zeros((1, room + 2), np.intp), scratch
-            )
-
-    def levels() -> None:
-        for each in cases:
-            solve_levels(*each)
-
-    t = medians({"programs": programs, "levels": levels}, 10, 5)
-    return t["levels"] / len(cases), t["programs"] / len(cases)
-
-
 def runs(count: int) -> None:
     """Print the worst distance below what was asked of random runs."""
     from constraint_scenes import least_room, random_constraints, random_goal
@@ -238,14 +157,8 @@ def runs(count: int) -> None:
 
 
 def ratios(short: bool) -> list[Ratio]:
-    """Return the step, and levels against one program."""
-    levels, program = level_times()
-    return [
-        *capsule_ratio(),
-        *program_ratios(),
-        *step_ratios(short),
-        Ratio("three degenerate levels, n = 14", levels, "µs", "one program of their rows", program, "≤ 3"),
-    ]
+    """Return a pair of capsules and a step."""
+    return [*capsule_ratio(), *step_ratios(short)]
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """Random quadratic programs, and what shows that an answer is right."""
 
 import numpy as np
+from constraint_scenes import HOME, random_constraints, random_goal
 
+import dqcontrol as dqc
 from dqcontrol.laws.constrained import active_set
 from dqcontrol.laws.constrained import levels as levels_code
+from dqcontrol.laws.constrained.constraint_layout import head, work_of
 
 
 def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, rank=None):
@@ -25,6 +28,76 @@ def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, 
         program.equal[:equalities] = 1
         program.lower[:], program.upper[:] = (-1, 1) if box else (-np.inf, np.inf)
     return flat
+
+
+def nearly_dependent_programs(rng, count, n, m, closest, *, equalities=0):
+    """Return programs whose rows come in pairs of nearly one direction: their sines are between `closest` and 0.1."""
+    flat = random_programs(rng, count, n, m)
+    for each in flat:
+        program = active_set.unpack_program(each, n, m)
+        pairs = m // 2
+        sine = 10.0 ** rng.uniform(np.log10(closest), -1, pairs)
+        first = rng.normal(size=(pairs, n))
+        slack = rng.exponential(0.3, pairs)
+        other = np.maximum(slack + sine * rng.normal(size=pairs) * rng.choice([0, 1, 1], pairs), 0)
+        slack[: equalities // 2] = other[: equalities // 2] = 0
+        program.columns[:, 0 : 2 * pairs : 2] = first.T
+        program.columns[:, 1 : 2 * pairs : 2] = (first + sine[:, None] * rng.normal(size=(pairs, n))).T
+        inside = rng.uniform(-0.5, 0.5, n)
+        program.bounds[:] = inside @ program.columns
+        program.bounds[0 : 2 * pairs : 2] += slack
+        program.bounds[1 : 2 * pairs : 2] += other
+        program.equal[:equalities] = 1
+    return flat
+
+
+def programs_of_a_loop(rng, count, period=0.005):
+    """Return so many programs that a Panda among obstacles solved in its loop: packed, with numbers of their rows."""
+    arm, found = dqc.load_robot("panda"), []
+    n = len(HOME)
+    while len(found) < count:
+        given = random_constraints(rng, arm, HOME, acceleration=float(rng.uniform(5, 20)))
+        goal = random_goal(rng, arm)
+        law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(arm, goal, period)
+        assert law.constraints is not None
+        scratch, state, q = law._parts.constraint_work, law.initial_state(HOME), HOME
+        settings = {**head(law.constraints.parameters)._asdict(), "n": n, "m": n}
+        work = work_of(scratch, *(int(settings[name]) for name in work_of.sizes))
+        for i in range(300):
+            scratch[:] = np.nan  # what is a number afterwards belongs to the programs of this step
+            u = law.command(q, goal.at(i * period), state).copy()
+            law.sent(state, u)
+            q = q + period * u
+            m = (int(np.isfinite(work.program).sum()) - n * n - 3 * n) // (n + 3)
+            if m < 1:  # no program was solved, or one without rows
+                continue
+            flat = work.program[: active_set.program_size(n, m)].copy()
+            program = active_set.unpack_program(flat, n, m)
+            if not (program.softness == 0).all() or (program.lower != work.low).any():
+                continue  # it was solved by softer ones after this
+            program.gradient[:] = -program.hessian @ work.wish
+            found.append((flat, m))
+    return found[:count]
+
+
+def solve_by_daqp(flat, n, m):
+    """Return DAQP's answer of one packed program, and the seconds that its own timer says."""
+    import daqp
+
+    program = active_set.unpack_program(flat, n, m)
+    sense = np.zeros(n + m, np.int32)
+    sense[n:][program.equal > 0] = 5  # active, and never to be taken away
+    u, _, flag, about = daqp.solve(
+        program.hessian.copy(),
+        program.gradient.copy(),
+        np.ascontiguousarray(program.columns.T),
+        np.concatenate([program.upper, program.bounds]),
+        np.concatenate([program.lower, np.where(program.equal > 0, program.bounds, -1e30)]),
+        sense,
+        primal_tol=1e-12,
+    )
+    assert flag == 1
+    return u, about["setup_time"] + about["solve_time"]
 
 
 def solve(flat, n, m, sets=None, limit=500):

@@ -72,7 +72,9 @@ def gantry():
 
 
 def test_a_hand_crosses_the_middle_of_a_ball_and_brakes_before_its_other_side():
-    robot, q = gantry(), np.array([-0.09, 0.001, 0.0])
+    # Less than some 2 mm beside the middle the rows of most runs do not settle in 12 programs: what is left is scaled
+    # back, beyond the limit of acceleration, whichever solver is used.
+    robot, q = gantry(), np.array([-0.09, 0.003, 0.0])
     middle = dqc.DualQuaternion(robot.fkm(np.zeros(3))).translation
     zone = dqc.laws.SphereZone(center=tuple(middle), radius=0.1)
     given = dqc.laws.Constraints(zones={"ball": zone}, acceleration=0.5)

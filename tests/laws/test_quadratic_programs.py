@@ -5,10 +5,13 @@ import pytest
 from program_samples import (
     active_set,
     degenerate_levels,
+    nearly_dependent_programs,
     optimality,
     packed_levels,
+    programs_of_a_loop,
     random_programs,
     solve,
+    solve_by_daqp,
     solve_levels,
     squares_by_level,
 )
@@ -53,33 +56,55 @@ def test_a_start_from_any_set_leads_to_the_same_answer():
     assert np.abs(again[:, :n] - answers[:, :n]).max() < 1e-10
 
 
+@pytest.mark.parametrize("equalities", [0, 2])
+@pytest.mark.parametrize(("n", "m"), [(3, 12), (7, 40), (14, 40)])
+def test_rows_that_nearly_depend_on_each_other(n, m, equalities):
+    """Two rows with a sine of 1e-9 between them are two rows; both are kept, not one of them by 1e-8."""
+    flat = nearly_dependent_programs(np.random.default_rng(8), 60, n, m, 1e-9, equalities=equalities)
+    answers, _, statuses = solve(flat, n, m)
+    assert (statuses == active_set.SOLVED).all()
+    assert optimality(flat, answers, n, m).max() < 1e-11
+
+
+def test_programs_of_a_control_loop():
+    """Rows at what the last command led to are nearly those at where it started."""
+    n = 7
+    for flat, m in programs_of_a_loop(np.random.default_rng(9), 60):
+        answers, sets, statuses = solve(flat[None], n, m)
+        assert statuses == [active_set.SOLVED]
+        assert optimality(flat[None], answers, n, m).max() < 1e-11
+        again, _, _ = solve(flat[None], n, m, sets=sets)
+        assert np.abs(again - answers).max() < 1e-9
+
+
+def beyond_daqp(flat, n, m):
+    """Return how many answers are not minimisers within 1e-9 of DAQP's."""
+    answers, _, statuses = solve(flat, n, m)
+    assert (statuses == active_set.SOLVED).all()
+    assert optimality(flat, answers, n, m).max() < 1e-9
+    return sum(
+        np.abs(solve_by_daqp(each, n, m)[0] - answer[:n]).max() > 1e-9
+        for each, answer in zip(flat, answers, strict=True)
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "m", "count"), [(7, 5, 40_000), (7, 40, 40_000), (14, 60, 15_000), (30, 100, 5_000)]
 )
 def test_a_hundred_thousand_programs(n, m, count):
-    """Within 1e-9 of DAQP where it is installed; that they are minimisers is shown without it."""
-    rng = np.random.default_rng(3)
-    flat = random_programs(rng, count, n, m)
-    answers, _, statuses = solve(flat, n, m)
-    assert (statuses == active_set.SOLVED).all()
-    assert optimality(flat, answers, n, m).max() < 1e-9
-    daqp = pytest.importorskip("daqp", reason="DAQP is the reference")
-    for each, answer in zip(flat, answers, strict=True):
-        program = active_set.unpack_program(each, n, m)
-        upper = np.concatenate([program.upper, program.bounds])
-        lower = np.concatenate([program.lower, np.full(m, -1e30)])
-        u, _, flag, _ = daqp.solve(
-            program.hessian.copy(),
-            program.gradient.copy(),
-            np.ascontiguousarray(program.columns.T),
-            upper,
-            lower,
-            np.zeros(n + m, np.int32),
-            primal_tol=1e-11,
-        )
-        assert flag == 1
-        assert np.abs(u - answer[:n]).max() < 1e-9
+    pytest.importorskip("daqp", reason="DAQP is the reference")
+    assert beyond_daqp(random_programs(np.random.default_rng(3), count, n, m), n, m) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", range(2, 15))
+def test_a_hundred_thousand_programs_of_nearly_dependent_rows(n):
+    pytest.importorskip("daqp", reason="DAQP is the reference")
+    rng = np.random.default_rng(n)
+    assert (
+        sum(beyond_daqp(nearly_dependent_programs(rng, 1925, n, m, 1e-6), n, m) for m in (5, 12, 25, 40)) == 0
+    )
 
 
 def test_contradictory_rows_get_the_least_violation():
@@ -89,7 +114,8 @@ def test_contradictory_rows_get_the_least_violation():
     assert found.u == pytest.approx([1.5], abs=1e-9)
     assert found.violations == pytest.approx([0.5, 0.5], abs=1e-9)
     boxed = dqc.laws.quadratic_program([[1.0]], [0.0], [[-1.0]], [-2], lower=[-1], upper=[1])
-    assert (boxed.status, boxed.u.tolist()) == ("infeasible", [1.0])
+    assert boxed.status == "infeasible"
+    assert boxed.u == pytest.approx([1.0], abs=1e-15)
     both = dqc.laws.quadratic_program(np.eye(2), [0, 0], [[1, 0], [2, 0]], [1, 3], equalities=2)
     assert both.status == "infeasible"
     assert both.u == pytest.approx([1.4, 0], abs=1e-9)
@@ -180,8 +206,7 @@ def test_a_hundred_thousand_degenerate_levels():
     rng = np.random.default_rng(7)
     losses, statuses = zip(*(lost(degenerate_levels(rng)) for _ in range(100_000)), strict=True)
     assert set(statuses) == {active_set.SOLVED}
-    assert max(losses) < 4e-9
-    assert sum(loss > 1e-9 for loss in losses) <= 2
+    assert max(losses) < 1e-9
 
 
 def test_rows_that_gave_way_are_named():

@@ -2,11 +2,14 @@
 
     min ½ uᵀHu + gᵀu,  rows u ≤ bounds (some of them =),  lower ≤ u ≤ upper
 
-as Goldfarb and Idnani (1983) step and as DAQP (Arnström, Bemporad, Axehill 2022) keeps what is active: with H = LLᵀ,
-m_i = L⁻¹a_i and the set W of active constraints, the multipliers solve G y = c, G = M_W M_Wᵀ, whose LDLᵀ factor grows
-and shrinks by a line, and u = u₀ − L⁻ᵀM_Wᵀy. Multipliers are never negative and the dual objective only grows, so that
-no set returns. A *soft* row may give way: it costs ½ s²/softness, which adds its softness to G's diagonal; G is then
-regular even where more rows press than there are inputs, and the violation is s = softness · y.
+as Goldfarb and Idnani (1983) step: with H = LLᵀ, m_i = L⁻¹a_i and the set W of active constraints, the multipliers
+solve G y = c, G = M_W M_Wᵀ, and u = u₀ − L⁻ᵀM_Wᵀy. M_W = N P, N unit lower triangular, the rows of P orthogonal with
+squares D, hence G = N D Nᵀ. DAQP (Arnström, Bemporad, Axehill 2022) makes such factors of G, where the sine between two
+rows is squared and lost below 1e-8; P grows by Gram–Schmidt steps, repeated where they cancel, and shrinks by rotations
+without roots. Multipliers are never negative and the dual objective only grows, so that no set returns.
+
+A *soft* row may give way: it costs ½ s²/softness, as if it had an input s of its own. Its m has a coordinate more, the
+root of the softness; then even more rows than inputs are independent, and the violation is s = softness · y.
 
 Constraints have numbers: i < m the rows, m + k the upper, m + n + k the lower bound of u_k. A set is an array of
 integers, its size first.
@@ -25,10 +28,11 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 
 SOLVED, INFEASIBLE, LIMIT, INDEFINITE = range(4)
 LARGEST = 30  # inputs
-TOLERANCE = 1e-11  # violation, relative to 1 + |bound|, above which a constraint becomes active
-_CONSISTENT = 1e-8  # violation of a row that depends on active ones, above which it contradicts them
-_DEPENDENT = 1e-9  # square of the sine between a constraint and the active ones
-_REFINED = 1e-12  # residual of an active constraint above which multipliers are computed again
+TOLERANCE = 1e-12  # violation, relative to 1 + |bound|, above which a constraint becomes active
+_CONSISTENT = 1e-9  # violation of a row that depends on active ones, above which it contradicts them
+_DEPENDENT = 1e-10  # sine between a constraint and the active ones
+_CANCELLED = 0.01  # of a square, what is left of it, below which a Gram–Schmidt step is repeated
+_REFINED = 1e-12  # residual of an active constraint, relative to what it sums, above which it is corrected
 _EQUAL = 0.5
 
 
@@ -62,23 +66,29 @@ class ProgramWork(NamedTuple):
         L⁻¹ (n × n).
     center
         u₀, the answer without constraints (n).
-    active
-        m_j of the active constraints (room × n).
+    orthogonal
+        P of the active constraints; its first `width` columns are in use.
     factor, pivots, reciprocals
-        LDLᵀ of G: L (room × room), D and 1/D (room).
+        N (room × room), D and 1/D (room).
     right, forward
-        c and L⁻¹c (room).
+        c and N⁻¹c (room).
     trial
         Multipliers of the present set, before their signs are looked at (room).
+    own
+        Column of P in which an active soft row gives way, 0 of one that does not (room).
+    carried
+        A row that leaves P; what a new one has of each row of P.
+    width
+        n and the number of active soft rows.
     residual
         a_i u − b_i of the rows (m).
-    row, image, shift
-        One constraint a, its m, L(u₀ − u) (n).
+    row, shift
+        One constraint a, L(u₀ − u) (n).
     """
 
     inverse: Annotated[Array, "n", "n"]
     center: Annotated[Array, "n"]
-    active: Annotated[Array, "room", "n"]
+    orthogonal: Annotated[Array, "room", "n + room"]
     factor: Annotated[Array, "room", "room"]
     pivots: Annotated[Array, "room"]
     reciprocals: Annotated[Array, "room"]
@@ -86,9 +96,11 @@ class ProgramWork(NamedTuple):
     forward: Annotated[Array, "room"]
     multipliers: Annotated[Array, "room"]
     trial: Annotated[Array, "room"]
+    own: Annotated[Array, "room"]
+    carried: Annotated[Array, "n + room"]
+    width: Annotated[Array, 1]
     residual: Annotated[Array, "m"]
     row: Annotated[Array, "n"]
-    image: Annotated[Array, "n"]
     shift: Annotated[Array, "n"]
 
 
@@ -165,8 +177,9 @@ def to_center(program, memory, n):
 
 
 @_in_order
-def _load(program, memory, p, n, m):
-    """Write m_p of constraint p; return |m_p|² with its softness, and how much u₀ violates it."""
+def _load(program, memory, q, p, n, m):
+    """Write m_p of constraint p as row q of P; return |m_p|² with its softness, and how much u₀ violates it."""
+    image = memory.orthogonal[q]
     if p < m:
         violation = -program.bounds[p]
         for k in range(n):
@@ -178,7 +191,7 @@ def _load(program, memory, p, n, m):
             value = 0.0
             for k in range(i + 1):
                 value += memory.inverse[i, k] * memory.row[k]
-            memory.image[i] = value
+            image[i] = value
             square += value * value
         return square, violation
     if p < m + n:
@@ -190,79 +203,126 @@ def _load(program, memory, p, n, m):
     square = 0.0
     for i in range(n):
         value = sign * memory.inverse[i, k] if i >= k else 0.0
-        memory.image[i] = value
+        image[i] = value
         square += value * value
     return square, violation
 
 
+@shared
+def _orthogonalise(memory, q, violation, width):
+    """Take from row q of P once more what it has of those before; return its square, and how far it is violated."""
+    line, rest = memory.factor[q], memory.orthogonal[q]
+    pivot = 0.0
+    for _ in range(2):
+        for j in range(q):
+            value = 0.0
+            for k in range(width):
+                value += memory.orthogonal[j, k] * rest[k]
+            memory.carried[j] = value * memory.reciprocals[j]
+            line[j] += memory.carried[j]
+        before, pivot = 0.0, 0.0
+        for k in range(width):
+            before += rest[k] * rest[k]
+        for j in range(q):
+            value = memory.carried[j]
+            for k in range(width):
+                rest[k] -= value * memory.orthogonal[j, k]
+        for k in range(width):
+            pivot += rest[k] * rest[k]
+        if pivot > _CANCELLED * before:
+            break
+    forward = violation
+    for j in range(q):
+        forward -= line[j] * memory.forward[j]
+    return pivot, forward
+
+
 @_in_order
-def _append(memory, chosen, q, p, square, violation, n):
-    """Add constraint p, as loaded, as the active one number q; return False if it depends on the others."""
-    line = memory.factor[q]
-    for k in range(n):
-        memory.active[q, k] = memory.image[k]
+def _append(program, memory, chosen, q, p, n, m):
+    """Add constraint p as the active one number q; return False if it depends on the others."""
+    line, rest, width = memory.factor[q], memory.orthogonal[q], int(memory.width[0])
+    square, violation = _load(program, memory, q, p, n, m)
     pivot, forward = square, violation
     for j in range(q):
         value = 0.0
         for k in range(n):
-            value += memory.active[j, k] * memory.image[k]
-        for k in range(j):
-            value -= memory.factor[j, k] * line[k]
-        line[j] = value
-    for j in range(q):
-        value = line[j]
+            value += memory.orthogonal[j, k] * rest[k]
         line[j] = value * memory.reciprocals[j]
         pivot -= value * line[j]
         forward -= line[j] * memory.forward[j]
     chosen[1 + q] = p
-    memory.right[q] = violation
-    memory.forward[q] = forward
-    memory.multipliers[q] = 0.0
-    if not pivot > _DEPENDENT * square or square <= 1e-30:
+    soft = p < m and program.softness[p] > 0.0
+    if q >= width and not soft:
         return False
+    for k in range(n, width):
+        rest[k] = 0.0
+    for j in range(q):
+        value, row = line[j], memory.orthogonal[j]
+        for k in range(width):
+            rest[k] -= value * row[k]
+    memory.own[q] = 0.0
+    if soft:
+        for j in range(q):
+            memory.orthogonal[j, width] = 0.0
+        rest[width] = math.sqrt(program.softness[p])
+        memory.own[q] = float(width)
+        width += 1
+    if not pivot > _CANCELLED * square:
+        pivot, forward = _orthogonalise(memory, q, violation, width)
+    if not pivot > _DEPENDENT * _DEPENDENT * square or square <= 1e-30:
+        return False
+    memory.right[q], memory.forward[q], memory.multipliers[q] = violation, forward, 0.0
+    memory.width[0] = float(width)
     memory.pivots[q], memory.reciprocals[q] = pivot, 1.0 / pivot
     return True
 
 
 @_in_order
-def _remove(memory, chosen, q, out, n):
-    """Take the active constraint number `out` of q away: a rank-one update of what comes after it."""
-    alpha = memory.pivots[out]
-    column = memory.trial
+def _remove(memory, chosen, q, out):
+    """Take the active constraint number `out` of q away: rotate its row of P out of those after it."""
+    width, own = int(memory.width[0]), int(memory.own[out])
+    column, carried, alpha = memory.trial, memory.carried, memory.pivots[out]
+    for k in range(width):
+        carried[k] = memory.orthogonal[out, k]
     for i in range(out + 1, q):
-        column[i] = memory.factor[i, out]
-    for i in range(out + 1, q):
+        column[i - 1] = memory.factor[i, out]
         for k in range(out):
             memory.factor[i - 1, k] = memory.factor[i, k]
         for k in range(out + 1, i):
             memory.factor[i - 1, k - 1] = memory.factor[i, k]
-        for k in range(n):
-            memory.active[i - 1, k] = memory.active[i, k]
-        chosen[i] = chosen[1 + i]
-        memory.right[i - 1] = memory.right[i]
-        memory.multipliers[i - 1] = memory.multipliers[i]
-        memory.pivots[i - 1] = memory.pivots[i]
-        column[i - 1] = column[i]
+        chosen[i], memory.own[i - 1] = chosen[1 + i], memory.own[i]
+        memory.right[i - 1], memory.multipliers[i - 1] = memory.right[i], memory.multipliers[i]
     for k in range(out, q - 1):
-        p = column[k]
-        pivot = memory.pivots[k]
+        p, pivot = column[k], memory.pivots[k + 1]
         updated = pivot + alpha * p * p
-        beta = alpha * p / updated
-        alpha *= pivot / updated
+        share, beta = pivot / updated, alpha * p / updated
+        alpha *= share
         memory.pivots[k], memory.reciprocals[k] = updated, 1.0 / updated
+        for i in range(width):
+            below = memory.orthogonal[k + 1, i]
+            memory.orthogonal[k, i] = below + p * carried[i]
+            carried[i] = share * carried[i] - beta * below
         for i in range(k + 1, q - 1):
-            column[i] -= p * memory.factor[i, k]
-            memory.factor[i, k] += beta * column[i]
+            value, below = column[i], memory.factor[i, k]
+            memory.factor[i, k] = share * below + beta * value
+            column[i] = value - p * below
     for i in range(out, q - 1):
         value = memory.right[i]
         for k in range(i):
             value -= memory.factor[i, k] * memory.forward[k]
         memory.forward[i] = value
+    if own > 0:  # the last column takes its place
+        width -= 1
+        for j in range(q - 1):
+            memory.orthogonal[j, own] = memory.orthogonal[j, width]
+            if memory.own[j] == width:
+                memory.own[j] = float(own)
+        memory.width[0] = float(width)
 
 
 @_in_order
 def _back(memory, q, values):
-    """Solve Lᵀv = v in place."""
+    """Solve Nᵀv = v in place."""
     for i in range(q - 1, 0, -1):
         value = values[i]
         for k in range(i):
@@ -289,69 +349,69 @@ def _fill_residuals(program, memory, u, n, m):
 
 
 @_in_order
+def _move(memory, q, values, n, u):
+    """Take L⁻ᵀPᵀD⁻¹v from u."""
+    for i in range(n):
+        memory.shift[i] = 0.0
+    for j in range(q):
+        value = values[j] * memory.reciprocals[j]
+        for i in range(n):
+            memory.shift[i] += value * memory.orthogonal[j, i]
+    for k in range(n):
+        value = memory.shift[k]
+        for i in range(k + 1):
+            u[i] -= memory.inverse[k, i] * value
+
+
+@_in_order
 def _follow(program, memory, q, n, m, u):
-    """Write u of the multipliers, and the residuals of all rows."""
-    if q == 0:
-        for i in range(n):
-            u[i] = memory.center[i]
-    else:
-        for i in range(n):
-            memory.shift[i] = 0.0
-        for j in range(q):
-            value = memory.multipliers[j]
-            for i in range(n):
-                memory.shift[i] += value * memory.active[j, i]
-        for i in range(n):
-            u[i] = memory.center[i]
-        for k in range(n):
-            value = memory.shift[k]
-            for i in range(k + 1):
-                u[i] -= memory.inverse[k, i] * value
+    """Write u of what is active, and the residuals of all rows."""
+    for i in range(n):
+        u[i] = memory.center[i]
+    if q > 0:
+        _move(memory, q, memory.forward, n, u)
     _fill_residuals(program, memory, u, n, m)
 
 
 @_in_order
-def _own_residual(program, memory, chosen, j, u, n, m):
-    """Return a u − b − s of an active constraint, which should be zero."""
-    p = chosen[1 + j]
-    if p < m:
-        return memory.residual[p] - program.softness[p] * memory.multipliers[j]
-    if p < m + n:
-        return u[p - m] - program.upper[p - m]
-    return program.lower[p - m - n] - u[p - m - n]
-
-
-@_in_order
 def _is_off(program, memory, chosen, q, u, n, m):
-    """Write what active constraints are off as the trial; return whether one is more than rounding."""
-    worst = 0.0
+    """Write a u − b − s of active constraints as the trial; return whether one is off by more than rounding."""
+    off = False
     for j in range(q):
-        memory.trial[j] = _own_residual(program, memory, chosen, j, u, n, m)
-        worst = max(worst, abs(memory.trial[j]))
-    return worst > _REFINED
+        p = chosen[1 + j]
+        if p < m:
+            given = program.softness[p] * memory.multipliers[j]
+            memory.trial[j] = memory.residual[p] - given
+            if abs(memory.trial[j]) > _REFINED * abs(program.bounds[p]):
+                size = abs(program.bounds[p]) + abs(given)
+                for k in range(n):
+                    size += abs(program.columns[k, p] * u[k])
+                off = off or abs(memory.trial[j]) > _REFINED * size
+        else:
+            k = p - m if p < m + n else p - m - n
+            given = program.upper[k] if p < m + n else program.lower[k]
+            memory.trial[j] = u[k] - given if p < m + n else given - u[k]
+            off = off or abs(memory.trial[j]) > _REFINED * (1.0 + abs(given))
+    return off
 
 
 @shared
 def _refine(program, memory, chosen, q, u, n, m):
-    """Correct the multipliers by what active constraints are off, which is the trial; twice at most."""
+    """Correct what is active by how far it is off, which is the trial; twice at most."""
     for _ in range(2):
-        for i in range(q):
-            value = memory.trial[i]
-            for k in range(i):
-                value -= memory.factor[i, k] * memory.trial[k]
-            memory.trial[i] = value
+        for j in range(q):
+            memory.right[j] += memory.trial[j]
+            value = memory.trial[j]
+            for k in range(j):
+                value -= memory.factor[j, k] * memory.trial[k]
+            memory.trial[j] = value
+            memory.forward[j] += value
+        _move(memory, q, memory.trial, n, u)
         for j in range(q):
             memory.trial[j] *= memory.reciprocals[j]
         _back(memory, q, memory.trial)
-        for i in range(n):
-            memory.shift[i] = 0.0
         for j in range(q):
             memory.multipliers[j] += memory.trial[j]
-            for i in range(n):
-                memory.shift[i] += memory.trial[j] * memory.active[j, i]
-        for k in range(n):  # by the correction alone: large multipliers would lose it in their rounding
-            for i in range(k + 1):
-                u[i] -= memory.inverse[k, i] * memory.shift[k]
         _fill_residuals(program, memory, u, n, m)
         if not _is_off(program, memory, chosen, q, u, n, m):
             return
@@ -388,7 +448,7 @@ def _is_active(chosen, q, p):
 
 
 @_in_order
-def _drop_negative(memory, chosen, fixed, q, n):
+def _drop_negative(memory, chosen, fixed, q):
     """Take constraints away, the worst first, until no multiplier of the others is negative; return how many stay."""
     while True:
         _multipliers(memory, q)
@@ -398,7 +458,7 @@ def _drop_negative(memory, chosen, fixed, q, n):
                 least, out = memory.trial[j], j
         if out < 0:
             break
-        _remove(memory, chosen, q, out, n)
+        _remove(memory, chosen, q, out)
         q -= 1
     for j in range(q):
         memory.multipliers[j] = memory.trial[j]
@@ -414,8 +474,7 @@ def _start(program, memory, chosen, n, m):
         memory.trial[j] = float(chosen[1 + j])
     for p in range(m):
         if program.equal[p] > _EQUAL:
-            square, violation = _load(program, memory, p, n, m)
-            if fixed < room and _append(memory, chosen, fixed, p, square, violation, n):
+            if fixed < room and _append(program, memory, chosen, fixed, p, n, m):
                 fixed += 1
             else:
                 skipped = True
@@ -423,11 +482,10 @@ def _start(program, memory, chosen, n, m):
     for j in range(before):
         p = int(memory.trial[j])
         equation = p < m and program.equal[p] > _EQUAL
-        if 0 <= p < m + 2 * n and not equation and q < room and not _is_active(chosen, q, p):
-            square, violation = _load(program, memory, p, n, m)
-            if _append(memory, chosen, q, p, square, violation, n):
-                q += 1
-    return fixed, _drop_negative(memory, chosen, fixed, q, n), skipped
+        is_new = 0 <= p < m + 2 * n and not equation and not _is_active(chosen, q, p)
+        if is_new and q < room and _append(program, memory, chosen, q, p, n, m):
+            q += 1
+    return fixed, _drop_negative(memory, chosen, fixed, q), skipped
 
 
 @_in_order
@@ -439,16 +497,19 @@ def _row_residual(program, p, u, n):
 
 
 @shared
-def _size(program, p, n, m):
-    """Return 1 + |bound| + |a|₁ of a constraint: what its violation is to be compared with."""
+def _sizes(program, p, n, m):
+    """Return what a constraint's violation is compared with: 1 + |bound|, and with |a|₁ added."""
     if p >= m + n:
-        return 2.0 + abs(program.lower[p - m - n])
+        size = 1.0 + abs(program.lower[p - m - n])
+        return size, size + 1.0
     if p >= m:
-        return 2.0 + abs(program.upper[p - m])
+        size = 1.0 + abs(program.upper[p - m])
+        return size, size + 1.0
     size = 1.0 + abs(program.bounds[p])
+    whole = size
     for k in range(n):
-        size += abs(program.columns[k, p])
-    return size
+        whole += abs(program.columns[k, p])
+    return size, whole
 
 
 @shared
@@ -457,7 +518,7 @@ def _off(program, u, n, m):
     worst = 0.0
     for p in range(m):
         if program.equal[p] > _EQUAL and program.softness[p] == 0.0:
-            worst = max(worst, abs(_row_residual(program, p, u, n)) / _size(program, p, n, m))
+            worst = max(worst, abs(_row_residual(program, p, u, n)) / _sizes(program, p, n, m)[1])
     return worst
 
 
@@ -475,7 +536,7 @@ def _make_way(memory, fixed, q):
         largest = max(largest, abs(memory.trial[j]))
     step, out = math.inf, -1
     for j in range(fixed, q):
-        if memory.trial[j] > 1e-10 * largest and memory.multipliers[j] < step * memory.trial[j]:
+        if memory.trial[j] > 1e-12 * largest and memory.multipliers[j] < step * memory.trial[j]:
             step, out = memory.multipliers[j] / memory.trial[j], j
     if out >= 0:
         for j in range(q):
@@ -502,7 +563,7 @@ def _search(program, memory, chosen, fixed, q, skipped, n, m, limit, u):
             if out >= 0:
                 for j in range(q):
                     memory.multipliers[j] += step * (memory.trial[j] - memory.multipliers[j])
-                _remove(memory, chosen, q, out, n)
+                _remove(memory, chosen, q, out)
                 q -= 1
                 continue
             for j in range(q):
@@ -517,23 +578,23 @@ def _search(program, memory, chosen, fixed, q, skipped, n, m, limit, u):
             break
         gathered = 0.0
         while True:
-            square, violation = _load(program, memory, p, n, m)
-            if q == room:  # more than can be independent: rounding has let some through
+            if q == room:  # more than can be independent
                 status = INFEASIBLE
                 break
-            if _append(memory, chosen, q, p, square, violation, n):
+            if _append(program, memory, chosen, q, p, n, m):
                 memory.multipliers[q] = gathered
                 q += 1
                 break
-            if worst <= _CONSISTENT * _size(program, p, n, m):
-                status = SOLVED  # a copy of active ones, as near as rounding lets it be
-                break
             out, step = _make_way(memory, fixed, q)
             if out < 0:
-                status = INFEASIBLE
+                size, whole = _sizes(program, p, n, m)
+                if worst > _CONSISTENT * whole:
+                    status = INFEASIBLE
+                else:  # as near to active ones as rounding lets it be: on without it
+                    tolerance = max(tolerance, 1.01 * worst / size)
                 break
             gathered += step
-            _remove(memory, chosen, q, out, n)
+            _remove(memory, chosen, q, out)
             q -= 1
         if status != LIMIT:
             break
@@ -551,6 +612,7 @@ def solve_centered(program, memory, chosen, n, m, limit, u):
     none exists, the set is that of a contradiction: its last, beyond its size, cannot be kept together with the others.
     """
     fixed, q, skipped = 0, 0, False
+    memory.width[0] = float(n)
     equations = 0.0
     for p in range(m):
         equations += program.equal[p]
@@ -579,19 +641,8 @@ def solve_recentered(program, memory, chosen, n, m, limit, u):
         for k in range(j):
             value -= memory.factor[j, k] * memory.forward[k]
         memory.forward[j] = value
-    q = _drop_negative(memory, chosen, fixed, q, n)
+    q = _drop_negative(memory, chosen, fixed, q)
     return _search(program, memory, chosen, fixed, q, False, n, m, limit, u)
-
-
-@_in_order_once
-def tighten(program, memory, chosen, softness, n, m, u):
-    """Let rows of this softness, which made dependent ones solvable, no longer give way: what is active is kept."""
-    for p in range(m):
-        if program.softness[p] == softness:
-            program.softness[p] = 0.0
-    _fill_residuals(program, memory, u, n, m)
-    if _is_off(program, memory, chosen, chosen[0], u, n, m):
-        _refine(program, memory, chosen, chosen[0], u, n, m)
 
 
 @_in_order

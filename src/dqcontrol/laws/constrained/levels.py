@@ -25,17 +25,17 @@ from dqcontrol.laws.constrained.active_set import (
     scratch_size,
     solve_centered,
     solve_recentered,
-    tighten,
     to_center,
     unpack_program,
     unpack_scratch,
 )
 
-_RIDGE = 1e-6  # ρ² of least squares, relative to the largest row's square
+_RIDGE = 1e-7  # ρ² of least squares, relative to the largest row's square
 _ROUNDS = 30
+_RESTS = 1e-12  # how far a round moves z, relative to 1 + |z|, that has come to rest
+_ROUNDING = 1e-9  # the same of one that may move it by rounding, if it moves it no less than the one before
 _VIOLATED = 1e-10  # relative to 1 + |bound|
 _FIXED = 1e-10  # part of a row in the subspace, relative to the row, below which nothing moves it
-_HAIR = 4e-9  # softness of rows of length 1 where they look contradictory: just enough to be independent
 _EQUAL = 0.5
 
 
@@ -170,26 +170,6 @@ def _set_rows(given, work, program, levels, level, n, m, d):
 
 
 @shared
-def _solve_again(program, memory, chosen, d, rows, limit, z):
-    """Solve as `solve_centered`, once more from no set if that fails."""
-    status = LIMIT
-    for _ in range(2):
-        status = solve_centered(program, memory, chosen, d, rows, limit, z)
-        if status == SOLVED:
-            break
-        chosen[0] = 0
-    return status
-
-
-@shared
-def _loosen(program, rows, hair):
-    """Let rows that may not give way do so by a hair: z = 0 keeps them all, whatever rounding makes of them."""
-    for p in range(rows):
-        if program.softness[p] == 0.0:
-            program.softness[p] = hair
-
-
-@shared
 def _least_squares(program, memory, chosen, d, rows, limit, z):
     """Minimise the squares of the soft rows' violations, whatever their rank: the centre follows z until it rests.
 
@@ -200,13 +180,13 @@ def _least_squares(program, memory, chosen, d, rows, limit, z):
         for k in range(d):
             memory.inverse[j, k] = 1.0 if j == k else 0.0
         memory.center[j] = 0.0
-    status = SOLVED
+    status, before = LIMIT, math.inf
     for i in range(_ROUNDS):
-        status = LIMIT
         if i > 0:
             status = solve_recentered(program, memory, chosen, d, rows, limit, z)
         if status != SOLVED:
-            status = _solve_again(program, memory, chosen, d, rows, limit, z)
+            chosen[0] = 0
+            status = solve_centered(program, memory, chosen, d, rows, limit, z)
         if status != SOLVED:
             for j in range(d):
                 z[j] = memory.center[j]
@@ -215,8 +195,10 @@ def _least_squares(program, memory, chosen, d, rows, limit, z):
         for j in range(d):
             moved, size = max(moved, abs(z[j] - memory.center[j])), max(size, abs(z[j]))
             memory.center[j] = z[j]
-        if moved <= 1e-12 * (1.0 + size):
+        size += 1.0
+        if moved <= _RESTS * size or (moved <= _ROUNDING * size and moved > 0.5 * before):
             break
+        before = moved
     return status
 
 
@@ -295,20 +277,10 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         solver = unpack_scratch(work.rest[size:], d, rows, room)
         largest = _set_rows(given, work, program, levels, level, n, m, d)
         if largest > 0.0:
-            ridge, status, attempt = _RIDGE, LIMIT, 0
-            for attempt in range(4):  # a larger ρ needs more rounds, but loses fewer digits
-                if attempt == 3:
-                    _loosen(program, rows, _HAIR)
-                for p in range(m):
-                    if levels[p] == level:
-                        program.softness[p] = ridge * largest
-                chosen[0] = 0
-                status = _least_squares(program, solver, chosen, d, rows, limit, u)
-                if status == SOLVED:
-                    break
-                ridge *= 100.0
-            if status == SOLVED and attempt == 3:
-                tighten(program, solver, chosen, _HAIR, d, rows, u)
+            for p in range(m):
+                if levels[p] == level:
+                    program.softness[p] = _RIDGE * largest
+            status = _least_squares(program, solver, chosen, d, rows, limit, u)
             if answer == SOLVED:
                 answer = status
             _move(given, work, u, n, d)
@@ -324,12 +296,7 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
             return INDEFINITE
         to_center(program, solver, d)
         chosen[0] = 0
-        status = _solve_again(program, solver, chosen, d, rows, limit, u)
-        if status != SOLVED:
-            _loosen(program, rows, _HAIR)
-            status = _solve_again(program, solver, chosen, d, rows, limit, u)
-            if status == SOLVED:
-                tighten(program, solver, chosen, _HAIR, d, rows, u)
+        status = solve_centered(program, solver, chosen, d, rows, limit, u)
         if status == SOLVED:
             _move(given, work, u, n, d)
         elif answer == SOLVED:
