@@ -30,8 +30,9 @@ def skeleton(robot: Robot) -> Any:
     """Return an ``mjSpec`` with a robot's bodies, joints, hand and shapes, without its inertias.
 
     Body ``link_i`` is the frame of joint i after its screw; the joint carries its name in the robot and,
-    where both position limits are finite, its range (of one that follows another, what those of that one leave); the site ``hand`` is the tool. Capsules between the
-    joints and a drum on each joint axis are for pictures only: they have no mass and touch nothing.
+    where both position limits are finite, its range, of one that follows another what that one's leave; the
+    site ``hand`` is the tool. Capsules between the joints and a drum on each joint axis are for pictures
+    only: they have no mass and touch nothing.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def add_arm(parent: Any, robot: Robot) -> None:
 
 
 def skeleton_positions(robot: Robot, q: Array) -> Array:
-    """Return MuJoCo's coordinates of a `skeleton` at configurations (…, n): joints that follow others have their own."""
+    """Return MuJoCo's coordinates of a `skeleton` at configurations (…, n), with those that follow others."""
     return robot.joint_factors * q[..., robot.row_coordinates]
 
 
