@@ -1,4 +1,4 @@
-"""What kernels need and Numba's language lacks: calls by address, rows and matrices without checks."""
+"""What kernels need and Numba's language lacks: calls by address, matrices without checks."""
 
 from __future__ import annotations
 
@@ -33,10 +33,4 @@ def as_matrix(array: Any, rows: int, columns: int) -> Any:
     return array.reshape(rows, columns)
 
 
-def as_row(array: Any, start: int, size: int) -> Any:
-    """Return numbers of an array, in C order, from a place in it on."""
-    return array[start : start + size]
-
-
 numba_used.define_as_matrix(as_matrix)
-numba_used.define_as_row(as_row)

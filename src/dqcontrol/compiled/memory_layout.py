@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.intrinsics import as_matrix, as_row
+from dqcontrol.compiled.intrinsics import as_matrix
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
@@ -113,12 +113,12 @@ class MemoryLayout(Generic[Fields]):
             if not shape:
                 parts.append(f"memory[{place}]")
             else:
-                row = f"as_row(memory, {place}, {_product(shape)})"
+                row = f"memory[{place} : {place} + {_product(shape)}]"
                 parts.append(row if len(shape) == 1 else f"as_matrix({row}, {', '.join(map(str, shape))})")
             lines.append(f"    place{k} = {place} + {_product(shape)}")
             place = f"place{k}"
         lines.append(f"    return fields({', '.join(parts)})")
-        names = {"fields": self.fields, "as_matrix": as_matrix, "as_row": as_row}
+        names = {"fields": self.fields, "as_matrix": as_matrix}
         exec("\n".join(lines), names)
         return names["taken_apart"]
 

@@ -7,6 +7,7 @@ is documented alone. Both files define the same names.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from inspect import Parameter, Signature
@@ -18,13 +19,9 @@ from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.targetconfig import ConfigStack, TargetConfig
-from numba.core.typing.templates import (
-    _OverloadFunctionTemplate,
-    infer,
-    infer_global,
-    make_intrinsic_template,
-)
+from numba.core.targetconfig import TargetConfig
+from numba.core.types.functions import BaseFunction
+from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
 
 from dqcontrol.compiled import kernel_cache
 
@@ -39,6 +36,22 @@ def _values(flags: TargetConfig) -> dict[str, Any]:
 
 _defaults: dict[type, dict[str, Any]] = {}
 TargetConfig.values = _values  # type: ignore[method-assign] — the same in a tenth of the time
+
+
+def _call_type(function: Any, context: Any, arguments: Any, named: Any) -> Any:
+    """Return what a call is typed as; that of an operator with the same types is searched for once, not each time."""
+    if named or function.typing_key not in _OPERATORS:
+        return _search_call_type(function, context, arguments, named)
+    known = function.__dict__.setdefault("_known_call_types", {})
+    key = tuple(arguments)
+    if key not in known:
+        known[key] = _search_call_type(function, context, arguments, named)
+    return known[key]
+
+
+_OPERATORS = {each for each in vars(operator).values() if callable(each)}
+_search_call_type = BaseFunction.get_call_type
+BaseFunction.get_call_type = _call_type  # type: ignore[method-assign] — an eighth of the time to compile
 
 
 def jit(
@@ -140,21 +153,6 @@ def part_options(*, everywhere: bool, apart: bool = False) -> dict[str, Any]:
     }
 
 
-def _compiled_once(self: _OverloadFunctionTemplate, arguments: Any, named: Any) -> Any:
-    """Compile a part for all callers: Numba takes it anew for each set of their options, which ours do not inherit."""
-    if not issubclass(self._jit_options.get("pipeline_class", Compiler), _PartCompiler):
-        return _compiled_for_caller(self, arguments, named)
-    caller = ConfigStack.top_or_none()
-    key = self.context, tuple(arguments), tuple(named.items()), bool(caller and caller.debuginfo)
-    if key not in self._impl_cache:
-        self._impl_cache[key] = _compiled_for_caller(self, arguments, named)
-    return self._impl_cache[key]
-
-
-_compiled_for_caller = _OverloadFunctionTemplate._get_impl
-_OverloadFunctionTemplate._get_impl = _compiled_once  # type: ignore[method-assign]
-
-
 def _known_as(function: Callable[..., Any], definition: Callable[..., Any]) -> None:
     """Do what `intrinsic` does, for a function that Python can call too."""
     infer_global(function, types.Function(infer(make_intrinsic_template(function, definition, "call"))))
@@ -233,33 +231,6 @@ def _unchecked(typing_context, array, rows, columns):
 def define_as_matrix(as_matrix: Callable[..., Any]) -> None:
     """Let kernels call this function; ``reshape``, which checks, takes 10 ns more."""
     _known_as(as_matrix, _unchecked)
-
-
-def _row(typing_context, array, start, size):
-    from numba.core.imputils import impl_ret_borrowed
-    from numba.np.arrayobj import make_array, populate_array
-
-    def generate(context, builder, call, arguments):
-        source = make_array(array)(context, builder, arguments[0])
-        found = make_array(array)(context, builder)
-        start, size = arguments[1:]
-        populate_array(
-            found,
-            data=builder.gep(source.data, [start]),
-            shape=[size],
-            strides=[source.itemsize],
-            itemsize=source.itemsize,
-            meminfo=source.meminfo,
-            parent=source.parent,
-        )
-        return impl_ret_borrowed(context, builder, call.return_type, found._getvalue())
-
-    return array(array, types.intp, types.intp), generate
-
-
-def define_as_row(as_row: Callable[..., Any]) -> None:
-    """Let kernels call this function; a slice, which checks its ends, is ten times the code."""
-    _known_as(as_row, _row)
 
 
 class _Locator(_CacheLocator):  # Numba's methods, being abstract, are taken to return None
