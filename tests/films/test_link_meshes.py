@@ -9,7 +9,13 @@ import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose, translation
 from dqcontrol.films.framing import framing_of_arm
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
-from dqcontrol.plants.mujoco.mujoco_model import RODS, compiled, import_mujoco, skeleton
+from dqcontrol.plants.mujoco.mujoco_model import (
+    RODS,
+    compiled,
+    import_mujoco,
+    skeleton,
+    skeleton_positions,
+)
 
 pytest.importorskip("mujoco")
 pytest.importorskip("trimesh")
@@ -82,3 +88,29 @@ def test_arms_without_a_file_keep_their_rods():
     add_meshes(spec, arm, link_meshes(arm))
     model = compiled(spec)
     assert (model.geom_rgba[:, 3] == 1).all()
+
+
+GRIPPER = """<robot name="gripper">
+  <link name="foot"/><link name="wrist"/><link name="left"/><link name="right"/>
+  <joint name="turn" type="revolute"><parent link="foot"/><child link="wrist"/><axis xyz="1 0 0"/>
+    <origin xyz="0 0 0.3" rpy="0.1 0.2 0.3"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="left_finger" type="prismatic"><parent link="wrist"/><child link="left"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.1"/><mimic joint="right_finger" multiplier="-0.5" offset="0.01"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="right_finger" type="prismatic"><parent link="wrist"/><child link="right"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.04" velocity="1" effort="1"/></joint>
+</robot>"""
+
+
+def test_joints_that_follow_others_are_drawn_where_they_are(tmp_path):
+    (tmp_path / "gripper.urdf").write_text(GRIPPER)
+    robot, mujoco = dqc.load_tree(tmp_path / "gripper.urdf"), import_mujoco()
+    q = np.array([0.7, 0.03])
+    model = compiled(skeleton(robot))
+    data = mujoco.MjData(model)
+    data.qpos[:] = skeleton_positions(robot, q)
+    mujoco.mj_kinematics(model, data)
+    for i, frame in enumerate(robot.frames(q)[:3]):
+        assert np.allclose(data.body(f"link_{i + 1}").xpos, translation(frame), atol=1e-12)
+    assert data.joint("left_finger").qpos == pytest.approx(-0.015)
+    assert model.joint("left_finger").range == pytest.approx([-0.02, 0.0])

@@ -20,7 +20,7 @@ from dqcontrol.robots import (
     TwoArms,
     WholeBody,
 )
-from dqcontrol.robots.description import foot_below, rod_radii
+from dqcontrol.robots.description import foot_below, joint_range, rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
@@ -176,8 +176,7 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
 
 def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Any, Colour]]:
     """Yield the way along which joint i slides, if it has ends."""
-    at = robot.row_coordinates[i]
-    way = np.array([robot.limits.lower[at], robot.limits.upper[at]])
+    way = joint_range(robot, i) + robot.joint_offsets[i]
     if np.isfinite(way).all() and np.ptp(way) > 0:
         start, end = robot.chain[i, 4:7] + way[:, None] * pose_matrix(robot.chain[i, :7])[:3, 2]
         yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK

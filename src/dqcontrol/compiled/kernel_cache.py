@@ -25,6 +25,7 @@ import llvmlite.binding
 import numba
 
 from dqcontrol.errors import CacheWarning
+from dqcontrol.files.file_lock import locked
 from dqcontrol.files.whole_file import whole_file
 
 _PACKAGE = Path(__file__).parent.parent
@@ -155,14 +156,11 @@ def is_kept(function: Callable[..., Any]) -> bool:
 def one_process_at_a_time(function: Callable[..., Any]) -> Iterator[None]:
     """Let one process compile a kernel: others that need it wait, and then find it kept."""
     with ExitStack() as held:
-        with suppress(
-            ImportError, OSError
-        ):  # Windows, or a cache that cannot be written: each compiles its own
-            import fcntl
-
+        with suppress(OSError):  # a cache that cannot be written: each compiles its own
             if root() is not None:
                 name = module_folder(function.__module__) / f"{_place(function)}.lock"
-                fcntl.flock(held.enter_context(name.open("a")), fcntl.LOCK_EX)
+                if (lock := locked(name, waits=True)) is not None:
+                    held.callback(os.close, lock)
         yield
 
 

@@ -8,10 +8,11 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
+from dqcontrol.files.file_lock import locked
 from dqcontrol.files.whole_file import whole_file
 
 SPEC_FILE = "spec.yaml"  # every folder of results holds what it came from
@@ -80,7 +81,9 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-        lock = _locked(draft)
+        lock = None
+        with suppress(OSError):  # a file system without locks
+            lock = locked(draft)
         try:
             (draft / _CONTENTS).touch()  # says that it is ours, if this process is killed
             yield draft
@@ -131,29 +134,16 @@ def _clear_up(target: Path) -> None:
     for draft in target.parent.glob(f".{glob.escape(target.name)}-*"):
         if not re.fullmatch(r"\w{8}(-old)?", draft.name[len(target.name) + 2 :]) or draft.is_symlink():
             continue
-        if not (draft / _CONTENTS).is_file() or (lock := _locked(draft)) is None:
+        if not (draft / _CONTENTS).is_file():
             continue
-        with suppress(OSError):
+        with suppress(OSError), ExitStack() as held:  # it may be in use
+            if (lock := locked(draft)) is None:
+                continue
+            held.callback(os.close, lock)
             if draft.name.endswith("-old") and not target.exists():
                 draft.rename(target)
             else:
                 shutil.rmtree(draft)
-        os.close(lock)
-
-
-def _locked(folder: Path) -> int | None:
-    """Return a descriptor of a folder that no other living process holds, or None; the lock ends with this process."""
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return None
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
 
 
 def note_contents(folder: Path, more: Iterable[str] = ()) -> None:

@@ -11,6 +11,7 @@ from typing import Self
 from dqcontrol.errors import Error, ExistsError, writing
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import import_pyarrow
+from dqcontrol.files.file_lock import locked
 from dqcontrol.files.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
@@ -52,7 +53,10 @@ class WorkingFolder:
             folder.mkdir(parents=True, exist_ok=True)
             if not (folder / _FINGERPRINT).exists() and (foreign := _names(folder) - _FIRST):
                 raise ExistsError(f"{folder}: holds '{foreign.pop()}' and no unfinished study; move it away")
-            self._lock: int | None = _locked(folder / _LOCK)
+            try:
+                self._lock: int | None = locked(folder / _LOCK)
+            except BlockingIOError:
+                raise Error(f"{folder}: another process is at work on this study") from None
         try:
             self._begin(force)
         except BaseException:
@@ -126,18 +130,3 @@ def working_folder(folder: Path) -> Path:
 
 def _names(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
-
-
-def _locked(path: Path) -> int:
-    """Return a descriptor of a file that no other living process holds; the lock ends with this process."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        import fcntl
-    except ImportError:  # Windows
-        return descriptor
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        raise Error(f"{path.parent}: another process is at work on this study") from None
-    return descriptor

@@ -302,8 +302,7 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
     around = None if kept is None else KeptScene(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
-    is_tree = isinstance(robot, TreeRobot) and not robot.bases and not robot.follows
-    if isinstance(robot, SerialArm) or is_tree:
+    if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):
         return film_arm(robot, plant, record, [each for _, each in further], around)
     return film_physics(
         robot, *_in_physics(robot, plant, record), [_in_physics(robot, *each) for each in further]

@@ -14,7 +14,7 @@ from dqcontrol.films.drawn_scene import DrawnScene
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm, some_samples
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton, skeleton_positions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,13 +81,13 @@ def film_arm(
     return Film(
         spec,
         framing,
-        lambda _: record.q,
+        lambda _: skeleton_positions(robot, record.q),
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
         is_overlaid=not boxes,
         decorations=(1 + len(actual)) * _PIECES + len(balls) + len(boxes) + (around.most if around else 0),
-        further=[lambda _, q=each.q: q for each in further],
+        further=[lambda _, q=each.q: skeleton_positions(robot, q) for each in further],
     )
 
 

@@ -20,7 +20,7 @@ from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.films.offscreen import offscreen, render
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.films.scene_background import add_scene_background
-from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton
+from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton, skeleton_positions
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -149,7 +149,7 @@ def _picture(
     options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
 
     def pose_arm(q: Array) -> None:
-        data.qpos[:] = q
+        data.qpos[:] = skeleton_positions(robot, q)
         mujoco.mj_kinematics(model, data)
         mujoco.mj_camlight(model, data)
 

@@ -118,6 +118,14 @@ def foot_below(robot: Robot, row: int) -> Array:
     return robot.chain[row, 4:7] * [1, 1, 0]
 
 
+def joint_range(robot: Robot, row: int) -> Array:
+    """Return the ends of the joint at a row of `Robot.chain` without its offset, rad or m."""
+    at = robot.row_coordinates[row]
+    with np.errstate(invalid="ignore"):  # a factor of 0 times an infinite limit
+        ends = robot.joint_factors[row] * np.array([robot.limits.lower[at], robot.limits.upper[at]])
+    return np.sort(ends)
+
+
 def rod_radii(robot: Robot) -> Array:
     """Return the radius, m, of what is drawn at each row of `Robot.chain`: less towards the hands."""
     depth = _lengths_and_depths(robot)[1]

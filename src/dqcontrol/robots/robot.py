@@ -141,6 +141,16 @@ class Robot(InverseKinematics):
         return np.arange(self.configuration_size)
 
     @property
+    def row_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of the rows of `chain`."""
+        return self.joint_names
+
+    @property
+    def joint_factors(self) -> Array:
+        """What the coordinate of each joint is multiplied by for its screw, in the order of `chain`."""
+        return np.ones(self.configuration_size)
+
+    @property
     def joint_offsets(self) -> Array:
         """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
         return np.zeros(self.configuration_size)

@@ -284,6 +284,16 @@ class TreeRobot(Robot):
         return tuple(name for i, name in enumerate(self.joint_names) if i in followed)
 
     @property
+    def row_names(self) -> tuple[str, ...]:
+        """Names of the joints in the order of the rows of `chain`, those that follow others included."""
+        return self.joints.names or self.joint_names
+
+    @property
+    def joint_factors(self) -> Array:
+        """What the coordinate of each joint is multiplied by for its screw, in the order of `chain`."""
+        return self.joints.multiplier
+
+    @property
     def joint_offsets(self) -> Array:
         """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
         return self.joints.offset

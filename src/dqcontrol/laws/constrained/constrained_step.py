@@ -51,12 +51,21 @@ from dqcontrol.laws.constrained.constraint_layout import (
     MOST_CUTS,
     ROUNDS,
     SIGHT,
+    box_of,
     head,
+    kept_of,
+    limits_of,
+    lines_of,
     memory_of,
+    objective_of,
     parameters_of,
+    path_of,
+    placed_of,
     report_of,
     room_for_soft,
     row_of,
+    scene_of,
+    way_of,
     work_of,
 )
 from dqcontrol.laws.constrained.constraint_rows import (
@@ -96,266 +105,288 @@ CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, READ, WRITE,
 
 
 @shared
-def _set_box(given, memory, work, q, period):
+def _set_box(limits, coordinate, box, sent, q, period):
     """Write what each input may be: within limits of speed, able to brake before its end, and near its last value."""
-    for j in range(work.low.shape[0]):
-        angle, most, fastest = q[int(given.coordinate[j])], given.acceleration[j], given.velocity[j]
-        up = min(fastest_stoppable(given.upper[j] - angle, most, period), fastest)
-        down = -min(fastest_stoppable(angle - given.lower[j], most, period), fastest)
-        work.rough_low[j], work.rough_high[j] = down, up
-        last, change = memory.sent[j], most * period
+    for j in range(box.low.shape[0]):
+        angle, most, fastest = q[int(coordinate[j])], limits.acceleration[j], limits.velocity[j]
+        up = min(fastest_stoppable(limits.upper[j] - angle, most, period), fastest)
+        down = -min(fastest_stoppable(angle - limits.lower[j], most, period), fastest)
+        box.rough_low[j], box.rough_high[j] = down, up
+        last, change = sent[j], most * period
         low, high = max(down, last - change), min(up, last + change)
         if low > high:  # it cannot brake in time: as hard as it may
             low = high = min(max(last, min(down, up)), max(down, up))
             low = high = min(max(low, last - change), last + change)
-            work.rough_low[j], work.rough_high[j] = min(down, low), max(up, high)
-        work.low[j], work.high[j] = low, high
+            box.rough_low[j], box.rough_high[j] = min(down, low), max(up, high)
+        box.low[j], box.high[j] = low, high
 
 
 @shared
-def _fastest_change(levers, work):
+def _fastest_change(levers, box):
     """Return how fast a row can change with inputs inside the box."""
     total = 0.0
     for j in range(levers.shape[0]):
-        total += levers[j] * max(abs(work.low[j]), abs(work.high[j]))
+        total += levers[j] * max(abs(box.low[j]), abs(box.high[j]))
     return total
 
 
 @shared
-def _add_row(work, count, capacity, bound, owner, required):
+def _add_row(lines, count, capacity, bound, owner, required):
     """Make room for a row; return its place, that of the one that matters least if there is none, −1 if it does."""
     place = count
     if count >= capacity:
         place = 0
         for i in range(1, capacity):
-            if work.bounds[i] > work.bounds[place]:
+            if lines.bounds[i] > lines.bounds[place]:
                 place = i
-        if work.bounds[place] <= bound:
+        if lines.bounds[place] <= bound:
             return -1
-    work.bounds[place], work.owners[place], work.required[place] = bound, float(owner), required
-    work.press[place] = 0.0
+    lines.bounds[place], lines.owners[place], lines.required[place] = bound, float(owner), required
+    lines.press[place] = 0.0
     return place
 
 
 @shared
-def _collect_at(given, work, screws, report, settings, g, count):
+def _collect_at(kept, way, scene, placed, path, box, lines, screws, report, settings, g, count):
     """Find the distances that this period can matter to at a point of the way, as rows of the program."""
     capacity = int(settings.capacity) - MOST_CUTS
-    meets, share = given.meets[g, 0], given.meets[g, 1]
-    before = 0.0 if g == 0 else given.meets[g - 1, 0] + settings.period * given.meets[g - 1, 1]
-    is_way = given.shares.shape[0] > 1
-    for i in range(given.rows.shape[0]):
-        row = row_of(given.rows[i])
+    meets, share = way.meets[g, 0], way.meets[g, 1]
+    before = 0.0 if g == 0 else way.meets[g - 1, 0] + settings.period * way.meets[g - 1, 1]
+    is_way = way.shares.shape[0] > 1
+    for i in range(kept.rows.shape[0]):
+        row = row_of(kept.rows[i])
         name = int(row.name)
         span = 1.0 / settings.rate + settings.late
-        reach = row.kept + (_fastest_change(given.levers[i], work) + row.speed) * span
-        if row.kind == APART and row.b >= given.bodies.shape[0]:
-            drift = work.drift[int(row.b) - given.bodies.shape[0]]
+        reach = row.kept + (_fastest_change(kept.levers[i], box) + row.speed) * span
+        if row.kind == APART and row.b >= scene.bodies.shape[0]:
+            drift = placed.drift[int(row.b) - scene.bodies.shape[0]]
             reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) * span
         if row.kind == APART:
-            apart = farther_than(work, row)
+            apart = farther_than(placed, row)
             if apart > reach and apart > report.least[name]:
                 continue
-        value = value_of(given, work, row)
+        value = value_of(scene, placed, row)
         report.least[name] = min(report.least[name], value)
         if value > reach:
             continue
-        drift = share * write_line(given, work, row, screws, work.line)
+        drift = share * write_line(scene, placed, row, screws, lines.line)
         give = max(settings.rate * (value - row.kept), -settings.recovery) - row.speed
-        place = _add_row(work, count, capacity, give + drift, i, value - settings.period * give)
+        place = _add_row(lines, count, capacity, give + drift, i, value - settings.period * give)
         if place >= 0:
-            for j in range(work.line.shape[0]):
-                work.lines[place, j] = given.shares[g, int(given.coordinate[j])] * work.line[j]
-            work.value[place], work.points[place], work.alone[place] = value, float(g), drift
-            work.nearest[i] = min(work.nearest[i], value - row.speed * meets)
+            for j in range(lines.line.shape[0]):
+                lines.gradients[place, j] = way.shares[g, int(way.coordinate[j])] * lines.line[j]
+            lines.value[place], lines.points[place], lines.alone[place] = value, float(g), drift
+            lines.nearest[i] = min(lines.nearest[i], value - row.speed * meets)
             if is_way:
                 passed = meets + settings.period * share - before
-                work.dips[i] = max(work.dips[i], dip_between(given, work, i, screws, passed))
+                lines.dips[i] = max(
+                    lines.dips[i], dip_between(scene, placed, path, row, kept.levers[i], screws, passed)
+                )
             count += 1 if place == count else 0
     return count
 
 
 @shared
-def _collect(kinematics, chain, given, memory, work, report, settings, time, sample):
+def _collect(kinematics, chain, kept, way, scene, placed, path, box, lines, report, settings, time, sample):
     """Find the distances that this period can matter to, as rows of the program; return how many.
 
     At all points of the way the same is asked for: what the least of them may become.
     """
-    count, last, period = 0, given.shares.shape[0] - 1, settings.period
-    for i in range(given.rows.shape[0]):
-        work.nearest[i], work.dips[i] = math.inf, 0.0
+    count, last, period = 0, way.shares.shape[0] - 1, settings.period
+    for i in range(kept.rows.shape[0]):
+        lines.nearest[i], lines.dips[i] = math.inf, 0.0
     for g in range(last + 1):
         if g < last:
-            _place_on_way(given, memory, work, work.config, g)
+            _place_on_way(way, path, path.start, g)
         else:
-            for i in range(work.config.shape[0]):
-                work.trial[i] = work.config[i]
+            for i in range(path.start.shape[0]):
+                path.trial[i] = path.start[i]
         if last > 0:
-            _measure_step(given, memory, work, g, period)
-            place_frames(chain, work.trial, given, work)
-        place_bodies(given, work)
-        place_obstacles(given, work, time, sample, given.meets[g, 0], period * given.meets[g, 1], period)
+            _measure_step(way, path, box, g, period)
+            place_frames(chain, path.trial, scene, placed)
+        place_bodies(scene, placed)
+        place_obstacles(scene, placed, time, sample, way.meets[g, 0], period * way.meets[g, 1], period)
+        screws = placed.first_screws
         if g < last:
-            write_screws(kinematics, chain, work.trial, given, work)
-            count = _collect_at(given, work, work.screws, report, settings, g, count)
-        else:
-            count = _collect_at(given, work, work.first_screws, report, settings, g, count)
+            write_screws(kinematics, chain, path.trial, scene, placed)
+            screws = placed.screws
+        count = _collect_at(kept, way, scene, placed, path, box, lines, screws, report, settings, g, count)
     for i in range(count):
-        owner, g = int(work.owners[i]), int(work.points[i])
-        row = row_of(given.rows[owner])
-        least = work.nearest[owner]
-        give = max(settings.rate * (least - row.kept - work.dips[owner]), -settings.recovery)
-        lead = work.value[i] - least - row.speed * given.meets[g, 0]
-        give += lead / period - row.speed * given.meets[g, 1]
-        work.bounds[i], work.required[i] = give + work.alone[i], work.value[i] - period * give
+        owner, g = int(lines.owners[i]), int(lines.points[i])
+        row = row_of(kept.rows[owner])
+        least = lines.nearest[owner]
+        give = max(settings.rate * (least - row.kept - lines.dips[owner]), -settings.recovery)
+        lead = lines.value[i] - least - row.speed * way.meets[g, 0]
+        give += lead / period - row.speed * way.meets[g, 1]
+        lines.bounds[i], lines.required[i] = give + lines.alone[i], lines.value[i] - period * give
     return count
 
 
 @inline
-def _follow(given, memory, period):
+def _follow(times, memory, period):
     """Let the joints follow their target for a period, as far as that is known."""
     for i in range(memory.joint.shape[0]):
         left = 0.0
-        if given.times[i] > 0.0:
-            left = math.exp(-period / given.times[i])
+        if times[i] > 0.0:
+            left = math.exp(-period / times[i])
         memory.joint[i] = memory.target[i] + (memory.joint[i] - memory.target[i]) * left
 
 
 @inline
-def _place_on_way(given, memory, work, target, g):
+def _place_on_way(way, path, target, g):
     """Write the configuration at a point of the way to a target."""
     for i in range(target.shape[0]):
-        work.trial[i] = memory.joint[i] + given.shares[g, i] * (target[i] - memory.joint[i])
+        path.trial[i] = path.joint[i] + way.shares[g, i] * (target[i] - path.joint[i])
 
 
 @shared
-def _measure_step(given, memory, work, g, period):
+def _measure_step(way, path, box, g, period):
     """Write how far inputs are from the last point of the way to this one, with any command of the box at most."""
-    for j in range(work.step.shape[0]):
-        i = int(given.coordinate[j])
-        share = given.shares[g, i] - (0.0 if g == 0 else given.shares[g - 1, i])
-        left = work.config[i] - memory.joint[i]
-        most = abs(left) + period * max(abs(work.low[j]), abs(work.high[j]))
-        work.step[j], work.reach[j], work.off[j] = share * left, share * most, given.bent[i] * most
+    for j in range(path.step.shape[0]):
+        i = int(way.coordinate[j])
+        share = way.shares[g, i] - (0.0 if g == 0 else way.shares[g - 1, i])
+        left = path.start[i] - path.joint[i]
+        most = abs(left) + period * max(abs(box.low[j]), abs(box.high[j]))
+        path.step[j], path.reach[j], path.off[j] = share * left, share * most, way.bent[i] * most
 
 
 @shared
-def _line_change(work, i, u):
+def _line_change(gradients, i, u):
     """Return how row i changes with an input, m/s or rad/s."""
     change = 0.0
     for j in range(u.shape[0]):
-        change += work.lines[i, j] * u[j]
+        change += gradients[i, j] * u[j]
     return change
 
 
 @shared
-def _keeps(given, work, count, u):
+def _keeps(kept, box, lines, count, u):
     """Return whether an input keeps box, rims and rows as they stand."""
     for j in range(u.shape[0]):
-        if not work.low[j] <= u[j] <= work.high[j]:
+        if not box.low[j] <= u[j] <= box.high[j]:
             return False
     for i in range(count):
-        if not _line_change(work, i, u) + work.bounds[i] >= -_SMALL * (1.0 + abs(work.bounds[i])):
+        if not _line_change(lines.gradients, i, u) + lines.bounds[i] >= -_SMALL * (
+            1.0 + abs(lines.bounds[i])
+        ):
             return False
-    for k in range(given.drives.shape[0]):
-        j = int(given.drives[k, 0]) - k
-        if abs(u[j]) + given.drives[k, RIM_LEVER] * abs(u[j + 1]) > given.rims[k]:
+    for k in range(kept.drives.shape[0]):
+        j = int(kept.drives[k, 0]) - k
+        if abs(u[j]) + kept.drives[k, RIM_LEVER] * abs(u[j + 1]) > kept.rims[k]:
             return False
     return True
 
 
 @shared
-def _place_after(kinematics, chain, given, memory, work, settings, u, time, sample, g, screws):
+def _place_after(kinematics, chain, drives, way, scene, placed, path, period, u, time, sample, g, screws):
     """Place everything where a point of the way leads to that an input gives, with screws if asked for."""
-    period = settings.period
-    for i in range(work.trial.shape[0]):
-        work.trial[i] = work.config[i]
-    advance(given.drives, u, period, work.trial)
-    if g < given.shares.shape[0] - 1:
-        _place_on_way(given, memory, work, work.trial, g)
-    place_frames(chain, work.trial, given, work)
-    place_bodies(given, work)
-    span = period * given.meets[g, 1]
-    place_obstacles(given, work, time, sample, given.meets[g, 0] + span, span, period)
+    for i in range(path.trial.shape[0]):
+        path.trial[i] = path.start[i]
+    advance(drives, u, period, path.trial)
+    if g < way.shares.shape[0] - 1:
+        _place_on_way(way, path, path.trial, g)
+    place_frames(chain, path.trial, scene, placed)
+    place_bodies(scene, placed)
+    span = period * way.meets[g, 1]
+    place_obstacles(scene, placed, time, sample, way.meets[g, 0] + span, span, period)
     if screws:
-        write_screws(kinematics, chain, work.trial, given, work)
+        write_screws(kinematics, chain, path.trial, scene, placed)
 
 
 @shared
-def _add_cut(given, work, settings, i, count, short, u):
+def _add_cut(way, lines, capacity, i, count, short, u):
     """Add the picture of row i at an input, whose line is written, where it is short by so much, m/s or rad/s."""
-    if count >= int(settings.capacity):
+    if count >= capacity:
         return count
-    g = int(work.points[i])
+    g = int(lines.points[i])
     bound = -short
     for j in range(u.shape[0]):
-        work.lines[count, j] = given.shares[g, int(given.coordinate[j])] * work.line[j]
-        bound -= work.lines[count, j] * u[j]
-    work.bounds[count], work.owners[count], work.points[count] = bound, work.owners[i], work.points[i]
-    work.required[count], work.press[count] = work.required[i], 0.0
+        lines.gradients[count, j] = way.shares[g, int(way.coordinate[j])] * lines.line[j]
+        bound -= lines.gradients[count, j] * u[j]
+    lines.bounds[count], lines.owners[count], lines.points[count] = bound, lines.owners[i], lines.points[i]
+    lines.required[count], lines.press[count] = lines.required[i], 0.0
     return count + 1
 
 
 @shared
-def _verify(kinematics, chain, given, memory, work, settings, originals, count, u, time, sample, adds):
+def _verify(
+    kinematics,
+    chain,
+    kept,
+    way,
+    scene,
+    placed,
+    path,
+    lines,
+    settings,
+    originals,
+    count,
+    u,
+    time,
+    sample,
+    adds,
+):
     """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
 
     Distances from convex things whose line leaves more room than their curvature can take are sure, and not computed.
     """
-    period, last = settings.period, given.shares.shape[0] - 1
+    period, last, capacity = settings.period, way.shares.shape[0] - 1, int(settings.capacity)
     worst, worst_ahead = 0.0, 0.0
     for g in range(last + 1):
-        placed = False
+        is_placed = False
         for i in range(originals):
-            if int(work.points[i]) != g:
+            if int(lines.points[i]) != g:
                 continue
-            owner = int(work.owners[i])
-            row = row_of(given.rows[owner])
-            spare = _line_change(work, i, u) + work.bounds[i]
-            if row.kind == APART and spare >= 0.5 * period * curvature(given.levers[owner], u):
+            owner = int(lines.owners[i])
+            row = row_of(kept.rows[owner])
+            spare = _line_change(lines.gradients, i, u) + lines.bounds[i]
+            if row.kind == APART and spare >= 0.5 * period * curvature(kept.levers[owner], u):
                 continue
-            if not placed:
-                placed = True
-                _place_after(kinematics, chain, given, memory, work, settings, u, time, sample, g, adds)
-            value = value_of(given, work, row)
-            short = work.required[i] - value
+            if not is_placed:
+                is_placed = True
+                _place_after(
+                    kinematics, chain, kept.drives, way, scene, placed, path, period, u, time, sample, g, adds
+                )
+            value = value_of(scene, placed, row)
+            short = lines.required[i] - value
             worst = max(worst, short)
             if adds and short > _SHORT:
-                write_line(given, work, row, work.screws, work.line)
-                count = _add_cut(given, work, settings, i, count, short / period, u)
+                write_line(scene, placed, row, placed.screws, lines.line)
+                count = _add_cut(way, lines, capacity, i, count, short / period, u)
             if g == last and (row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT):
-                ahead = look_ahead(given, work, row, value, u, 1.0 / settings.rate - period, work.line)
-                short = min(row.kept, work.required[i]) - ahead
+                ahead = look_ahead(scene, placed, row, value, u, 1.0 / settings.rate - period, lines.line)
+                short = min(row.kept, lines.required[i]) - ahead
                 worst_ahead = max(worst_ahead, short)
                 if adds and short > _FAR_SHORT:
-                    count = _add_cut(given, work, settings, i, count, short * settings.rate, u)
+                    count = _add_cut(way, lines, capacity, i, count, short * settings.rate, u)
     return count, worst, worst_ahead
 
 
 @shared
-def _fill_program(given, work, count, soft, m, drives):
+def _fill_program(kept, box, lines, objective, memory, count, soft, m):
     """Write rows (−∇d·u ≤ bound), limits of rims, and limits of acceleration as soft rows; return how many rows."""
+    drives = kept.drives.shape[0]
     rows = count + 4 * drives + (2 * m if soft else 0)
-    program = unpack_program(work.program, m, rows)
+    program = unpack_program(memory, m, rows)
     for i in range(m):
         for j in range(m):
-            program.hessian[i, j] = work.hessian[i, j]
+            program.hessian[i, j] = objective.hessian[i, j]
         program.gradient[i] = 0.0
-        program.lower[i] = work.rough_low[i] if soft else work.low[i]
-        program.upper[i] = work.rough_high[i] if soft else work.high[i]
+        program.lower[i] = box.rough_low[i] if soft else box.low[i]
+        program.upper[i] = box.rough_high[i] if soft else box.high[i]
     for i in range(count):
-        program.bounds[i], program.softness[i], program.equal[i] = work.bounds[i], 0.0, 0.0
+        program.bounds[i], program.softness[i], program.equal[i] = lines.bounds[i], 0.0, 0.0
         for j in range(m):
-            program.columns[j, i] = -work.lines[i, j]
+            program.columns[j, i] = -lines.gradients[i, j]
     place = count
     for k in range(drives):
-        at = int(given.drives[k, 0]) - k
+        at = int(kept.drives[k, 0]) - k
         for side in range(4):
             for j in range(m):
                 program.columns[j, place] = 0.0
             program.columns[at, place] = 1.0 if side < 2 else -1.0
-            program.columns[at + 1, place] = given.drives[k, RIM_LEVER] * (1.0 if side % 2 == 0 else -1.0)
-            program.bounds[place], program.softness[place], program.equal[place] = given.rims[k], 0.0, 0.0
+            program.columns[at + 1, place] = kept.drives[k, RIM_LEVER] * (1.0 if side % 2 == 0 else -1.0)
+            program.bounds[place], program.softness[place], program.equal[place] = kept.rims[k], 0.0, 0.0
             place += 1
     if soft:
         for j in range(m):
@@ -363,170 +394,235 @@ def _fill_program(given, work, count, soft, m, drives):
                 for i in range(m):
                     program.columns[i, place] = 0.0
                 program.columns[j, place] = 1.0 if side == 0 else -1.0
-                program.bounds[place] = work.high[j] if side == 0 else -work.low[j]
+                program.bounds[place] = box.high[j] if side == 0 else -box.low[j]
                 program.softness[place], program.equal[place] = _SOFT, 0.0
                 place += 1
     return rows
 
 
 @shared
-def _solve(given, work, chosen, count, u, m, drives, soft):
+def _solve(kept, box, lines, objective, work, chosen, count, u, soft):
     """Solve the program about the wish; return the status, and write how hard rows press."""
-    rows = _fill_program(given, work, count, soft, m, drives)
+    m = u.shape[0]
+    rows = _fill_program(kept, box, lines, objective, work.program, count, soft, m)
     program = unpack_program(work.program, m, rows)
     room = room_for_soft(m)
     memory = unpack_scratch(work.solver, m, rows, room)
     if not invert_factor(program.hessian, memory.inverse, m):
         return INDEFINITE
     for j in range(m):
-        memory.center[j] = work.wish[j]
+        memory.center[j] = objective.wish[j]
     chosen[0] = 0
     status = solve_centered(program, memory, chosen[0 : room + 2], m, rows, _ITERATIONS, u)
     for i in range(count):
-        work.press[i] = 0.0
+        lines.press[i] = 0.0
     if status == SOLVED:
         for j in range(chosen[0]):
             if chosen[1 + j] < count:
-                work.press[chosen[1 + j]] = memory.multipliers[j]
+                lines.press[chosen[1 + j]] = memory.multipliers[j]
     return status
 
 
 @shared
-def _solve_levels(given, work, chosen, levels, count, u, m, drives):
+def _solve_levels(kept, box, lines, objective, work, chosen, levels, count, u):
     """Violate the rows least, level by level; limits of rims and the box hold."""
-    rows = _fill_program(given, work, count, False, m, drives)
+    m = u.shape[0]
+    rows = _fill_program(kept, box, lines, objective, work.program, count, False, m)
     program = unpack_program(work.program, m, rows)
     most = 0
     for i in range(rows):
-        level = int(row_of(given.rows[int(work.owners[i])]).level) + 1 if i < count else 0
+        level = int(row_of(kept.rows[int(lines.owners[i])]).level) + 1 if i < count else 0
         levels[i] = level
         most = max(most, level)
     for i in range(m):
         program.gradient[i] = 0.0
-        program.lower[i], program.upper[i] = work.rough_low[i], work.rough_high[i]
+        program.lower[i], program.upper[i] = box.rough_low[i], box.rough_high[i]
         for j in range(m):
-            program.gradient[i] -= program.hessian[i, j] * work.wish[j]
+            program.gradient[i] -= program.hessian[i, j] * objective.wish[j]
     return solve_by_levels(
         work.program, levels[0:rows], most + 1, m, rows, _ITERATIONS, work.levels, u, chosen
     )
 
 
 @shared
-def _hand_speed(work, u, angular):
+def _hand_speed(hand, u, angular):
     """Return |[l ω ; v]| of the hand."""
     total = 0.0
     for k in range(6):
         value = 0.0
         for j in range(u.shape[0]):
-            value += work.hand[k, j] * u[j]
+            value += hand[k, j] * u[j]
         total += value * value * (angular if k < 3 else 1.0)
     return math.sqrt(total)
 
 
 @shared
-def _write_objective(work, settings, metric, m):
+def _write_objective(objective, settings, metric, m):
     for i in range(m):
         for j in range(i + 1):
             value = settings.free if i == j else 0.0
             if metric.shape[0] > 0:
                 value += metric[m * i + j]
             for k in range(6):
-                value += work.hand[k, i] * work.hand[k, j] * (settings.angular if k < 3 else 1.0)
-            work.hessian[i, j] = value
-            work.hessian[j, i] = value
+                value += objective.hand[k, i] * objective.hand[k, j] * (settings.angular if k < 3 else 1.0)
+            objective.hessian[i, j] = value
+            objective.hessian[j, i] = value
 
 
 @shared
-def _clip(work, u, low, high):
+def _clip(u, low, high):
     for j in range(u.shape[0]):
         u[j] = min(max(u[j], low[j]), high[j])
 
 
 @shared
-def _scale_back(kinematics, chain, given, memory, work, settings, count, u, worst, time, sample):
+def _scale_back(
+    kinematics, chain, kept, way, scene, placed, path, lines, best, settings, count, u, worst, time, sample
+):
     """Halve an input that leaves a row short until it does not; return the share that is left, of the best one."""
     for j in range(u.shape[0]):
-        work.best[j] = u[j]
+        best[j] = u[j]
     share, best_share = 1.0, 1.0
     for _ in range(_HALVINGS):
         share *= 0.5
         for j in range(u.shape[0]):
             u[j] *= 0.5
         _, short, _ = _verify(
-            kinematics, chain, given, memory, work, settings, count, count, u, time, sample, False
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            lines,
+            settings,
+            count,
+            count,
+            u,
+            time,
+            sample,
+            False,
         )
         if short < worst:
             worst, best_share = short, share
             for j in range(u.shape[0]):
-                work.best[j] = u[j]
+                best[j] = u[j]
         if worst <= _ACCEPTED:
             break
     for j in range(u.shape[0]):
-        u[j] = work.best[j]
+        u[j] = best[j]
     return best_share
 
 
 @shared
 def _constrain(
-    kinematics, chain, given, memory, work, settings, metric, report, chosen, levels, count, u, time, sample
+    kinematics,
+    chain,
+    kept,
+    way,
+    scene,
+    placed,
+    path,
+    box,
+    lines,
+    objective,
+    work,
+    settings,
+    metric,
+    report,
+    count,
+    u,
+    time,
+    sample,
 ):
     """Replace a wish that does not keep everything by the nearest command that does."""
-    m, drives, originals = u.shape[0], given.drives.shape[0], count
+    m, originals = u.shape[0], count
+    sets, most_rows = work.sets.view(np.intp), int(settings.capacity) + 2 * m + 4 * kept.drives.shape[0]
+    levels, chosen = sets[0:most_rows], sets[most_rows:]
     soft, is_violated, worst = False, False, 0.0
-    _write_objective(work, settings, metric, m)
+    _write_objective(objective, settings, metric, m)
     for i in range(ROUNDS):
         report.numbers[1] = i + 1.0
-        status = _solve(given, work, chosen, count, u, m, drives, soft)
+        status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
         if status != SOLVED and not soft:
             soft = True
-            status = _solve(given, work, chosen, count, u, m, drives, soft)
+            status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
         if status != SOLVED:
-            _solve_levels(given, work, chosen, levels, count, u, m, drives)
+            _solve_levels(kept, box, lines, objective, work, chosen, levels, count, u)
             is_violated = True
         if soft or is_violated:
-            _clip(work, u, work.rough_low, work.rough_high)
+            _clip(u, box.rough_low, box.rough_high)
         else:
-            _clip(work, u, work.low, work.high)
+            _clip(u, box.low, box.high)
         if is_violated:
             break
         more, worst, _ = _verify(
-            kinematics, chain, given, memory, work, settings, originals, count, u, time, sample, True
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            lines,
+            settings,
+            originals,
+            count,
+            u,
+            time,
+            sample,
+            True,
         )
         if more == count:
             break
         count = more
     if worst > _ACCEPTED and not is_violated:
         report.numbers[2] = _scale_back(
-            kinematics, chain, given, memory, work, settings, originals, u, worst, time, sample
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            lines,
+            objective.best,
+            settings,
+            originals,
+            u,
+            worst,
+            time,
+            sample,
         )
     return count
 
 
 @shared
-def _go_aside(work, memory, settings, metric, u):
+def _go_aside(objective, solver, memory, settings, metric, u):
     """Replace the wish while the hand goes aside: by the least motion that moves it so and turns it little."""
     m = u.shape[0]
     memory.escape[1] -= settings.period
-    inverse = as_matrix(work.solver[0 : m * m], m, m)
-    _write_objective(work, settings, metric, m)
-    if not invert_factor(work.hessian, inverse, m):
+    inverse = as_matrix(solver[0 : m * m], m, m)
+    _write_objective(objective, settings, metric, m)
+    if not invert_factor(objective.hessian, inverse, m):
         return
     for i in range(m):
         value = 0.0
         for k in range(i + 1):
             for axis in range(3):
-                value += inverse[i, k] * work.hand[3 + axis, k] * settings.escape * memory.aside[axis]
-        work.best[i] = value
+                value += inverse[i, k] * objective.hand[3 + axis, k] * settings.escape * memory.aside[axis]
+        objective.best[i] = value
     for k in range(m):
         value = 0.0
         for i in range(k, m):
-            value += inverse[i, k] * work.best[i]
+            value += inverse[i, k] * objective.best[i]
         u[k] = value
-        work.wish[k] = value
+        objective.wish[k] = value
 
 
 @shared
-def _watch_for_deadlock(work, memory, settings, report):
+def _watch_for_deadlock(objective, memory, settings, report):
     """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go."""
     asked, speed = report.numbers[4], report.numbers[5]
     is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
@@ -534,10 +630,10 @@ def _watch_for_deadlock(work, memory, settings, report):
     if memory.escape[0] < _HELD + 1.5 * settings.period or memory.escape[2] >= _TRIES:
         return
     x, y, z = 0.0, 0.0, 0.0
-    for j in range(work.wish.shape[0]):
-        x += work.hand[3, j] * work.wish[j]
-        y += work.hand[4, j] * work.wish[j]
-        z += work.hand[5, j] * work.wish[j]
+    for j in range(objective.wish.shape[0]):
+        x += objective.hand[3, j] * objective.wish[j]
+        y += objective.hand[4, j] * objective.wish[j]
+        z += objective.hand[5, j] * objective.wish[j]
     size = math.sqrt(x * x + y * y + z * z)
     if size < 0.5 * asked:  # it is its turning that is held
         return
@@ -557,52 +653,55 @@ def _watch_for_deadlock(work, memory, settings, report):
 
 
 @shared
-def _report(given, memory, work, report, settings, originals, count, u):
+def _report(limits, rows, lines, objective, report, settings, sent, originals, count, u):
     """Write which rows pressed and gave way."""
     for i in range(count):
-        name = int(row_of(given.rows[int(work.owners[i])]).name)
-        if work.press[i] > 0.0:
+        name = int(row_of(rows[int(lines.owners[i])]).name)
+        if lines.press[i] > 0.0:
             report.numbers[0] += 1.0
-            report.pressure[name] += work.press[i]
+            report.pressure[name] += lines.press[i]
         if i < originals:
-            slack = -_line_change(work, i, u) - work.bounds[i]
+            slack = -_line_change(lines.gradients, i, u) - lines.bounds[i]
             if slack > _GAVE_WAY:
                 report.slack[name] = max(report.slack[name], slack)
     for j in range(u.shape[0]):
-        most = given.acceleration[j] * settings.period
+        most = limits.acceleration[j] * settings.period
         if most < math.inf:
-            report.numbers[3] = max(report.numbers[3], abs(u[j] - memory.sent[j]) / most - 1.0)
-    report.numbers[4] = _hand_speed(work, work.wish, settings.angular)
-    report.numbers[5] = _hand_speed(work, u, settings.angular)
+            report.numbers[3] = max(report.numbers[3], abs(u[j] - sent[j]) / most - 1.0)
+    report.numbers[4] = _hand_speed(objective.hand, objective.wish, settings.angular)
+    report.numbers[5] = _hand_speed(objective.hand, u, settings.angular)
 
 
 @inline
-def _parts(parameters, scratch, settings, n, m):
-    """Return what is given and the scratch by name."""
-    shapes, obstacles, drives = int(settings.shapes), int(settings.obstacles), int(settings.drives)
-    frames, screws = int(settings.frames), int(settings.screws)
-    given = parameters_of(
-        parameters,
-        n,
-        m,
-        frames,
-        screws,
+def _given(parameters, settings, n, m):
+    """Return what is given by name."""
+    return parameters_of(parameters, n, m, int(settings.rows), int(settings.drives), int(settings.points))
+
+
+@inline
+def _scene(given, settings):
+    return scene_of(
+        given.scene,
+        int(settings.frames),
+        int(settings.screws),
         int(settings.tree),
-        shapes,
-        obstacles,
-        int(settings.rows),
-        drives,
-        int(settings.points),
+        int(settings.shapes),
+        int(settings.obstacles),
         int(settings.moving),
     )
-    work = work_of(
+
+
+@inline
+def _work(scratch, settings, n, m):
+    """Return the scratch by name."""
+    return work_of(
         scratch,
         n,
         m,
-        frames,
-        screws,
-        shapes,
-        obstacles,
+        int(settings.frames),
+        int(settings.screws),
+        int(settings.shapes),
+        int(settings.obstacles),
         int(settings.rows),
         int(settings.names),
         int(settings.capacity),
@@ -611,7 +710,12 @@ def _parts(parameters, scratch, settings, n, m):
         int(settings.levels),
         int(settings.sets),
     )
-    return given, work
+
+
+@inline
+def _placed(work, settings, m):
+    frames, screws = int(settings.frames), int(settings.screws)
+    return placed_of(work.placed, m, frames, screws, int(settings.shapes), int(settings.obstacles))
 
 
 @kernel(CONSTRAINT)
@@ -619,88 +723,110 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
     settings = head(parameters)
-    names, capacity, drives = int(settings.names), int(settings.capacity), int(settings.drives)
-    given, work = _parts(parameters, scratch, settings, n, m)
+    names, rows = int(settings.names), int(settings.rows)
+    given, work = _given(parameters, settings, n, m), _work(scratch, settings, n, m)
+    limits, way = limits_of(given.limits, m), way_of(given.way, n, m, int(settings.points))
+    kept, scene = kept_of(given.kept, m, rows, int(settings.drives)), _scene(given, settings)
+    box, placed, path = box_of(work.box, m), _placed(work, settings, m), path_of(work.path, n, m)
+    lines, objective = lines_of(work.lines, m, int(settings.capacity), rows), objective_of(work.objective, m)
     memory = memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
     report = report_of(work.report, names)
     check = 0.0
     for j in range(m):
-        work.wish[j] = u[j]
+        objective.wish[j] = u[j]
         check += 0.0 * u[j]
     if check != 0.0:
         return NOT_FINITE
     for i in range(n):
-        work.config[i] = q[i]
+        path.start[i] = q[i]
     for i in range(6):
         for j in range(m):
-            work.jacobian[i, j] = twist_jacobian[i, j]
+            objective.jacobian[i, j] = twist_jacobian[i, j]
     branches = settings.tree != 0.0
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
                 memory.target[i] = memory.joint[i] = q[i]
         else:
-            advance(given.drives, memory.sent, settings.period, memory.target)
-            _follow(given, memory, settings.period)
+            advance(kept.drives, memory.sent, settings.period, memory.target)
+            _follow(way.times, memory, settings.period)
         for i in range(n):
-            work.config[i] = memory.target[i]
+            path.start[i], path.joint[i] = memory.target[i], memory.joint[i]
     if settings.integrates != 0.0 or branches:
-        status = call_chain(kinematics, chain, work.config, work.buffer)
+        status = call_chain(kinematics, chain, path.start, placed.buffer)
         if status != OK:
             return status
-        _, _, moved = split(work.buffer)
+        _, _, moved = split(placed.buffer)
         for i in range(6):
             for j in range(m):
-                work.jacobian[i, j] = moved[i, j]
+                objective.jacobian[i, j] = moved[i, j]
     memory.started[0] = 1.0
-    status = place_frames(chain, work.config, given, work)
+    status = place_frames(chain, path.start, scene, placed)
     if status != OK:
         return status
     if branches:
-        hand_jacobian(position(work.buffer[0:8]), work.jacobian, work.hand)
-        write_tree_screws(work.config, given, work)
+        hand_jacobian(position(placed.buffer[0:8]), objective.jacobian, objective.hand)
+        write_tree_screws(path.start, scene, placed)
     else:
-        hand_jacobian(position(work.frames[8 * n : 8 * n + 8]), work.jacobian, work.hand)
+        hand_jacobian(position(placed.frames[8 * n : 8 * n + 8]), objective.jacobian, objective.hand)
     for i in range(6):
-        for j in range(work.screws.shape[1]):
-            work.first_screws[i, j] = work.screws[i, j] if branches else work.jacobian[i, j]
+        for j in range(placed.screws.shape[1]):
+            placed.first_screws[i, j] = placed.screws[i, j] if branches else objective.jacobian[i, j]
     if memory.escape[1] > 0.0:
-        _go_aside(work, memory, settings, metric, u)
+        _go_aside(objective, work.solver, memory, settings, metric, u)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
         report.numbers[i] = 0.0
     report.numbers[2], report.numbers[3] = 1.0, -1.0
-    _set_box(given, memory, work, work.config, settings.period)
+    _set_box(limits, way.coordinate, box, memory.sent, path.start, settings.period)
     time = sample[TIME]
-    originals = _collect(kinematics, chain, given, memory, work, report, settings, time, k)
+    originals = _collect(
+        kinematics, chain, kept, way, scene, placed, path, box, lines, report, settings, time, k
+    )
     count, short, ahead = originals, math.inf, 0.0
-    if _keeps(given, work, count, u):
+    if _keeps(kept, box, lines, count, u):
         _, short, ahead = _verify(
-            kinematics, chain, given, memory, work, settings, originals, count, u, time, k, False
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            lines,
+            settings,
+            originals,
+            count,
+            u,
+            time,
+            k,
+            False,
         )
     if short > _ACCEPTED or ahead > _FAR_SHORT:
-        sets = work.sets.view(np.intp)
-        rows = capacity + 2 * m + 4 * drives
         count = _constrain(
             kinematics,
             chain,
-            given,
-            memory,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            box,
+            lines,
+            objective,
             work,
             settings,
             metric,
             report,
-            sets[rows:],
-            sets[0:rows],
             count,
             u,
             time,
             k,
         )
-    _report(given, memory, work, report, settings, originals, count, u)
+    _report(limits, kept.rows, lines, objective, report, settings, memory.sent, originals, count, u)
     if settings.escape > 0.0 and memory.escape[1] <= 0.0:
-        _watch_for_deadlock(work, memory, settings, report)
+        _watch_for_deadlock(objective, memory, settings, report)
     return OK
 
 
@@ -713,13 +839,15 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
     """Write the distances and angles of all rows at configurations and times."""
     settings = head(parameters)
     n, m = q.shape[1], int(settings.inputs)
-    given, work = _parts(parameters, scratch, settings, n, m)
+    given, work = _given(parameters, settings, n, m), _work(scratch, settings, n, m)
+    kept = kept_of(given.kept, m, int(settings.rows), int(settings.drives))
+    scene, placed = _scene(given, settings), _placed(work, settings, m)
     for i in range(q.shape[0]):
-        status = place_frames(chain, q[i], given, work)
+        status = place_frames(chain, q[i], scene, placed)
         if status != OK:
             return status
-        place_bodies(given, work)
-        place_obstacles(given, work, times[i], int(samples[i]), 0.0, settings.period, settings.period)
-        for k in range(given.rows.shape[0]):
-            out[i, k] = value_of(given, work, row_of(given.rows[k]))
+        place_bodies(scene, placed)
+        place_obstacles(scene, placed, times[i], int(samples[i]), 0.0, settings.period, settings.period)
+        for k in range(kept.rows.shape[0]):
+            out[i, k] = value_of(scene, placed, row_of(kept.rows[k]))
     return OK

@@ -147,15 +147,61 @@ screw_of = MemoryLayout(Screw)
 SCREW = screw_of.size()
 
 
-class ConstraintParameters(NamedTuple):
-    """What is given.
+class InputLimits(NamedTuple):
+    """Limits of each input, infinite where it has none."""
+
+    lower: Annotated[Array, "m"]
+    upper: Annotated[Array, "m"]
+    velocity: Annotated[Array, "m"]
+    acceleration: Annotated[Array, "m"]
+
+
+class Way(NamedTuple):
+    """The way to targets.
 
     Attributes
     ----------
-    head
-        See `Head`.
-    lower, upper, velocity, acceleration, coordinate
-        Limits of each input, infinite where it has none, and the coordinate that it moves.
+    times
+        Of each coordinate: time constant of its lag, s.
+    shares, meets, bent
+        See `WayToTargets`.
+    coordinate
+        The one that each input moves.
+    """
+
+    times: Annotated[Array, "n"]
+    shares: Annotated[Array, "points", "n"]
+    meets: Annotated[Array, "points", 2]
+    bent: Annotated[Array, "n"]
+    coordinate: Annotated[Array, "m"]
+
+
+class Kept(NamedTuple):
+    """What commands keep beside their limits.
+
+    Attributes
+    ----------
+    rows
+        See `Row`.
+    levers
+        Of each row: how fast it can change per unit of each input, not growing from the first input on.
+    drives
+        As the robot has them.
+    rims
+        Speed limit of each drive's rim.
+    """
+
+    rows: Annotated[Array, "rows", ROW]
+    levers: Annotated[Array, "rows", "m"]
+    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
+    rims: Annotated[Array, "drives"]
+
+
+class Scene(NamedTuple):
+    """Shapes, what moves them, and what stands around them.
+
+    Attributes
+    ----------
     carriers
         Of each frame, the base's first, the last screw that moves it; −1 for none.
     screws
@@ -166,42 +212,40 @@ class ConstraintParameters(NamedTuple):
         Frame of each shape of the robot, and its numbers in that frame.
     obstacles
         Numbers of each, where it is at the start.
-    rows
-        See `Row`.
-    levers
-        Of each row: how fast it can change per unit of each input, not growing from the first input on.
-    drives
-        As the robot has them, and below them the speed limit of each one's rim.
-    rims
-        See ``drives``.
-    times
-        Of each coordinate: time constant of its lag, s.
-    shares, meets, bent
-        See `WayToTargets`.
     table
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
 
-    head: Annotated[Array, HEAD]
-    lower: Annotated[Array, "m"]
-    upper: Annotated[Array, "m"]
-    velocity: Annotated[Array, "m"]
-    acceleration: Annotated[Array, "m"]
-    coordinate: Annotated[Array, "m"]
     carriers: Annotated[Array, "frames + 1"]
     screws: Annotated[Array, "screws", SCREW]
     tree: Annotated[Array, "tree", COLUMNS]
     bodies: Annotated[Array, "shapes", BODY + 1]
     obstacles: Annotated[Array, "obstacles", OBSTACLE]
-    rows: Annotated[Array, "rows", ROW]
-    levers: Annotated[Array, "rows", "m"]
-    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
-    rims: Annotated[Array, "drives"]
-    times: Annotated[Array, "n"]
-    shares: Annotated[Array, "points", "n"]
-    meets: Annotated[Array, "points", 2]
-    bent: Annotated[Array, "n"]
     table: Annotated[Array, ..., "6 * moving + 1"]
+
+
+limits_of = MemoryLayout(InputLimits, "m")
+way_of = MemoryLayout(Way, "n", "m", "points")
+kept_of = MemoryLayout(Kept, "m", "rows", "drives")
+scene_of = MemoryLayout(Scene, "frames", "screws", "tree", "shapes", "obstacles", "moving")
+
+
+class ConstraintParameters(NamedTuple):
+    """What is given.
+
+    Attributes
+    ----------
+    head
+        See `Head`.
+    limits, way, kept, scene
+        See `InputLimits`, `Way`, `Kept`, `Scene`.
+    """
+
+    head: Annotated[Array, HEAD]
+    limits: Annotated[Array, limits_of.sized("m")]
+    way: Annotated[Array, way_of.sized("n", "m", "points")]
+    kept: Annotated[Array, kept_of.sized("m", "rows", "drives")]
+    scene: Annotated[Array, ...]
 
 
 class ConstraintMemory(NamedTuple):
@@ -253,55 +297,37 @@ class Report(NamedTuple):
     slack: Annotated[Array, "names"]
 
 
-class ConstraintWork(NamedTuple):
-    """Scratch.
+report_of = MemoryLayout(Report, "names")
 
-    Attributes
-    ----------
-    report
-        See `Report`.
-    config, trial
-        Configuration where rows are made, and that a period later.
-    wish, best
-        What the law asks, and the best of several answers.
-    low, high, rough_low, rough_high
-        Box of each input with its limit of acceleration and without.
-    frames, places
-        Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
-    screws, first_screws
-        What moves frames, in the world; and those at the configuration.
-    world
-        All shapes where they are.
-    drift
-        Velocities of obstacles.
-    found, line
-        Of one pair, and how the inputs change its distance.
-    buffer, hand, jacobian
-        Kinematics of the chain; Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
-    lines, bounds, owners, points, required, value, press
-        Rows of the program, those that verification adds at the end: gradient of the distance, bound, which row of the
-        constraints, at which point of the way, what it has to be after this period, what it is, multiplier.
-    alone
-        How fast the value of each of them changes by itself.
-    nearest, dips
-        Of each row of the constraints: least value on the way, and how much less it may be between points of it.
-    step, reach, off
-        Of each input, from the last point of the way to this one: what it has to make, what it has to make at most with
-        the next command, and how much of that off the line between both.
-    hessian
-        H.
-    program, solver, levels, sets
-        Memory of the solvers.
-    """
 
-    report: Annotated[Array, "3 * names + 6"]
-    config: Annotated[Array, "n"]
-    trial: Annotated[Array, "n"]
-    wish: Annotated[Array, "m"]
+class Box(NamedTuple):
+    """What each input may be, with its limit of acceleration and without."""
+
     low: Annotated[Array, "m"]
     high: Annotated[Array, "m"]
     rough_low: Annotated[Array, "m"]
     rough_high: Annotated[Array, "m"]
+
+
+class Placed(NamedTuple):
+    """Where everything of a `Scene` is.
+
+    Attributes
+    ----------
+    frames, places
+        Of all joints, as dual quaternions, and as rotation matrix and position (12) from the base's on.
+    screws, first_screws
+        What moves frames, in the world; and those at the configuration where rows are made.
+    world
+        All shapes.
+    drift
+        Velocities of obstacles.
+    found
+        Of one pair.
+    buffer
+        Kinematics of the chain.
+    """
+
     frames: Annotated[Array, "8 * (frames + 1)"]
     places: Annotated[Array, "frames + 1", 12]
     screws: Annotated[Array, 6, "screws"]
@@ -309,11 +335,48 @@ class ConstraintWork(NamedTuple):
     world: Annotated[Array, "shapes + obstacles", BODY]
     drift: Annotated[Array, "obstacles", 3]
     found: Annotated[Array, FOUND]
-    line: Annotated[Array, "m"]
     buffer: Annotated[Array, "8 + 14 * m"]
-    hand: Annotated[Array, 6, "m"]
-    jacobian: Annotated[Array, 6, "m"]
-    lines: Annotated[Array, "capacity", "m"]
+
+
+class Path(NamedTuple):
+    """Where a `Way` leads.
+
+    Attributes
+    ----------
+    start, trial
+        Configuration where rows are made, and another one that is looked at.
+    joint
+        Where the joints are.
+    step, reach, off
+        Of each input, from the last point of the way to this one: what it has to make, what it has to make at most with
+        the next command, and how much of that off the line between both.
+    """
+
+    start: Annotated[Array, "n"]
+    trial: Annotated[Array, "n"]
+    joint: Annotated[Array, "n"]
+    step: Annotated[Array, "m"]
+    reach: Annotated[Array, "m"]
+    off: Annotated[Array, "m"]
+
+
+class Lines(NamedTuple):
+    """Rows of the program, those that verification adds at the end.
+
+    Attributes
+    ----------
+    gradients, bounds, owners, points, required, value, press
+        Gradient of the distance, bound, which row of the constraints, at which point of the way, what it has to be
+        after this period, what it is, multiplier.
+    alone
+        How fast the value of each of them changes by itself.
+    nearest, dips
+        Of each row of the constraints: least value on the way, and how much less it may be between points of it.
+    line
+        How the inputs change one distance.
+    """
+
+    gradients: Annotated[Array, "capacity", "m"]
     bounds: Annotated[Array, "capacity"]
     owners: Annotated[Array, "capacity"]
     points: Annotated[Array, "capacity"]
@@ -323,33 +386,63 @@ class ConstraintWork(NamedTuple):
     alone: Annotated[Array, "capacity"]
     nearest: Annotated[Array, "rows"]
     dips: Annotated[Array, "rows"]
-    step: Annotated[Array, "m"]
-    reach: Annotated[Array, "m"]
-    off: Annotated[Array, "m"]
+    line: Annotated[Array, "m"]
+
+
+class Objective(NamedTuple):
+    """What the command is to be near to.
+
+    Attributes
+    ----------
+    wish, best
+        What the law asks, and the best of several answers.
+    hand, jacobian
+        Jacobian of the hand's [ω ; ṗ], and of twists, at the configuration.
+    hessian
+        H.
+    """
+
+    wish: Annotated[Array, "m"]
     best: Annotated[Array, "m"]
+    hand: Annotated[Array, 6, "m"]
+    jacobian: Annotated[Array, 6, "m"]
     hessian: Annotated[Array, "m", "m"]
+
+
+box_of = MemoryLayout(Box, "m")
+placed_of = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles")
+path_of = MemoryLayout(Path, "n", "m")
+lines_of = MemoryLayout(Lines, "m", "capacity", "rows")
+objective_of = MemoryLayout(Objective, "m")
+
+
+class ConstraintWork(NamedTuple):
+    """Scratch.
+
+    Attributes
+    ----------
+    report
+        See `Report`.
+    box, placed, path, lines, objective
+        See `Box`, `Placed`, `Path`, `Lines`, `Objective`.
+    program, solver, levels, sets
+        Memory of the solvers.
+    """
+
+    report: Annotated[Array, report_of.sized("names")]
+    box: Annotated[Array, box_of.sized("m")]
+    placed: Annotated[Array, placed_of.sized("m", "frames", "screws", "shapes", "obstacles")]
+    path: Annotated[Array, path_of.sized("n", "m")]
+    lines: Annotated[Array, lines_of.sized("m", "capacity", "rows")]
+    objective: Annotated[Array, objective_of.sized("m")]
     program: Annotated[Array, "program"]
     solver: Annotated[Array, "solver"]
     levels: Annotated[Array, "levels"]
     sets: Annotated[Array, "sets"]
 
 
-parameters_of = MemoryLayout(
-    ConstraintParameters,
-    "n",
-    "m",
-    "frames",
-    "screws",
-    "tree",
-    "shapes",
-    "obstacles",
-    "rows",
-    "drives",
-    "points",
-    "moving",
-)
+parameters_of = MemoryLayout(ConstraintParameters, "n", "m", "rows", "drives", "points")
 memory_of = MemoryLayout(ConstraintMemory, "n", "m")
-report_of = MemoryLayout(Report, "names")
 work_of = MemoryLayout(
     ConstraintWork,
     "n",
@@ -407,11 +500,20 @@ __all__ = [
     "STILL",
     "STRAIGHT",
     "VELOCITY",
+    "Box",
     "ConstraintMemory",
     "ConstraintParameters",
     "ConstraintWork",
     "Head",
+    "InputLimits",
+    "Kept",
+    "Lines",
+    "Objective",
+    "Path",
+    "Placed",
     "Report",
     "Row",
+    "Scene",
     "Screw",
+    "Way",
 ]

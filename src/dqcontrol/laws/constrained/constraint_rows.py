@@ -31,7 +31,6 @@ from dqcontrol.laws.constrained.constraint_layout import (
     SIGHT,
     STRAIGHT,
     VELOCITY,
-    row_of,
     screw_of,
 )
 from dqcontrol.robots.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames, split
@@ -41,29 +40,29 @@ _PARALLEL = 1e-9  # sine of an angle below which the plane in which it opens is 
 
 
 @shared
-def place_frames(chain, config, given, work):
+def place_frames(chain, config, scene, placed):
     """Write rotation matrix and position of the base and of all joint frames at a configuration."""
-    if given.tree.shape[0] > 0:
-        status = place_tree(given.tree, config, work.frames)
+    if scene.tree.shape[0] > 0:
+        status = place_tree(scene.tree, config, placed.frames)
     else:
-        status = joint_frames(chain, config, work.frames)
-    place = work.places[0]
+        status = joint_frames(chain, config, placed.frames)
+    place = placed.places[0]
     for k in range(12):
         place[k] = 1.0 if k == 0 or k == 4 or k == 8 else 0.0
-    for i in range(given.carriers.shape[0] - 1):
+    for i in range(scene.carriers.shape[0] - 1):
         w, x, y, z = (
-            work.frames[8 * i],
-            work.frames[8 * i + 1],
-            work.frames[8 * i + 2],
-            work.frames[8 * i + 3],
+            placed.frames[8 * i],
+            placed.frames[8 * i + 1],
+            placed.frames[8 * i + 2],
+            placed.frames[8 * i + 3],
         )
         a, b, c, d = (
-            work.frames[8 * i + 4],
-            work.frames[8 * i + 5],
-            work.frames[8 * i + 6],
-            work.frames[8 * i + 7],
+            placed.frames[8 * i + 4],
+            placed.frames[8 * i + 5],
+            placed.frames[8 * i + 6],
+            placed.frames[8 * i + 7],
         )
-        place = work.places[i + 1]
+        place = placed.places[i + 1]
         place[0] = 1.0 - 2.0 * (y * y + z * z)
         place[1] = 2.0 * (x * y - w * z)
         place[2] = 2.0 * (x * z + w * y)
@@ -80,24 +79,24 @@ def place_frames(chain, config, given, work):
 
 
 @shared
-def write_screws(kinematics, chain, config, given, work):
+def write_screws(kinematics, chain, config, scene, placed):
     """Write the screws that move the frames that `place_frames` placed."""
-    if given.tree.shape[0] > 0:
-        write_tree_screws(config, given, work)
+    if scene.tree.shape[0] > 0:
+        write_tree_screws(config, scene, placed)
         return
-    call_chain(kinematics, chain, config, work.buffer)
-    _, _, twists = split(work.buffer)
+    call_chain(kinematics, chain, config, placed.buffer)
+    _, _, twists = split(placed.buffer)
     for i in range(6):
-        for j in range(work.screws.shape[1]):
-            work.screws[i, j] = twists[i, j]
+        for j in range(placed.screws.shape[1]):
+            placed.screws[i, j] = twists[i, j]
 
 
 @inline
-def write_tree_screws(config, given, work):
+def write_tree_screws(config, scene, placed):
     """Write the screws of a tree's joints, whose axes are the z axes of their frames."""
-    screws = work.screws
+    screws = placed.screws
     for i in range(screws.shape[1]):
-        place, kind = work.places[i + 1], given.tree[1 + i, 7]
+        place, kind = placed.places[i + 1], scene.tree[1 + i, 7]
         zx, zy, zz = place[2], place[5], place[8]
         px, py, pz = place[9], place[10], place[11]
         if kind == REVOLUTE:
@@ -105,7 +104,7 @@ def write_tree_screws(config, given, work):
             screws[3, i], screws[4, i], screws[5, i] = py * zz - pz * zy, pz * zx - px * zz, px * zy - py * zx
             continue
         if kind == HEADING:
-            angle = config[int(screw_of(given.screws[i]).heading)]
+            angle = config[int(screw_of(scene.screws[i]).heading)]
             c, s = math.cos(angle), math.sin(angle)
             zx, zy, zz = c * zx + s * place[0], c * zy + s * place[3], c * zz + s * place[6]
         screws[0, i], screws[1, i], screws[2, i] = 0.0, 0.0, 0.0
@@ -130,11 +129,11 @@ def _put(place, body, at, out, to):
 
 
 @shared
-def place_bodies(given, work):
+def place_bodies(scene, placed):
     """Write the shapes of the robot where its frames are."""
-    for s in range(given.bodies.shape[0]):
-        body, out = given.bodies[s, 1:], work.world[s]
-        place = work.places[int(given.bodies[s, 0])]
+    for s in range(scene.bodies.shape[0]):
+        body, out = scene.bodies[s, 1:], placed.world[s]
+        place = placed.places[int(scene.bodies[s, 0])]
         if body[KIND] == ROUND:
             out[KIND], out[RADIUS], out[8], out[9] = ROUND, body[RADIUS], body[8], body[9]
             _put(place, body, CORE, out, CORE)
@@ -150,19 +149,19 @@ def place_bodies(given, work):
 
 
 @inline
-def _shift(given, at, sample, ahead, period):
+def _shift(scene, at, sample, ahead, period):
     """Return how far what follows the table has moved, some time after a sample."""
     whole = int(ahead / period)
-    row, rest = given.table[min(max(sample + whole, 0), given.table.shape[0] - 1)], ahead - whole * period
+    row, rest = scene.table[min(max(sample + whole, 0), scene.table.shape[0] - 1)], ahead - whole * period
     return row[at] + rest * row[at + 3], row[at + 1] + rest * row[at + 4], row[at + 2] + rest * row[at + 5]
 
 
 @shared
-def place_obstacles(given, work, time, sample, ahead, span, period):
+def place_obstacles(scene, placed, time, sample, ahead, span, period):
     """Write the obstacles where they are some time after a sample, and how they move in a span after that."""
-    first = given.bodies.shape[0]
-    for o in range(given.obstacles.shape[0]):
-        body, out, drift = given.obstacles[o], work.world[first + o], work.drift[o]
+    first = scene.bodies.shape[0]
+    for o in range(scene.obstacles.shape[0]):
+        body, out, drift = scene.obstacles[o], placed.world[first + o], placed.drift[o]
         for k in range(SHAPE + 4):
             out[k] = body[k]
         for k in range(3):
@@ -177,8 +176,8 @@ def place_obstacles(given, work, time, sample, ahead, span, period):
             x, y, z = (time + ahead) * drift[0], (time + ahead) * drift[1], (time + ahead) * drift[2]
         elif motion == BY_TABLE:
             at = 6 * int(body[PLACE])
-            x, y, z = _shift(given, at, sample, ahead, period)
-            a, b, c = _shift(given, at, sample, ahead + span, period)
+            x, y, z = _shift(scene, at, sample, ahead, period)
+            a, b, c = _shift(scene, at, sample, ahead + span, period)
             drift[0], drift[1], drift[2] = (a - x) / span, (b - y) / span, (c - z) / span
         if body[KIND] == PLANE:
             out[OFFSET] += x * body[NORMAL] + y * body[NORMAL + 1] + z * body[NORMAL + 2]
@@ -189,9 +188,9 @@ def place_obstacles(given, work, time, sample, ahead, span, period):
 
 
 @inline
-def farther_than(work, row):
+def farther_than(placed, row):
     """Return a distance that two shapes are apart at least, by the balls around them."""
-    a, b = work.world[int(row.a)], work.world[int(row.b)]
+    a, b = placed.world[int(row.a)], placed.world[int(row.b)]
     if b[KIND] == PLANE:
         height = a[BALL] * b[NORMAL] + a[BALL + 1] * b[NORMAL + 1] + a[BALL + 2] * b[NORMAL + 2]
         return height - b[OFFSET] - a[BALL + 3]
@@ -215,36 +214,36 @@ def _angle(ax, ay, az, bx, by, bz):
 
 
 @inline
-def _target(given, work, row):
+def _target(scene, placed, row):
     """Return camera axis, place, and the unit vector and distance to the target of a line of sight."""
-    place = work.places[int(row.a)]
+    place = placed.places[int(row.a)]
     lx, ly, lz = turned(place, row.axis[0], row.axis[1], row.axis[2])
     px, py, pz = turned(place, row.other[0], row.other[1], row.other[2])
     px, py, pz = px + place[9], py + place[10], pz + place[11]
-    target = work.world[given.bodies.shape[0] + int(row.b)]
+    target = placed.world[scene.bodies.shape[0] + int(row.b)]
     bx, by, bz = target[BALL] - px, target[BALL + 1] - py, target[BALL + 2] - pz
     far = max(math.sqrt(bx * bx + by * by + bz * bz), 1e-6)
     return lx, ly, lz, px, py, pz, bx / far, by / far, bz / far, far
 
 
 @shared
-def value_of(given, work, row):
+def value_of(scene, placed, row):
     """Return a distance, or how much room an angle has, and write what was found about the pair."""
     if row.kind <= INSIDE:
-        a, b = work.world[int(row.a)], work.world[int(row.b)]
-        find_distance(a, b, work.found)
-        return work.found[0] if row.kind == APART else -work.found[0] - 2.0 * a[RADIUS]
+        a, b = placed.world[int(row.a)], placed.world[int(row.b)]
+        find_distance(a, b, placed.found)
+        return placed.found[0] if row.kind == APART else -placed.found[0] - 2.0 * a[RADIUS]
     if row.kind <= AT_LEAST:
-        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        lx, ly, lz = turned(placed.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
         angle, _, _, _ = _angle(lx, ly, lz, row.other[0], row.other[1], row.other[2])
         return row.limit - angle if row.kind == AT_MOST else angle - row.limit
-    lx, ly, lz, _, _, _, bx, by, bz, _ = _target(given, work, row)
+    lx, ly, lz, _, _, _, bx, by, bz, _ = _target(scene, placed, row)
     angle, _, _, _ = _angle(lx, ly, lz, bx, by, bz)
     return row.limit - angle
 
 
 @inline
-def _add_distance(given, found, sign, screws, a, b, line):
+def _add_distance(joints, found, sign, screws, a, b, line):
     """Add ±(c × n, n)·J, + for what carries a alone, − for what carries b alone: screws on the way between both.
 
     The rate of a distance is the reciprocal product of the contact normal, as a line n + ε c × n, with the screws.
@@ -256,7 +255,7 @@ def _add_distance(given, found, sign, screws, a, b, line):
     while a != b:
         side = sign if a > b else -sign
         k = max(a, b)
-        screw = screw_of(given.screws[k])
+        screw = screw_of(joints[k])
         if a > b:
             a = int(screw.above)
         else:
@@ -277,11 +276,11 @@ def _add_distance(given, found, sign, screws, a, b, line):
 
 
 @inline
-def _twist_of(given, screws, k, u):
+def _twist_of(joints, screws, k, u):
     """Return the twist [ω ; ṗ + p × ω] that inputs give what joint k carries."""
     a, b, c, x, y, z = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     while k >= 0:
-        screw = screw_of(given.screws[k])
+        screw = screw_of(joints[k])
         if screw.input >= 0.0:
             rate = screw.scale * u[int(screw.input)]
             a, b, c = a + screws[0, k] * rate, b + screws[1, k] * rate, c + screws[2, k] * rate
@@ -291,11 +290,11 @@ def _twist_of(given, screws, k, u):
 
 
 @inline
-def _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line):
+def _cut_of_angle(joints, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line):
     """Add −n·ω − t·(v − v_target) of what the inputs do to what joint k carries, with something at p."""
     mx, my, mz = py * tz - pz * ty, pz * tx - px * tz, px * ty - py * tx
     while k >= 0:
-        screw = screw_of(given.screws[k])
+        screw = screw_of(joints[k])
         if screw.input >= 0.0:
             turn = -(nx + mx) * screws[0, k] - (ny + my) * screws[1, k] - (nz + mz) * screws[2, k]
             move = tx * screws[3, k] + ty * screws[4, k] + tz * screws[5, k]
@@ -304,47 +303,47 @@ def _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line):
 
 
 @shared
-def write_line(given, work, row, screws, line):
+def write_line(scene, placed, row, screws, line):
     """Write how the inputs change the value, as last found by `value_of`; return how it changes by itself."""
     for j in range(line.shape[0]):
         line[j] = 0.0
-    first = given.bodies.shape[0]
+    first = scene.bodies.shape[0]
     if row.kind <= INSIDE:
         sign = 1.0 if row.kind == APART else -1.0
         a, b = int(row.a), int(row.b)
-        mine, other = int(given.carriers[int(given.bodies[a, 0])]), -1
+        mine, other = int(scene.carriers[int(scene.bodies[a, 0])]), -1
         drift = 0.0
         if b < first:
-            other = int(given.carriers[int(given.bodies[b, 0])])
-        _add_distance(given, work.found, sign, screws, mine, other, line)
+            other = int(scene.carriers[int(scene.bodies[b, 0])])
+        _add_distance(scene.screws, placed.found, sign, screws, mine, other, line)
         if b >= first:
-            moves = work.drift[b - first]
+            moves = placed.drift[b - first]
             for k in range(3):
-                drift -= sign * work.found[1 + k] * moves[k]
+                drift -= sign * placed.found[1 + k] * moves[k]
         return drift
-    k = int(given.carriers[int(row.a)])
+    k = int(scene.carriers[int(row.a)])
     if row.kind <= AT_LEAST:
-        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        lx, ly, lz = turned(placed.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
         _, nx, ny, nz = _angle(lx, ly, lz, row.other[0], row.other[1], row.other[2])
         sign = -1.0 if row.kind == AT_MOST else 1.0
         while k >= 0:
-            screw = screw_of(given.screws[k])
+            screw = screw_of(scene.screws[k])
             if screw.input >= 0.0:
                 turn = nx * screws[0, k] + ny * screws[1, k] + nz * screws[2, k]
                 line[int(screw.input)] += screw.scale * (sign * turn)
             k = int(screw.above)
         return 0.0
-    lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
+    lx, ly, lz, px, py, pz, bx, by, bz, far = _target(scene, placed, row)
     _, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
     # t: direction in which b turns towards l; φ̇ = n·ω − t·(v_target − v_camera)
     tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
-    _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
-    moves = work.drift[int(row.b)]
+    _cut_of_angle(scene.screws, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
+    moves = placed.drift[int(row.b)]
     return tx * moves[0] + ty * moves[1] + tz * moves[2]
 
 
 @shared
-def look_ahead(given, work, row, value, u, span, line):
+def look_ahead(scene, placed, row, value, u, span, line):
     """Return what the room inside of something becomes if the motion goes on for a span, and write how u changes it.
 
     The wall that a motion is heading for is another one than the nearest, which changes where the middle is crossed:
@@ -353,38 +352,38 @@ def look_ahead(given, work, row, value, u, span, line):
     """
     for j in range(line.shape[0]):
         line[j] = 0.0
-    screws = work.first_screws
+    screws = placed.first_screws
     if row.kind == INSIDE:
-        a, b = work.world[int(row.a)], work.world[int(row.b)]
-        k = int(given.carriers[int(given.bodies[int(row.a), 0])])
-        wx, wy, wz, vx, vy, vz = _twist_of(given, screws, k, u)
+        a, b = placed.world[int(row.a)], placed.world[int(row.b)]
+        k = int(scene.carriers[int(scene.bodies[int(row.a), 0])])
+        wx, wy, wz, vx, vy, vz = _twist_of(scene.screws, screws, k, u)
         cx, cy, cz = a[CORE], a[CORE + 1], a[CORE + 2]
         vx, vy, vz = vx + wy * cz - wz * cy, vy + wz * cx - wx * cz, vz + wx * cy - wy * cx
         along = vx * b[ALONG] + vy * b[ALONG + 1] + vz * b[ALONG + 2]
         vx, vy, vz = vx - along * b[ALONG], vy - along * b[ALONG + 1], vz - along * b[ALONG + 2]
-        out = work.found[0] + a[RADIUS] + b[RADIUS]  # from the middle
+        out = placed.found[0] + a[RADIUS] + b[RADIUS]  # from the middle
         x, y, z = (
-            out * work.found[1] + span * vx,
-            out * work.found[2] + span * vy,
-            out * work.found[3] + span * vz,
+            out * placed.found[1] + span * vx,
+            out * placed.found[2] + span * vy,
+            out * placed.found[3] + span * vz,
         )
         far = math.sqrt(x * x + y * y + z * z)
         if far > 0.0:
             for i, number in enumerate((x / far, y / far, z / far, cx, cy, cz)):
-                work.found[1 + i] = number
-        _add_distance(given, work.found, -1.0, screws, k, -1, line)
+                placed.found[1 + i] = number
+        _add_distance(scene.screws, placed.found, -1.0, screws, k, -1, line)
         return value + out - far
-    k = int(given.carriers[int(row.a)])
-    wx, wy, wz, vx, vy, vz = _twist_of(given, screws, k, u)
+    k = int(scene.carriers[int(row.a)])
+    wx, wy, wz, vx, vy, vz = _twist_of(scene.screws, screws, k, u)
     if row.kind == SIGHT:
-        lx, ly, lz, px, py, pz, bx, by, bz, far = _target(given, work, row)
-        moves = work.drift[int(row.b)]
+        lx, ly, lz, px, py, pz, bx, by, bz, far = _target(scene, placed, row)
+        moves = placed.drift[int(row.b)]
         vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
         vx, vy, vz = (vx - moves[0]) / far, (vy - moves[1]) / far, (vz - moves[2]) / far
         # the way to the target turns with −b × (v_camera − v_target)/far
         wx, wy, wz = wx + by * vz - bz * vy, wy + bz * vx - bx * vz, wz + bx * vy - by * vx
     else:
-        lx, ly, lz = turned(work.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
+        lx, ly, lz = turned(placed.places[int(row.a)], row.axis[0], row.axis[1], row.axis[2])
         px, py, pz, far = 0.0, 0.0, 0.0, math.inf
         bx, by, bz = row.other[0], row.other[1], row.other[2]
     angle, nx, ny, nz = _angle(lx, ly, lz, bx, by, bz)
@@ -396,7 +395,7 @@ def look_ahead(given, work, row, value, u, span, line):
     if size > 0.0:
         nx, ny, nz = x / size, y / size, z / size
     tx, ty, tz = (ny * bz - nz * by) / far, (nz * bx - nx * bz) / far, (nx * by - ny * bx) / far
-    _cut_of_angle(given, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
+    _cut_of_angle(scene.screws, screws, k, nx, ny, nz, px, py, pz, tx, ty, tz, line)
     return row.limit - size
 
 
@@ -416,15 +415,17 @@ def curvature(levers, u):
 
 
 @inline
-def _speed_of_core(given, work, row, screws, step):
+def _speed_of_core(scene, placed, row, screws, step):
     """Return how fast points of the core of shape a move at most, as seen from what carries shape b."""
     a, b = int(row.a), int(row.b)
-    wx, wy, wz, vx, vy, vz = _twist_of(given, screws, int(given.carriers[int(given.bodies[a, 0])]), step)
-    if b < given.bodies.shape[0]:
-        carrier = int(given.carriers[int(given.bodies[b, 0])])
-        ox, oy, oz, px, py, pz = _twist_of(given, screws, carrier, step)
+    wx, wy, wz, vx, vy, vz = _twist_of(
+        scene.screws, screws, int(scene.carriers[int(scene.bodies[a, 0])]), step
+    )
+    if b < scene.bodies.shape[0]:
+        carrier = int(scene.carriers[int(scene.bodies[b, 0])])
+        ox, oy, oz, px, py, pz = _twist_of(scene.screws, screws, carrier, step)
         wx, wy, wz, vx, vy, vz = wx - ox, wy - oy, wz - oz, vx - px, vy - py, vz - pz
-    shape = work.world[a]
+    shape = placed.world[a]
     x, y, z = shape[BALL], shape[BALL + 1], shape[BALL + 2]
     vx, vy, vz = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
     half = shape[BALL + 3] - (shape[RADIUS] if shape[KIND] == ROUND else 0.0)
@@ -432,25 +433,24 @@ def _speed_of_core(given, work, row, screws, step):
 
 
 @shared
-def dip_between(given, work, i, screws, span):
+def dip_between(scene, placed, path, row, levers, screws, span):
     """Return how much less a value may be on the way from one point to the next than on the line between both values.
 
     A distance d between cores that are ρ apart curves upwards by d̈ ≤ κ + v²/ρ at most, and is above the line less an
     eighth of that; joints off the straight line to the next point take their levers' share.
     """
-    row, levers = row_of(given.rows[i]), given.levers[i]
-    bow = curvature(levers, work.reach)
+    bow = curvature(levers, path.reach)
     speed, off = 0.0, 0.0
     for j in range(levers.shape[0]):
-        speed += levers[j] * work.reach[j]
-        off += levers[j] * work.off[j]
+        speed += levers[j] * path.reach[j]
+        off += levers[j] * path.off[j]
     if row.bend > 0.0 and row.kind == APART:
         known = 0.0
         for j in range(levers.shape[0]):
-            known += levers[j] * abs(work.step[j])
+            known += levers[j] * abs(path.step[j])
         moving = 0.0
-        if row.b >= given.bodies.shape[0]:
-            drift = work.drift[int(row.b) - given.bodies.shape[0]]
+        if row.b >= scene.bodies.shape[0]:
+            drift = placed.drift[int(row.b) - scene.bodies.shape[0]]
             moving = span * math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
-        speed += min(_speed_of_core(given, work, row, screws, work.step) + bow - known, 0.0) + moving
+        speed += min(_speed_of_core(scene, placed, row, screws, path.step) + bow - known, 0.0) + moving
     return 0.125 * (bow + row.bend * speed * speed) + off

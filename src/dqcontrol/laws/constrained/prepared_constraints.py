@@ -31,14 +31,21 @@ from dqcontrol.laws.constrained.constraint_layout import (
     SIGHT,
     STRAIGHT,
     VELOCITY,
-    ConstraintParameters,
     Head,
+    InputLimits,
+    Kept,
     Row,
+    Scene,
+    Way,
     head,
+    kept_of,
+    limits_of,
     memory_of,
     parameters_of,
     row_of,
+    scene_of,
     solver_sizes,
+    way_of,
     work_of,
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, KeepOut, Lag, shapes_of, unit
@@ -553,31 +560,37 @@ class PreparedConstraints:
             free=_FREE,
         )
         velocity = self._velocity if given.joint_limits else np.full(m, np.inf)
-        parts = ConstraintParameters(
-            head=head.pack(**numbers._asdict()),
-            lower=lower,
-            upper=upper,
-            velocity=velocity,
-            acceleration=self._acceleration,
+        limits = InputLimits(lower, upper, velocity, self._acceleration)
+        way = Way(
+            times=np.array(self.lag.times or np.zeros(n)),
+            shares=self.way.shares,
+            meets=self.way.meets,
+            bent=self.way.bent,
             coordinate=robot.input_coordinates.astype(float),
-            carriers=frames.carriers,
-            screws=frames.screws,
-            tree=frames.tree,
-            bodies=bodies,
-            obstacles=np.array([each for each, _ in self._obstacles]).reshape(obstacles, OBSTACLE),
+        )
+        kept = Kept(
             rows=rows,
             levers=np.array([line.levers for line in self._lines]).reshape(len(rows), m),
             drives=robot.drives,
             rims=np.array(
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
             ),
-            times=np.array(self.lag.times or np.zeros(n)),
-            shares=self.way.shares,
-            meets=self.way.meets,
-            bent=self.way.bent,
+        )
+        scene = Scene(
+            carriers=frames.carriers,
+            screws=frames.screws,
+            tree=frames.tree,
+            bodies=bodies,
+            obstacles=np.array([each for each, _ in self._obstacles]).reshape(obstacles, OBSTACLE),
             table=table,
         )
-        self.parameters: Array = parameters_of.pack(**parts._asdict())
+        self.parameters: Array = parameters_of.pack(
+            head=head.pack(**numbers._asdict()),
+            limits=limits_of.pack(**limits._asdict()),
+            way=way_of.pack(**way._asdict()),
+            kept=kept_of.pack(**kept._asdict()),
+            scene=scene_of.pack(**scene._asdict()),
+        )
         work = {
             "n": n,
             "m": m,

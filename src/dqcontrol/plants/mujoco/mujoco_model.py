@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.robots.description import drawn_reach, foot_below, rod_radii
+from dqcontrol.robots.description import drawn_reach, foot_below, joint_range, rod_radii
+from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.mujoco_package import import_mujoco as import_mujoco
 
 if TYPE_CHECKING:
+    from dqcontrol.arrays import Array
     from dqcontrol.robots.robot import Robot
 
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
@@ -28,8 +30,9 @@ def skeleton(robot: Robot) -> Any:
     """Return an ``mjSpec`` with a robot's bodies, joints, hand and shapes, without its inertias.
 
     Body ``link_i`` is the frame of joint i after its screw; the joint carries its name in the robot and,
-    where both position limits are finite, its range; the site ``hand`` is the tool. Capsules between the
-    joints and a drum on each joint axis are for pictures only: they have no mass and touch nothing.
+    where both position limits are finite, its range, of one that follows another what that one's leave; the
+    site ``hand`` is the tool. Capsules between the joints and a drum on each joint axis are for pictures
+    only: they have no mass and touch nothing.
 
     Parameters
     ----------
@@ -62,9 +65,8 @@ def add_arm(parent: Any, robot: Robot) -> None:
     mujoco = import_mujoco()
     draw = _Shapes(mujoco, robot)
     bodies = {-1: parent}
-    for i, name in enumerate(robot.joint_names):
-        row, lower, upper = robot.chain[i], robot.limits.lower[i], robot.limits.upper[i]
-        slides = robot.joint_types[i] == "prismatic"
+    for i, name in enumerate(robot.row_names):
+        row, slides = robot.chain[i], robot.chain[i, 7] == PRISMATIC
         carrier = bodies[int(robot.parents[i])]
         draw.link(carrier, i)
         if slides:
@@ -73,8 +75,9 @@ def add_arm(parent: Any, robot: Robot) -> None:
         body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1], ref=-robot.joint_offsets[i])
-        if np.isfinite(lower) and np.isfinite(upper):
-            joint.range, joint.limited = (lower, upper), mujoco.mjtLimited.mjLIMITED_TRUE
+        ends = joint_range(robot, i)
+        if np.isfinite(ends).all():
+            joint.range, joint.limited = ends, mujoco.mjtLimited.mjLIMITED_TRUE
         draw.drum(body, i)
         bodies[i] = body
     for k, end in enumerate(robot.ends):
@@ -83,6 +86,11 @@ def add_arm(parent: Any, robot: Robot) -> None:
         name = f"hand_{k + 1}" if k else "hand"
         carrier.add_site(name=name, pos=tool[4:7], quat=tool[:4], size=[1e-3] * 3, group=4)
         draw.triad(carrier, tool)
+
+
+def skeleton_positions(robot: Robot, q: Array) -> Array:
+    """Return MuJoCo's coordinates of a `skeleton` at configurations (…, n), with those that follow others."""
+    return robot.joint_factors * q[..., robot.row_coordinates]
 
 
 def add_inertias(spec: Any, robot: Robot) -> None:
@@ -188,12 +196,12 @@ class _Shapes:
 
     def rail(self, body: Any, i: int) -> None:
         """Draw the way along which joint i slides."""
-        row, limits = self.robot.chain[i], self.robot.limits
-        if not (np.isfinite(limits.lower[i]) and np.isfinite(limits.upper[i])):
+        row, (lower, upper) = self.robot.chain[i], joint_range(self.robot, i) + self.robot.joint_offsets[i]
+        if not (np.isfinite(lower) and np.isfinite(upper)):
             return
         axis = np.empty(3)
         self.mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), np.ascontiguousarray(row[:4]))
-        ends = [*(row[4:7] + limits.lower[i] * axis), *(row[4:7] + limits.upper[i] * axis)]
+        ends = [*(row[4:7] + lower * axis), *(row[4:7] + upper * axis)]
         self.add(body, "CAPSULE", [0.4 * self.radii[i]], _BASE, fromto=ends)
 
     def triad(self, body: Any, tool: NDArray[np.float64]) -> None:

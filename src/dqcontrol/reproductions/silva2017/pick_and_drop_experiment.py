@@ -23,7 +23,7 @@ from dqcontrol.reproductions.silva2017.pick_and_drop_task import (
     pick_and_drop,
     regulate,
 )
-from dqcontrol.reproductions.silva2017.pictures import if_drawable
+from dqcontrol.reproductions.silva2017.pictures import filmed, if_drawable
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, setting_of, verdicts
 from dqcontrol.robots import load_robot
 
@@ -150,25 +150,17 @@ def _judge(runs: Sequence[PickAndDrop]) -> Judgement:
 
 def _files(done: PickAndDrop, by_law: Mapping[str, PickAndDrop]) -> dict[str, Write]:
     """Return what draws the clip and the strip; nothing, and a warning, where there is no OpenGL."""
-    from dqcontrol.films.clip import render_clip, render_strip
+    from dqcontrol.films.clip import render_strip
 
-    robot, end = load_robot(ROBOT), float(done.record.time[-1])
+    end = float(done.record.time[-1])
     closed, opened = (event.time for event in done.errand.schedule)
     times = [0.0, closed, closed + 2.5, 0.5 * (closed + opened) + 1.0, opened, end]
-
-    def clip(path: Path) -> None:
-        render_clip(
-            robot, done.plant, done.record, path, speed=2, rate=12.5, width=480, height=360, overwrite=True
-        )
-
-    def strip(path: Path) -> None:
-        render_strip(robot, done.plant, done.record, path, times, width=440, height=330, overwrite=True)
 
     def set_points(path: Path) -> None:
         first, second = by_law[S17], by_law[CLASSIC]
         ends = np.cumsum(HOLDS)
         render_strip(
-            robot,
+            load_robot(ROBOT),
             first.plant,
             first.record,
             path,
@@ -187,6 +179,5 @@ def _files(done: PickAndDrop, by_law: Mapping[str, PickAndDrop]) -> dict[str, Wr
             overwrite=True,
         )
 
-    return if_drawable(
-        {"pick-and-drop.webp": clip, "pick-and-drop.png": strip, "pick-and-drop-set-points.png": set_points}
-    )
+    drawn = filmed("pick-and-drop", done.plant, done.record, times, speed=2)
+    return if_drawable(drawn | {"pick-and-drop-set-points.png": set_points})

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.loop.record import Record
+from dqcontrol.plants import Plant
 from dqcontrol.reproductions.reproduced import Write
-from dqcontrol.robots import Robot
+from dqcontrol.reproductions.silva2017.pick_and_drop_task import ROBOT
+from dqcontrol.robots import Robot, load_robot
 
 _AZIMUTH, _ELEVATION = 100.0, -25.0  # degrees; across the way of the base
 
@@ -24,6 +26,25 @@ def if_drawable(files: Mapping[str, Write]) -> dict[str, Write]:
     except MissingExtraError as error:
         warnings.warn(str(error), stacklevel=2)
         return {}
+
+
+def filmed(
+    name: str, plant: Plant, record: Record, times: Sequence[float], *, speed: float
+) -> dict[str, Write]:
+    """Return what draws a run of `ROBOT` in physics: a clip, and a strip of some times, s."""
+    robot = load_robot(ROBOT)
+
+    def clip(path: Path) -> None:
+        from dqcontrol.films.clip import render_clip
+
+        render_clip(robot, plant, record, path, speed=speed, rate=12.5, width=480, height=360, overwrite=True)
+
+    def strip(path: Path) -> None:
+        from dqcontrol.films.clip import render_strip
+
+        render_strip(robot, plant, record, path, times, width=440, height=330, overwrite=True)
+
+    return {f"{name}.webp": clip, f"{name}.png": strip}
 
 
 def ghosted_strip(robot: Robot, records: Mapping[str, Record], times: Sequence[float]) -> Write:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -84,9 +85,8 @@ def run_heat(heat: Heat) -> HeatOutcome:
     """Run all laws to some goals."""
     setting = setting_of("comparison", duration=_SECONDS)
     scene, period, laws = setting.scene, setting.spec.period, setting.spec.law_by_label
-    goals = heat.box.goals(scene, heat.drawn)
     found: dict[str, list[RaceOutcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
-    for goal in goals[heat.first : heat.last]:
+    for goal in _goals(heat.box, heat.drawn)[heat.first : heat.last]:
         samples = SetPoint(goal).samples(scene.samples[:, -1])
 
         def run(law: Law, samples: np.ndarray = samples) -> RaceOutcome:
@@ -104,6 +104,12 @@ def run_heat(heat: Heat) -> HeatOutcome:
             None if gain is None else run(msgspec.structs.replace(laws[_CLASSIC], gain=gain))
         )
     return HeatOutcome(found)
+
+
+@functools.cache
+def _goals(box: GoalBox, count: int) -> Array:
+    """Return the goals of a box, which all its heats share."""
+    return box.goals(setting_of("comparison", duration=_SECONDS).scene, count)
 
 
 def _table(box: GoalBox, count: int, heats: Sequence[HeatOutcome]) -> Table:

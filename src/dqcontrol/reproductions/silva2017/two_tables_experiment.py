@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from dqcontrol.references import DriveThrough, DriveTo
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.reproduced import Reproduced, Write
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import CAMERA, LINK_MASS, PERIOD, ROBOT, START
-from dqcontrol.reproductions.silva2017.pictures import if_drawable
+from dqcontrol.reproductions.silva2017.pictures import filmed, if_drawable
 from dqcontrol.robots import DifferentialDrive, Robot, WholeBody, load_robot
 
 HEIGHT = 0.10  # m; of both tables
@@ -192,21 +191,10 @@ def _table(done: dict[str, Carried]) -> Table:
 
 def _files(done: Carried) -> dict[str, Write]:
     """Return what draws the clip and the strip; nothing, and a warning, where there is no OpenGL."""
-    from dqcontrol.films.clip import render_clip, render_strip
-
-    robot, end = load_robot(ROBOT), float(done.record.time[-1])
+    end = float(done.record.time[-1])
     above, at_cube, lifted, over = done.way.arrivals.tolist()
     times = [0.5 * above, at_cube, lifted, 0.5 * (lifted + over), over, end]
-
-    def clip(path: Path) -> None:
-        render_clip(
-            robot, done.plant, done.record, path, speed=3, rate=12.5, width=480, height=360, overwrite=True
-        )
-
-    def strip(path: Path) -> None:
-        render_strip(robot, done.plant, done.record, path, times, width=440, height=330, overwrite=True)
-
-    return if_drawable({"two-tables.webp": clip, "two-tables.png": strip})
+    return if_drawable(filmed("two-tables", done.plant, done.record, times, speed=3))
 
 
 def _gripper(way: DriveThrough) -> Gripper:
