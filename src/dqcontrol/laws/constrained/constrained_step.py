@@ -72,6 +72,7 @@ from dqcontrol.laws.constrained.constraint_rows import (
     write_screws,
     write_tree_screws,
 )
+from dqcontrol.laws.constrained.escape import go_to_posture, range_ends_pressed
 from dqcontrol.laws.constrained.levels import solve_by_levels
 from dqcontrol.limits.supervisor.braking import fastest_stoppable
 from dqcontrol.references.sample import TIME
@@ -87,6 +88,7 @@ _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
+_POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8
 
@@ -503,10 +505,26 @@ def _constrain(
 
 
 @shared
-def _go_aside(work, memory, settings, metric, u):
+def _go_to_posture(given, work, memory, settings, u):
+    """Replace the wish by a motion of the joints to another posture, as fast as the hand may go."""
+    is_near = go_to_posture(given, work.config, memory.escape[2] - 1.0, u)
+    fast = _hand_speed(work, u, settings.angular)
+    for j in range(u.shape[0]):
+        if fast > settings.escape:
+            u[j] *= settings.escape / fast
+        work.wish[j] = u[j]
+    if is_near:
+        memory.escape[1] = 0.0
+
+
+@shared
+def _go_aside(given, work, memory, settings, metric, u):
     """Replace the wish while the hand goes aside: by the least motion that moves it so and turns it little."""
     m = u.shape[0]
     memory.escape[1] -= settings.period
+    if memory.aside[0] == 0.0 and memory.aside[1] == 0.0 and memory.aside[2] == 0.0:
+        _go_to_posture(given, work, memory, settings, u)
+        return
     inverse = as_matrix(work.solver[0 : m * m], m, m)
     _write_objective(work, settings, metric, m)
     if not invert_factor(work.hessian, inverse, m):
@@ -526,8 +544,11 @@ def _go_aside(work, memory, settings, metric, u):
 
 
 @shared
-def _watch_for_deadlock(work, memory, settings, report):
-    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go."""
+def _watch_for_deadlock(given, work, memory, settings, report, u):
+    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go.
+
+    Where the end of a joint's range or its turning is what is held, the joints go to another posture.
+    """
     asked, speed = report.numbers[4], report.numbers[5]
     is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
     memory.escape[0] = memory.escape[0] + settings.period if is_held else 0.0
@@ -539,7 +560,11 @@ def _watch_for_deadlock(work, memory, settings, report):
         y += work.hand[4, j] * work.wish[j]
         z += work.hand[5, j] * work.wish[j]
     size = math.sqrt(x * x + y * y + z * z)
-    if size < 0.5 * asked:  # it is its turning that is held
+    memory.escape[0] = 0.0
+    memory.escape[2] += 1.0
+    if range_ends_pressed(given, work, u) > 0 or size < 0.5 * asked:
+        memory.escape[1] = _POSTURE
+        memory.aside[0] = memory.aside[1] = memory.aside[2] = 0.0
         return
     x, y, z = x / size, y / size, z / size
     a, b, c = -x * z, -y * z, 1.0 - z * z  # up, as far as that is across
@@ -547,18 +572,17 @@ def _watch_for_deadlock(work, memory, settings, report):
         a, b, c = 1.0 - x * x, -x * y, -x * z
     size = math.sqrt(a * a + b * b + c * c)
     a, b, c = a / size, b / size, c / size
-    way = int(memory.escape[2]) % 4
+    way = int(memory.escape[2] - 1.0) % 4
     if way == 1 or way == 2:
         a, b, c = y * c - z * b, z * a - x * c, x * b - y * a
     sign = 1.0 if way < 2 else -1.0
     memory.aside[0], memory.aside[1], memory.aside[2] = sign * a, sign * b, sign * c
-    memory.escape[0], memory.escape[1] = 0.0, _ASIDE
-    memory.escape[2] += 1.0
+    memory.escape[1] = _ASIDE
 
 
 @shared
 def _report(given, memory, work, report, settings, originals, count, u):
-    """Write which rows pressed and gave way."""
+    """Write which rows and ends of joints' ranges pressed, and which rows gave way."""
     for i in range(count):
         name = int(row_of(given.rows[int(work.owners[i])]).name)
         if work.press[i] > 0.0:
@@ -568,6 +592,7 @@ def _report(given, memory, work, report, settings, originals, count, u):
             slack = -_line_change(work, i, u) - work.bounds[i]
             if slack > _GAVE_WAY:
                 report.slack[name] = max(report.slack[name], slack)
+    report.numbers[0] += range_ends_pressed(given, work, u)
     for j in range(u.shape[0]):
         most = given.acceleration[j] * settings.period
         if most < math.inf:
@@ -665,7 +690,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         for j in range(work.screws.shape[1]):
             work.first_screws[i, j] = work.screws[i, j] if branches else work.jacobian[i, j]
     if memory.escape[1] > 0.0:
-        _go_aside(work, memory, settings, metric, u)
+        _go_aside(given, work, memory, settings, metric, u)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
@@ -700,7 +725,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         )
     _report(given, memory, work, report, settings, originals, count, u)
     if settings.escape > 0.0 and memory.escape[1] <= 0.0:
-        _watch_for_deadlock(work, memory, settings, report)
+        _watch_for_deadlock(given, work, memory, settings, report, u)
     return OK
 
 
