@@ -22,6 +22,7 @@ def shown(module):
     return done.stdout
 
 
+@pytest.mark.slow
 def test_one_configuration_against_its_peers():
     table = shown("kinematics")
     assert table.count("DQ Robotics") == 8

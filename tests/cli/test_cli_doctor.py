@@ -68,6 +68,7 @@ def test_a_missing_extra_is_named_with_its_cure(monkeypatch):
     assert finding.cure == "pip install 'dqcontrol[physics]'"
 
 
+@pytest.mark.slow
 def test_a_package_that_is_too_old_is_a_problem(monkeypatch):
     version = metadata.version
     monkeypatch.setattr(
@@ -78,6 +79,7 @@ def test_a_package_that_is_too_old_is_a_problem(monkeypatch):
     assert finding.cure == "pip install 'numpy>=2.2'"
 
 
+@pytest.mark.slow
 def test_a_back_end_that_is_none(monkeypatch):
     pytest.importorskip("mujoco")
     monkeypatch.setenv("MUJOCO_GL", "eggl")

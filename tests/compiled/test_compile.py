@@ -76,6 +76,7 @@ def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
     assert indexes(cache)[0].stat().st_mtime_ns == before
 
 
+@pytest.mark.slow
 def test_of_processes_that_begin_at_once_one_compiles(tmp_path):
     with ThreadPoolExecutor() as pool:
         calls = [pool.submit(call, tmp_path) for _ in range(3)]
@@ -182,6 +183,7 @@ def test_a_damaged_cache_is_made_anew_in_silence(filled, tmp_path, suffix, damag
     assert call(cache) == (0.0, 1, "[]", "")
 
 
+@pytest.mark.slow
 def test_old_versions_of_a_modules_kernels_are_removed_and_nothing_else(tmp_path):
     """Eight are kept; folders and files of other names are not touched."""
     module = tmp_path / "dqcontrol.loop.rollout"
@@ -201,6 +203,7 @@ def test_old_versions_of_a_modules_kernels_are_removed_and_nothing_else(tmp_path
     assert len(left) == 1 + 8
 
 
+@pytest.mark.slow
 def test_an_edit_recompiles_only_what_it_can_change(tmp_path):
     """A figure's source is none of the kernel's business; one that it imports by three detours is."""
     copy = tmp_path / "source" / "dqcontrol"

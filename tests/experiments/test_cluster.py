@@ -68,6 +68,7 @@ def test_workers_of_another_version_are_refused(tmp_path, cluster, monkeypatch):
         run_sweep_to(study(), tmp_path / "s", scheduler=cluster[0])
 
 
+@pytest.mark.slow
 def test_addresses_without_a_scheduler_are_one_line(tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(cluster_room, "_PATIENCE", 0.5)
     with socket.socket() as closed:

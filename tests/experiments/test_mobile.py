@@ -58,11 +58,16 @@ def test_wheel_speeds_are_recorded_and_make_the_effort(mobile, tmp_path):
     assert set(signal.units) == {"rad/s"}
     np.testing.assert_allclose(signal.values, expected, rtol=1e-12, atol=1e-15)
     assert mobile.metrics.effort == pytest.approx(np.sqrt((expected[:-1] ** 2).sum() * 0.05))
-    mobile.save(tmp_path / "run")
-    assert {"base.png", "motion.png"} <= {path.name for path in (tmp_path / "run").iterdir()}
+    mobile.save(tmp_path / "run", figures=False)
     saved = load_run(tmp_path / "run")
     np.testing.assert_array_equal(saved.record.readings["actuator_command"].values, signal.values)
     assert saved.metrics == mobile.metrics
+
+
+@pytest.mark.slow
+def test_a_saved_run_has_pictures_of_the_base(mobile, tmp_path):
+    mobile.save(tmp_path / "run")
+    assert {"base.png", "motion.png"} <= {path.name for path in (tmp_path / "run").iterdir()}
 
 
 def test_exports_name_coordinates_and_inputs_with_their_units(mobile, tmp_path):

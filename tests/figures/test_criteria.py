@@ -73,6 +73,7 @@ def test_many_runs_differ_and_the_desired_pose_is_that_of_the_longest():
     assert not any(box.overlaps(axes.get_window_extent()) for axes in figure.axes)
 
 
+@pytest.mark.slow
 def test_a_resting_and_a_diverged_run_can_be_compared():
     resting = changed(run(), pose=np.repeat(shifted([[0.5, 0, 0.4]]), 60, axis=0), q=np.zeros((60, 3)))
     pose, q = run().pose.copy(), run().q.copy()

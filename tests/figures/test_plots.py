@@ -177,6 +177,7 @@ def test_a_resting_target_is_a_mark_and_a_resting_hand_can_be_drawn():
         drawn(function(record))
 
 
+@pytest.mark.slow
 def test_a_diverged_run_can_be_drawn():
     record = run()
     pose, q, command = record.pose.copy(), record.q.copy(), record.command.copy()

@@ -91,6 +91,7 @@ def test_an_own_law_turns_unstable_where_it_is_said_to(arm, plant, smoothing):
         assert judged.margin * share == pytest.approx(1, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::dqcontrol.errors.InterpretedWarning")
 @pytest.mark.parametrize("plant", [*PLANTS, "physics"])
 def test_k_given_as_an_own_law_is_judged_as_k_is(arm, plant):

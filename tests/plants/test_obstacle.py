@@ -166,6 +166,7 @@ def test_runs_without_obstacle_have_neither():
     assert np.isnan([metrics.peak_contact, metrics.recovery_time]).all()
 
 
+@pytest.mark.slow
 def test_the_example_says_that_softer_arms_hit_less_and_come_back_later():
     study = dqc.run_study(Path(__file__).parents[2] / "examples/contact.yaml")
     peaks, times = ([float(row[key]) for row in study.rows] for key in ("peak_contact", "recovery_time"))

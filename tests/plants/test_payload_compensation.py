@@ -115,6 +115,7 @@ def test_a_blow_is_no_payload():
     assert estimate(live) < 0.05
 
 
+@pytest.mark.slow
 def test_the_example_says_what_each_buys():
     study = dqc.run_study(Path(__file__).parents[2] / "examples/payload.yaml")
     mean = {(row["law"], row["plant"]): float(row["position.settled_mean"]) for row in study.rows}

@@ -1,13 +1,13 @@
 """Published experiments run again: specs, comparison, verdicts, the fit."""
 
 import dataclasses
-import subprocess
 import sys
 import warnings
 
 import numpy as np
 import pytest
 
+from dqcontrol import cli
 from dqcontrol import reproductions as published
 from dqcontrol.errors import ExistsError, LimitWarning, UnknownNameError
 from dqcontrol.experiments.prepared_experiment import prepare
@@ -332,18 +332,20 @@ def test_light_painting_and_its_folder(tmp_path):
     assert not (folder / "light-painting.png").exists()
 
 
-def test_the_command_lists_and_refuses():
+def test_the_command_lists_and_refuses(monkeypatch, capsys):
     def command(*arguments):
-        line = [sys.executable, "-m", "dqcontrol", "reproduce", *arguments]
-        return subprocess.run(line, capture_output=True, text=True, check=False)
+        monkeypatch.setattr(sys, "argv", ["dqcontrol", "reproduce", *arguments])
+        cli.main()
 
-    listed = command()
-    assert listed.returncode == 0
-    assert all(f"pereira2016/{name}" in listed.stdout for name in EXPERIMENTS)
-    refused = command("pereira2016/spirral")
-    assert refused.returncode == 2
-    assert refused.stderr.strip().count("\n") == 0
-    assert "spiral" in refused.stderr
+    command()
+    listed = capsys.readouterr().out
+    assert all(f"pereira2016/{name}" in listed for name in EXPERIMENTS)
+    with pytest.raises(SystemExit) as refused:
+        command("pereira2016/spirral")
+    assert refused.value.code == 2
+    said = capsys.readouterr().err
+    assert said.strip().count("\n") == 0
+    assert "spiral" in said
 
 
 def test_what_was_finished_is_not_run_again(tmp_path, capsys, monkeypatch):

@@ -178,6 +178,7 @@ def test_verdicts_are_given_on_all_claims_about_the_spiral():
     assert found["duration-does-not-matter"].holds is None
 
 
+@pytest.mark.slow
 def test_a_run_whose_motors_went_off_says_so_and_counts_as_failed():
     spec = {
         "name": "blind",

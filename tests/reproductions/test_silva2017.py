@@ -131,6 +131,7 @@ def test_clamping_does_not_end_at_the_nearest_pose_in_general():
     assert str(number).startswith("10 of 20 goals within 2 %")
 
 
+@pytest.mark.slow
 def test_clamping_spares_the_motors_and_periods_are_tried_at_their_limit():
     claims = published.reproduce("silva2017/clamping-robot", jobs=1).tables[-1]
     by_ours = ["not supported", "supported", "supported", "supported"]

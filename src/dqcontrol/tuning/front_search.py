@@ -11,8 +11,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import RBFInterpolator
-from scipy.spatial.distance import cdist
 
 from dqcontrol.arrays import Array
 from dqcontrol.tuning.simplex_search import Point, sobol_points
@@ -82,6 +80,11 @@ def _promising(found: dict[Point, Pair], size: int, count: int, draw: np.random.
         first, second = (front[draw.integers(len(front), size=_CANDIDATES)] for _ in range(2))
         candidates.append(first + draw.random((_CANDIDATES, 1)) * (second - first))
     pool = np.vstack(candidates)
+    from scipy.interpolate import (
+        RBFInterpolator,
+    )  # takes as long to load as all of ours: only where it is used
+    from scipy.spatial.distance import cdist
+
     distances = cdist(pool, points, "chebyshev").min(axis=1)
     pool = pool[distances > 1e-3] if (distances > 1e-3).any() else pool
     expected = RBFInterpolator(points, scaled, smoothing=1e-9)(pool)

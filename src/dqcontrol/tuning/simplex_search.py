@@ -10,8 +10,6 @@ import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.stats import qmc
 
 from dqcontrol.arrays import Array
 
@@ -95,6 +93,8 @@ class SimplexSearch:
         return tuple(points[min(away, key=ranks.__getitem__)].tolist()) if away else self.best
 
     def _descend(self, begin: Array, side: float) -> None:
+        from scipy.optimize import minimize
+
         simplex = np.vstack([begin, begin + side * np.where(begin > 0.5, -1, 1) * np.eye(self._size)])
         scale = abs(self.points[self.best][1])
         minimize(
@@ -122,6 +122,8 @@ class SimplexSearch:
 
 def sobol_points(size: int, count: int, seed: int) -> list[Point]:
     """Return quasi-random points of the unit cube, scrambled by a seed."""
+    from scipy.stats import qmc  # takes as long to load as all of ours: only where it is used
+
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The balance properties")
         drawn = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(count)
