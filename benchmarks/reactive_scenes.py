@@ -1,13 +1,14 @@
 """Reactive scenes: how often a Panda reaches a pose among balls, by our law, Mink and NEO, and what became of the rest.
 
-    python benchmarks/reactive_scenes.py [--scenes 200]
+    python benchmarks/reactive_scenes.py [--scenes 200] [--jobs 2]
 
 NEO's own scenes are published in no package, so these are made: three balls of 60 mm, start and goal at random and
 clear of them by 30 mm, the straight way of the joints not clear, and a way over one or no random configuration that is
 clear: every scene can be solved. Everybody gets the same capsules and balls, joints that do what they are told, 10 ms a
 step, 15 s, 2/s of gain, 10 mm to keep, and the limits of the joints; ours also an acceleration of 10 rad/s².
 
-* ours: K, with constraints and their escape;
+* ours: K with constraints and their escape (a hand that is held goes aside, or the joints go to another posture), and
+  without it;
 * Mink: its collision limit bounds a step, m, by gain (d − d_min)/T, m/s; as shipped (gain 0.85), and corrected to
   gain = η T², which bounds the speed of approach by η (d − d_min), η = 10/s;
 * NEO (Haviland and Corke 2021), the quadratic program of the paper with slack, manipulability and dampers, written here
@@ -22,11 +23,10 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
 from constraint_peers import CORRECT, GAIN, PERIOD, Neo, Step, by_mink, check_neo, rotation_vector
@@ -39,6 +39,9 @@ from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 MOST = 15.0  # s
 POSITION, ANGLE = 0.01, 0.05  # m and rad: reached
 STILL = 0.005  # m in the last 2 s
+ESCAPE = 2.0  # m/s: about as fast as the gain starts the hand
+KINDS = ("reached", "collision", "limit", "deadlock", "timeout")
+SEED = 4
 
 
 def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -64,9 +67,11 @@ def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndar
                 return balls, start, goal
 
 
-def by_ours(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray) -> np.ndarray:
+def by_ours(
+    arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray, escape: float | None
+) -> np.ndarray:
     """Return the configurations that our law drives through, shape (N, n), rad."""
-    law = dqc.laws.Proportional(gain=GAIN, constraints=fenced(arm, balls, acceleration=10.0, escape=0.2))
+    law = dqc.laws.Proportional(gain=GAIN, constraints=fenced(arm, balls, acceleration=10.0, escape=escape))
     target = dqc.references.SetPoint(goal)
     return dqc.simulate(arm, target, law, dqc.plants.Integrator(), start, PERIOD, MOST).q
 
@@ -103,45 +108,54 @@ def end_of(
     return "timeout", least
 
 
-def main(count: int) -> None:
-    arm, rng = dqc.load_robot("panda"), np.random.default_rng(4)
-    ends: dict[str, Counter[str]] = {}
-    least: dict[str, float] = {}
-    spent: dict[str, float] = {}
-    has_mink, has_daqp = find_spec("mink") is not None, find_spec("daqp") is not None
-    if has_daqp:
-        check_neo(arm)
-    for k in range(count):
-        balls, start, at_goal = scene(rng, arm)
-        goal = arm.fkm(at_goal)
-        kept = PreparedConstraints(fenced(arm, balls), arm, PERIOD, "measured")
-        ways: dict[str, Callable[[], np.ndarray]] = {"ours": partial(by_ours, arm, balls, goal, start)}
-        if has_mink:
-            for name, gain in (("Mink, corrected", CORRECT), ("Mink, as shipped", 0.85)):
-                ways[name] = partial(driven, by_mink(arm, balls, goal, gain), start)
-        if has_daqp:
-            ways["NEO, corrected"] = partial(driven, Neo(arm, balls, goal).step, start)
-        for name, way in ways.items():
-            begin = time.thread_time()
-            path = way()
-            spent[name] = spent.get(name, 0.0) + time.thread_time() - begin
-            end, distance = end_of(arm, kept, goal, path)
-            ends.setdefault(name, Counter())[end] += 1
-            least[name] = min(least.get(name, np.inf), distance)
-        if (k + 1) % 20 == 0:
-            print(
-                f"{k + 1} scenes: " + "; ".join(f"{name} {dict(each)}" for name, each in ends.items()),
-                flush=True,
-            )
-    kinds = ("reached", "collision", "limit", "deadlock", "timeout")
-    print(f"| {count} scenes | " + " | ".join(kinds) + " | least distance [mm] | s of processor |")
-    print("|---" * (len(kinds) + 3) + "|")
-    for name, found in ends.items():
-        numbers: list[Any] = [found[kind] for kind in kinds]
-        print(f"| {name} | {' | '.join(map(str, numbers))} | {1e3 * least[name]:.2f} | {spent[name]:.0f} |")
+def ways_of(
+    arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray
+) -> dict[str, Callable[[], np.ndarray]]:
+    """Return what drives through a scene by each method that is installed."""
+    ways: dict[str, Callable[[], np.ndarray]] = {
+        "ours": partial(by_ours, arm, balls, goal, start, ESCAPE),
+        "ours, without escape": partial(by_ours, arm, balls, goal, start, None),
+    }
+    if find_spec("mink"):
+        for name, gain in (("Mink, corrected", CORRECT), ("Mink, as shipped", 0.85)):
+            ways[name] = partial(driven, by_mink(arm, balls, goal, gain), start)
+    if find_spec("daqp"):
+        ways["NEO, corrected"] = partial(driven, Neo(arm, balls, goal).step, start)
+    return ways
+
+
+def ends_of_scene(number: int) -> dict[str, tuple[str, float, float]]:
+    """Return of each method how a scene ends, its least distance, m, and what it took, s of processor."""
+    arm = dqc.load_robot("panda")
+    balls, start, at_goal = scene(np.random.default_rng([SEED, number]), arm)
+    goal = arm.fkm(at_goal)
+    kept = PreparedConstraints(fenced(arm, balls), arm, PERIOD, "measured")
+    found = {}
+    for name, way in ways_of(arm, balls, goal, start).items():
+        begin = time.thread_time()
+        path = way()
+        spent = time.thread_time() - begin
+        found[name] = (*end_of(arm, kept, goal, path), spent)
+    return found
+
+
+def main(count: int, jobs: int) -> None:
+    if find_spec("daqp"):
+        check_neo(dqc.load_robot("panda"))
+    ends_of_scene(0)  # kernels are compiled once, before processes share them
+    with ProcessPoolExecutor(jobs) as pool:
+        scenes = list(pool.map(ends_of_scene, range(count)))
+    print(f"| {count} scenes | " + " | ".join(KINDS) + " | least distance [mm] | s of processor |")
+    print("|---" * (len(KINDS) + 3) + "|")
+    for name in scenes[0]:
+        ends, least, spent = zip(*(each[name] for each in scenes), strict=True)
+        numbers = [str(ends.count(kind)) for kind in KINDS]
+        print(f"| {name} | {' | '.join(numbers)} | {1e3 * min(least):.2f} | {sum(spent):.0f} |")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--scenes", type=int, default=200)
-    main(parser.parse_args().scenes)
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    main(options.scenes, options.jobs)

@@ -197,6 +197,21 @@ def test_a_hand_that_is_held_goes_aside_if_asked_and_comes_to_its_goal(kind):
     assert kind == "ball" or errors[None] > 0.1  # beside a ball a law finds out by itself, after some time
 
 
+def test_joints_held_at_the_end_of_their_range_go_to_another_posture_if_asked():
+    turned = np.array([*HOME[:6], 2.0])  # the short way to −2 rad goes over π, and the last joint ends at 2.9
+    goal = dqc.references.SetPoint(ARM.fkm(turned * [1, 1, 1, 1, 1, 1, -1]))
+    errors = {}
+    for escape in (None, 1.0):
+        given = dqc.laws.Constraints(escape=escape, acceleration=10.0)
+        law = dqc.laws.Proportional(gain=2.0, constraints=given)
+        record = dqc.simulate(ARM, goal, law, PLANT, turned, period=0.01, duration=10.0)
+        assert least_room(law.prepare(ARM, goal, 0.01), record, 0.01) > -FOUND
+        errors[escape], held = record.position_error[-1], deadlocks(record)
+        assert held[0].names == ("joint limits",)
+    assert errors[None] > 0.03
+    assert errors[1.0] < 1e-3
+
+
 def lagging_run(rng, servo, period, lag):
     """Return the least room, between samples too, of joints that follow a motion past a ball late."""
     ball = ball_before(ARM, HOME, np.array([0.01, 0.15, 0.005]), rng.uniform(0.02, 0.06))

@@ -29,7 +29,7 @@ def test_figures_of_revolute_arms_say_rad(tmp_path, monkeypatch, record):
     pytest.importorskip("matplotlib")
     given = []
     figures = "dqcontrol.figures.comparison_figures"
-    monkeypatch.setattr(figures, lambda records, unit: given.append(unit) or {})
+    monkeypatch.setattr(figures, lambda records, unit, around: given.append(unit) or {})
     study = dqc.run_study(SPEC | {"record": record}, jobs=1)
     study.save(tmp_path / "study")
     assert given == ["rad"]

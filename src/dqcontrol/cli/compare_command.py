@@ -47,7 +47,7 @@ def compare(
     from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
-    from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
+    from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way, write_comparison_figures
     from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
     if not folders:
@@ -66,7 +66,7 @@ def compare(
             write_table(table, new, "table")
             records = {label: run.record for label, run in runs.items()}
             unit = unit_of_way(run.robot for run in runs.values())
-            figures = write_comparison_figures(records, new, unit)
+            figures = write_comparison_figures(records, new, unit, surroundings_of(runs.values()))
             places = [str(folder.resolve()) for folder in folders]
             write_report(
                 new,

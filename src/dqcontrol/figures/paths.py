@@ -54,18 +54,25 @@ def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
 
 
 @styled
-def compare_paths(records: Mapping[str, Record]) -> Figure:
+def compare_paths(records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
     """Plot the hand's paths of several runs by label, over the first run's desired path; see `path_3d`.
+
+    Parameters
+    ----------
+    records
+        Runs by label.
+    constraints
+        Their obstacles and zones near the paths are drawn.
 
     Raises
     ------
     ShapeError
         If there is no run.
     """
-    return _paths(records)
+    return _paths(records, constraints)
 
 
-def _paths(records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
+def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Figure:
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 

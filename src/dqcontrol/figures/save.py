@@ -144,10 +144,15 @@ def save_plots(
     return save_figures({name: each() for name, each in draw.items()}, folder, formats)
 
 
-def comparison_figures(records: Mapping[str, Record], unit: str = "rad or m") -> dict[str, Draw]:
-    """Return what draws the figures of several runs together, by name: ``paths``, ``errors`` and ``criteria``."""
+def comparison_figures(
+    records: Mapping[str, Record], unit: str = "rad or m", constraints: Constraints | None = None
+) -> dict[str, Draw]:
+    """Return what draws the figures of several runs together, by name: ``paths``, ``errors`` and ``criteria``.
+
+    Obstacles and zones of constraints are drawn around the paths.
+    """
     return {
-        "paths": lambda: compare_paths(records),
+        "paths": lambda: compare_paths(records, constraints),
         "errors": lambda: compare_errors(records),
         "criteria": lambda: compare_criteria(records, unit),
     }

@@ -12,8 +12,8 @@ from dqcontrol.loop.signals import Signal
 DISTANCE, ROOM = "kept_distance", "kept_room"
 PRESSURE, SLACK, EFFECT = "kept_pressure", "kept_slack", "kept_effect"
 
-# of `EFFECT`: rows that pressed, programs solved, share of the command left by scaling, excess of a limit of
-# acceleration as a share of it, and speed of the hand as the law asked and as it left
+# of `EFFECT`: rows and ends of joints' ranges that pressed, programs solved, share of the command left by scaling,
+# excess of a limit of acceleration as a share of it, and speed of the hand as the law asked and as it left
 _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "speed")
 _UNITS = ("", "", "", "", "m/s", "m/s")
 

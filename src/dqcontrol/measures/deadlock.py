@@ -54,6 +54,6 @@ def deadlocks(record: Record) -> list[Deadlock]:
         if end - begin >= _WINDOW:
             total = pressure.values[first:beyond].sum(axis=0)
             order = np.argsort(-total, kind="stable")
-            names = tuple(pressure.parts[i] for i in order if total[i] > _HOLDS * total.max())
+            names = tuple(pressure.parts[i] for i in order if total[i] > _HOLDS * total.max(initial=0.0))
             found.append(Deadlock(begin, end, names or ("joint limits",)))
     return found

@@ -13,6 +13,9 @@ from dqcontrol.robots import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dqcontrol.experiments.run import Run
+    from dqcontrol.laws.constrained.constraints import Constraints
+
 
 def unit_of_way(robots: Iterable[Robot]) -> str:
     """Return the unit of what the inputs of all robots move: ``"rad"``, ``"m"``, or ``"rad or m"`` if they differ."""
@@ -20,16 +23,28 @@ def unit_of_way(robots: Iterable[Robot]) -> str:
     return {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
 
 
-def write_comparison_figures(records: Mapping[str, Record], folder: Path, unit: str) -> dict[str, Figure]:
+def surroundings_of(runs: Iterable[Run]) -> Constraints | None:
+    """Return constraints with the obstacles and zones that all runs have that have any; None where these differ."""
+    given = [run.law.constraints for run in runs if run.law is not None and run.law.constraints is not None]
+    alike = all((each.obstacles, each.zones) == (given[0].obstacles, given[0].zones) for each in given)
+    return given[0] if given and alike else None
+
+
+def write_comparison_figures(
+    records: Mapping[str, Record], folder: Path, unit: str, constraints: Constraints | None
+) -> dict[str, Figure]:
     """Write figures of a dozen records at most, by label, into an existing folder, and return them.
 
-    ``unit`` is that of what the inputs move, see `unit_of_way`.
+    ``unit`` is that of what the inputs move, see `unit_of_way`; ``constraints`` are drawn around paths, see
+    `surroundings_of`.
     """
     from dqcontrol.figures import comparison_figures, save_figures
     from dqcontrol.figures.figure_files import lay_out
 
     few = dict(list(records.items())[:MOST_CURVES])
-    figures = {name: draw() for name, draw in comparison_figures(few, unit).items()} if few else {}
+    figures = (
+        {name: draw() for name, draw in comparison_figures(few, unit, constraints).items()} if few else {}
+    )
     lay_out(figures.values())  # once for files and page
     save_figures(figures, folder)
     return figures

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dqcontrol.experiments.load_results import is_study, is_sweep, load_rows, load_runs
 from dqcontrol.experiments.ranking import rank
 from dqcontrol.experiments.run_comparison import MOST_CURVES
-from dqcontrol.reports.compared_runs import unit_of_way
+from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way
 from dqcontrol.reports.run_report import figures_of
 
 if TYPE_CHECKING:
@@ -40,4 +40,7 @@ def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
         return figures_of(next(iter(runs.values())))
     records = {label: run.record for label, run in list(runs.items())[:MOST_CURVES]}
     unit = unit_of_way(run.robot for run in runs.values())
-    return {name: draw() for name, draw in comparison_figures(records, unit).items()}
+    return {
+        name: draw()
+        for name, draw in comparison_figures(records, unit, surroundings_of(runs.values())).items()
+    }

@@ -15,7 +15,7 @@ from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.about import about_study
-from dqcontrol.reports.compared_runs import unit_of_way, write_comparison_figures
+from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way, write_comparison_figures
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
 if TYPE_CHECKING:
@@ -82,9 +82,8 @@ def _outcome(rows: Sequence[Row]) -> VerdictCell:
 def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
     """Write the figures of all runs together, and return them."""
     parts = study.runs.values() or study.setting().scenes.values()  # where only metrics were kept
-    return write_comparison_figures(
-        records, folder, unit_of_way(part.robot for part in parts)
-    ) | _write_repeats(study, folder)
+    unit, around = unit_of_way(part.robot for part in parts), surroundings_of(study.runs.values())
+    return write_comparison_figures(records, folder, unit, around) | _write_repeats(study, folder)
 
 
 def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:

@@ -81,6 +81,7 @@ from dqcontrol.laws.constrained.constraint_rows import (
     write_screws,
     write_tree_screws,
 )
+from dqcontrol.laws.constrained.escape import go_to_posture, range_ends_pressed
 from dqcontrol.laws.constrained.levels import solve_by_levels
 from dqcontrol.limits.supervisor.braking import fastest_stoppable
 from dqcontrol.references.sample import TIME
@@ -96,6 +97,7 @@ _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
+_POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8
 
@@ -599,10 +601,26 @@ def _constrain(
 
 
 @shared
-def _go_aside(objective, solver, memory, settings, metric, u):
+def _go_to_posture(limits, coordinate, start, objective, memory, settings, u):
+    """Replace the wish by a motion of the joints to another posture, as fast as the hand may go."""
+    is_near = go_to_posture(limits, coordinate, start, memory.escape[2] - 1.0, u)
+    fast = _hand_speed(objective.hand, u, settings.angular)
+    for j in range(u.shape[0]):
+        if fast > settings.escape:
+            u[j] *= settings.escape / fast
+        objective.wish[j] = u[j]
+    if is_near:
+        memory.escape[1] = 0.0
+
+
+@shared
+def _go_aside(limits, coordinate, start, objective, solver, memory, settings, metric, u):
     """Replace the wish while the hand goes aside: by the least motion that moves it so and turns it little."""
     m = u.shape[0]
     memory.escape[1] -= settings.period
+    if memory.aside[0] == 0.0 and memory.aside[1] == 0.0 and memory.aside[2] == 0.0:
+        _go_to_posture(limits, coordinate, start, objective, memory, settings, u)
+        return
     inverse = as_matrix(solver[0 : m * m], m, m)
     _write_objective(objective, settings, metric, m)
     if not invert_factor(objective.hessian, inverse, m):
@@ -622,8 +640,11 @@ def _go_aside(objective, solver, memory, settings, metric, u):
 
 
 @shared
-def _watch_for_deadlock(objective, memory, settings, report):
-    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go."""
+def _watch_for_deadlock(limits, box, objective, memory, settings, report, u):
+    """Let the hand go aside, next time another way, once it has been held: across where the law wants it to go.
+
+    Where the end of a joint's range or its turning is what is held, the joints go to another posture.
+    """
     asked, speed = report.numbers[4], report.numbers[5]
     is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
     memory.escape[0] = memory.escape[0] + settings.period if is_held else 0.0
@@ -635,7 +656,11 @@ def _watch_for_deadlock(objective, memory, settings, report):
         y += objective.hand[4, j] * objective.wish[j]
         z += objective.hand[5, j] * objective.wish[j]
     size = math.sqrt(x * x + y * y + z * z)
-    if size < 0.5 * asked:  # it is its turning that is held
+    memory.escape[0] = 0.0
+    memory.escape[2] += 1.0
+    if range_ends_pressed(limits, box, objective.wish, u) > 0 or size < 0.5 * asked:
+        memory.escape[1] = _POSTURE
+        memory.aside[0] = memory.aside[1] = memory.aside[2] = 0.0
         return
     x, y, z = x / size, y / size, z / size
     a, b, c = -x * z, -y * z, 1.0 - z * z  # up, as far as that is across
@@ -643,18 +668,17 @@ def _watch_for_deadlock(objective, memory, settings, report):
         a, b, c = 1.0 - x * x, -x * y, -x * z
     size = math.sqrt(a * a + b * b + c * c)
     a, b, c = a / size, b / size, c / size
-    way = int(memory.escape[2]) % 4
+    way = int(memory.escape[2] - 1.0) % 4
     if way == 1 or way == 2:
         a, b, c = y * c - z * b, z * a - x * c, x * b - y * a
     sign = 1.0 if way < 2 else -1.0
     memory.aside[0], memory.aside[1], memory.aside[2] = sign * a, sign * b, sign * c
-    memory.escape[0], memory.escape[1] = 0.0, _ASIDE
-    memory.escape[2] += 1.0
+    memory.escape[1] = _ASIDE
 
 
 @shared
-def _report(limits, rows, lines, objective, report, settings, sent, originals, count, u):
-    """Write which rows pressed and gave way."""
+def _report(limits, box, rows, lines, objective, report, settings, sent, originals, count, u):
+    """Write which rows and ends of joints' ranges pressed, and which rows gave way."""
     for i in range(count):
         name = int(row_of(rows[int(lines.owners[i])]).name)
         if lines.press[i] > 0.0:
@@ -664,6 +688,7 @@ def _report(limits, rows, lines, objective, report, settings, sent, originals, c
             slack = -_line_change(lines.gradients, i, u) - lines.bounds[i]
             if slack > _GAVE_WAY:
                 report.slack[name] = max(report.slack[name], slack)
+    report.numbers[0] += range_ends_pressed(limits, box, objective.wish, u)
     for j in range(u.shape[0]):
         most = limits.acceleration[j] * settings.period
         if most < math.inf:
@@ -773,7 +798,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         for j in range(placed.screws.shape[1]):
             placed.first_screws[i, j] = placed.screws[i, j] if branches else objective.jacobian[i, j]
     if memory.escape[1] > 0.0:
-        _go_aside(objective, work.solver, memory, settings, metric, u)
+        _go_aside(limits, way.coordinate, path.start, objective, work.solver, memory, settings, metric, u)
     for i in range(names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
@@ -824,9 +849,9 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
             time,
             k,
         )
-    _report(limits, kept.rows, lines, objective, report, settings, memory.sent, originals, count, u)
+    _report(limits, box, kept.rows, lines, objective, report, settings, memory.sent, originals, count, u)
     if settings.escape > 0.0 and memory.escape[1] <= 0.0:
-        _watch_for_deadlock(objective, memory, settings, report)
+        _watch_for_deadlock(limits, box, objective, memory, settings, report, u)
     return OK
 
 

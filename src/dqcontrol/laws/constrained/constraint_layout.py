@@ -262,7 +262,7 @@ class ConstraintMemory(NamedTuple):
     escape
         For how long the hand has been held, for how long it still goes aside, s, and how often it has.
     aside
-        Where to.
+        Where to; 0 while the joints go to another posture.
     sent
         The last command that left.
     """
@@ -284,9 +284,9 @@ class Report(NamedTuple):
     Attributes
     ----------
     numbers
-        How many rows were active, how often the program was solved, share of the command that was left by scaling,
-        largest excess of an acceleration limit (as a share), speed of the hand as the law asks and as it leaves, both
-        as |[lω ; v]|, m/s.
+        How many rows and ends of joints' ranges pressed, how often the program was solved, share of the command that
+        was left by scaling, largest excess of an acceleration limit (as a share), speed of the hand as the law asks and
+        as it leaves, both as |[lω ; v]|, m/s.
     least, pressure, slack
         Of each name: least distance or angle, sum of its multipliers, and how much it gave way (m/s or rad/s).
     """

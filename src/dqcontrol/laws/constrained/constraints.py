@@ -368,8 +368,9 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         By name.
     escape
         Where constraints hold the hand against what the law asks for 0.4 s, it goes aside at this speed for 1 s, m/s:
-        up, to the sides, down, in turn, eight times at most. It may find a way round; nothing is promised. If omitted
-        it stands there.
+        up, to the sides, down, in turn. Where the end of a joint's range or its turning is what is held, the joints go
+        to another posture, the hand no faster than this, for 2 s. Eight times at most; it may find a way, nothing is
+        promised. If omitted it stands there.
     recovery
         A run may start where distances are too small; they are then asked to grow this fast at most, m/s or rad/s. If
         omitted, such a start is refused.
