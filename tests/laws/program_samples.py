@@ -6,7 +6,7 @@ from constraint_scenes import HOME, random_constraints, random_goal
 import dqcontrol as dqc
 from dqcontrol.laws.constrained import active_set
 from dqcontrol.laws.constrained import levels as levels_code
-from dqcontrol.laws.constrained.constraint_layout import head, work_of
+from dqcontrol.laws.constrained.constraint_layout import box_of, head, objective_of, work_of
 
 
 def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, rank=None):
@@ -63,6 +63,7 @@ def programs_of_a_loop(rng, count, period=0.005):
         scratch, state, q = law._parts.constraint_work, law.initial_state(HOME), HOME
         settings = {**head(law.constraints.parameters)._asdict(), "n": n, "m": n}
         work = work_of(scratch, *(int(settings[name]) for name in work_of.sizes))
+        box, objective = box_of(work.box, n), objective_of(work.objective, n)
         for i in range(300):
             scratch[:] = np.nan  # what is a number afterwards belongs to the programs of this step
             u = law.command(q, goal.at(i * period), state).copy()
@@ -73,9 +74,9 @@ def programs_of_a_loop(rng, count, period=0.005):
                 continue
             flat = work.program[: active_set.program_size(n, m)].copy()
             program = active_set.unpack_program(flat, n, m)
-            if not (program.softness == 0).all() or (program.lower != work.low).any():
+            if not (program.softness == 0).all() or (program.lower != box.low).any():
                 continue  # it was solved by softer ones after this
-            program.gradient[:] = -program.hessian @ work.wish
+            program.gradient[:] = -program.hessian @ objective.wish
             found.append((flat, m))
     return found[:count]
 
