@@ -96,6 +96,7 @@ _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
+_ASKED_MORE = 4  # how often more is asked for
 _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
@@ -518,6 +519,74 @@ def _scale_back(
 
 
 @shared
+def _keep_more(
+    kinematics,
+    chain,
+    kept,
+    way,
+    scene,
+    placed,
+    path,
+    box,
+    lines,
+    objective,
+    work,
+    chosen,
+    settings,
+    count,
+    u,
+    worst,
+    time,
+    sample,
+):
+    """Ask for more by as much as an input leaves rows short, until none is; return the worst shortfall that is left.
+
+    Where a wish far beyond what a curved distance allows presses, pictures of it settle slowly: each new one lets the
+    command slide along it. Without them it stays within what curvature takes in a period of the box.
+    """
+    for j in range(u.shape[0]):
+        objective.best[j] = u[j]
+    added = 0.0
+    for _ in range(_ASKED_MORE):
+        status = _solve(kept, box, lines, objective, work, chosen, count, u, False)
+        if status != SOLVED:
+            break
+        _clip(u, box.low, box.high)
+        _, short, _ = _verify(
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            lines,
+            settings,
+            count,
+            count,
+            u,
+            time,
+            sample,
+            False,
+        )
+        if short < worst:
+            worst = short
+            for j in range(u.shape[0]):
+                objective.best[j] = u[j]
+        if worst <= _ACCEPTED:
+            break
+        more = 1.1 * short / settings.period
+        added += more
+        for i in range(count):
+            lines.bounds[i] -= more
+    for i in range(count):
+        lines.bounds[i] += added
+    for j in range(u.shape[0]):
+        u[j] = objective.best[j]
+    return worst
+
+
+@shared
 def _constrain(
     kinematics,
     chain,
@@ -579,6 +648,28 @@ def _constrain(
         if more == count:
             break
         count = more
+    if worst > _ACCEPTED and not soft and not is_violated:
+        worst = _keep_more(
+            kinematics,
+            chain,
+            kept,
+            way,
+            scene,
+            placed,
+            path,
+            box,
+            lines,
+            objective,
+            work,
+            chosen,
+            settings,
+            originals,
+            u,
+            worst,
+            time,
+            sample,
+        )
+        count = originals
     if worst > _ACCEPTED and not is_violated:
         report.numbers[2] = _scale_back(
             kinematics,
