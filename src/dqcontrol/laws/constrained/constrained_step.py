@@ -17,11 +17,13 @@ acceleration, by least squares; then the rows, level by level, the last first; n
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -51,6 +53,14 @@ from dqcontrol.laws.constrained.constraint_layout import (
     MOST_CUTS,
     ROUNDS,
     SIGHT,
+    Head,
+    InputBox,
+    KeptRows,
+    Lines,
+    Path,
+    Placed,
+    RobotScene,
+    Way,
     box_of,
     head,
     kept_of,
@@ -107,6 +117,23 @@ _TRIES = 8
 CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, READ, WRITE, READ, WRITE, WRITE)
 
 
+class _Step(NamedTuple):
+    """What functions of one step are handed together; `placed`, `path`, `box` and `lines` are written."""
+
+    kinematics: int
+    chain: Array
+    kept: KeptRows
+    way: Way
+    scene: RobotScene
+    placed: Placed
+    path: Path
+    box: InputBox
+    lines: Lines
+    settings: Head
+    time: float
+    sample: int
+
+
 @shared
 def _set_box(limits, coordinate, box, sent, q, period):
     """Write what each input may be: within limits of speed, able to brake before its end, and near its last value."""
@@ -150,8 +177,10 @@ def _add_row(lines, count, capacity, bound, owner, required):
 
 
 @shared
-def _collect_at(kept, way, scene, placed, path, box, lines, screws, report, settings, g, count):
+def _collect_at(step, screws, report, g, count):
     """Find the distances that this period can matter to at a point of the way, as rows of the program."""
+    kept, way, scene, placed, path = step.kept, step.way, step.scene, step.placed, step.path
+    box, lines, settings = step.box, step.lines, step.settings
     capacity = int(settings.capacity) - MOST_CUTS
     meets, share = way.meets[g, 0], way.meets[g, 1]
     before = 0.0 if g == 0 else way.meets[g - 1, 0] + settings.period * way.meets[g - 1, 1]
@@ -190,11 +219,13 @@ def _collect_at(kept, way, scene, placed, path, box, lines, screws, report, sett
 
 
 @shared
-def _collect(kinematics, chain, kept, way, scene, placed, path, box, lines, report, settings, time, sample):
+def _collect(step, report):
     """Find the distances that this period can matter to, as rows of the program; return how many.
 
     At all points of the way the same is asked for: what the least of them may become.
     """
+    kept, way, scene, placed, path = step.kept, step.way, step.scene, step.placed, step.path
+    lines, settings = step.lines, step.settings
     count, last, period = 0, way.shares.shape[0] - 1, settings.period
     for i in range(kept.rows.shape[0]):
         lines.nearest[i], lines.dips[i] = math.inf, 0.0
@@ -205,15 +236,16 @@ def _collect(kinematics, chain, kept, way, scene, placed, path, box, lines, repo
             for i in range(path.start.shape[0]):
                 path.trial[i] = path.start[i]
         if last > 0:
-            _measure_step(way, path, box, g, period)
-            place_frames(chain, path.trial, scene, placed)
+            _measure_step(way, path, step.box, g, period)
+            place_frames(step.chain, path.trial, scene, placed)
         place_bodies(scene, placed)
-        place_obstacles(scene, placed, time, sample, way.meets[g, 0], period * way.meets[g, 1], period)
+        span = period * way.meets[g, 1]
+        place_obstacles(scene, placed, step.time, step.sample, way.meets[g, 0], span, period)
         screws = placed.first_screws
         if g < last:
-            write_screws(kinematics, chain, path.trial, scene, placed)
+            write_screws(step.kinematics, step.chain, path.trial, scene, placed)
             screws = placed.screws
-        count = _collect_at(kept, way, scene, placed, path, box, lines, screws, report, settings, g, count)
+        count = _collect_at(step, screws, report, g, count)
     for i in range(count):
         owner, g = int(lines.owners[i]), int(lines.points[i])
         row = row_of(kept.rows[owner])
@@ -281,19 +313,20 @@ def _keeps(kept, box, lines, count, u):
 
 
 @shared
-def _place_after(kinematics, chain, drives, way, scene, placed, path, period, u, time, sample, g, screws):
+def _place_after(step, u, g, screws):
     """Place everything where a point of the way leads to that an input gives, with screws if asked for."""
+    way, scene, placed, path, period = step.way, step.scene, step.placed, step.path, step.settings.period
     for i in range(path.trial.shape[0]):
         path.trial[i] = path.start[i]
-    advance(drives, u, period, path.trial)
+    advance(step.kept.drives, u, period, path.trial)
     if g < way.shares.shape[0] - 1:
         _place_on_way(way, path, path.trial, g)
-    place_frames(chain, path.trial, scene, placed)
+    place_frames(step.chain, path.trial, scene, placed)
     place_bodies(scene, placed)
     span = period * way.meets[g, 1]
-    place_obstacles(scene, placed, time, sample, way.meets[g, 0] + span, span, period)
+    place_obstacles(scene, placed, step.time, step.sample, way.meets[g, 0] + span, span, period)
     if screws:
-        write_screws(kinematics, chain, path.trial, scene, placed)
+        write_screws(step.kinematics, step.chain, path.trial, scene, placed)
 
 
 @shared
@@ -312,27 +345,13 @@ def _add_cut(way, lines, capacity, i, count, short, u):
 
 
 @shared
-def _verify(
-    kinematics,
-    chain,
-    kept,
-    way,
-    scene,
-    placed,
-    path,
-    lines,
-    settings,
-    originals,
-    count,
-    u,
-    time,
-    sample,
-    adds,
-):
+def _verify(step, originals, count, u, adds):
     """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
 
     Distances from convex things whose line leaves more room than their curvature can take are sure, and not computed.
     """
+    kept, way, scene, placed = step.kept, step.way, step.scene, step.placed
+    lines, settings = step.lines, step.settings
     period, last, capacity = settings.period, way.shares.shape[0] - 1, int(settings.capacity)
     worst, worst_ahead = 0.0, 0.0
     for g in range(last + 1):
@@ -347,9 +366,7 @@ def _verify(
                 continue
             if not is_placed:
                 is_placed = True
-                _place_after(
-                    kinematics, chain, kept.drives, way, scene, placed, path, period, u, time, sample, g, adds
-                )
+                _place_after(step, u, g, adds)
             value = value_of(scene, placed, row)
             short = lines.required[i] - value
             worst = max(worst, short)
@@ -479,9 +496,7 @@ def _clip(u, low, high):
 
 
 @shared
-def _scale_back(
-    kinematics, chain, kept, way, scene, placed, path, lines, best, settings, count, u, worst, time, sample
-):
+def _scale_back(step, best, count, u, worst):
     """Halve an input that leaves a row short until it does not; return the share that is left, of the best one."""
     for j in range(u.shape[0]):
         best[j] = u[j]
@@ -490,23 +505,7 @@ def _scale_back(
         share *= 0.5
         for j in range(u.shape[0]):
             u[j] *= 0.5
-        _, short, _ = _verify(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            lines,
-            settings,
-            count,
-            count,
-            u,
-            time,
-            sample,
-            False,
-        )
+        _, short, _ = _verify(step, count, count, u, False)
         if short < worst:
             worst, best_share = short, share
             for j in range(u.shape[0]):
@@ -519,66 +518,31 @@ def _scale_back(
 
 
 @shared
-def _keep_more(
-    kinematics,
-    chain,
-    kept,
-    way,
-    scene,
-    placed,
-    path,
-    box,
-    lines,
-    objective,
-    work,
-    chosen,
-    settings,
-    count,
-    u,
-    worst,
-    time,
-    sample,
-):
+def _keep_more(step, objective, work, chosen, originals, count, u, worst):
     """Ask for more by as much as an input leaves rows short, until none is; return the worst shortfall that is left.
 
-    Where a wish far beyond what a curved distance allows presses, pictures of it settle slowly: each new one lets the
-    command slide along it. Without them it stays within what curvature takes in a period of the box.
+    Where a wish far beyond what a curved distance allows presses, pictures of it settle slowly: with each the command
+    slides along it to where the others are least true.
     """
+    box, lines, added = step.box, step.lines, 0.0
     for j in range(u.shape[0]):
         objective.best[j] = u[j]
-    added = 0.0
+    short = worst
     for _ in range(_ASKED_MORE):
-        status = _solve(kept, box, lines, objective, work, chosen, count, u, False)
-        if status != SOLVED:
+        more = 1.1 * short / step.settings.period
+        added += more
+        for i in range(count):
+            lines.bounds[i] -= more
+        if _solve(step.kept, box, lines, objective, work, chosen, count, u, False) != SOLVED:
             break
         _clip(u, box.low, box.high)
-        _, short, _ = _verify(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            lines,
-            settings,
-            count,
-            count,
-            u,
-            time,
-            sample,
-            False,
-        )
+        _, short, _ = _verify(step, originals, count, u, False)
         if short < worst:
             worst = short
             for j in range(u.shape[0]):
                 objective.best[j] = u[j]
         if worst <= _ACCEPTED:
             break
-        more = 1.1 * short / settings.period
-        added += more
-        for i in range(count):
-            lines.bounds[i] -= more
     for i in range(count):
         lines.bounds[i] += added
     for j in range(u.shape[0]):
@@ -587,27 +551,9 @@ def _keep_more(
 
 
 @shared
-def _constrain(
-    kinematics,
-    chain,
-    kept,
-    way,
-    scene,
-    placed,
-    path,
-    box,
-    lines,
-    objective,
-    work,
-    settings,
-    metric,
-    report,
-    count,
-    u,
-    time,
-    sample,
-):
+def _constrain(step, objective, work, metric, report, count, u):
     """Replace a wish that does not keep everything by the nearest command that does."""
+    kept, box, lines, settings = step.kept, step.box, step.lines, step.settings
     m, originals = u.shape[0], count
     sets, most_rows = work.sets.view(np.intp), int(settings.capacity) + 2 * m + 4 * kept.drives.shape[0]
     levels, chosen = sets[0:most_rows], sets[most_rows:]
@@ -628,66 +574,14 @@ def _constrain(
             _clip(u, box.low, box.high)
         if is_violated:
             break
-        more, worst, _ = _verify(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            lines,
-            settings,
-            originals,
-            count,
-            u,
-            time,
-            sample,
-            True,
-        )
+        more, worst, _ = _verify(step, originals, count, u, True)
         if more == count:
             break
         count = more
     if worst > _ACCEPTED and not soft and not is_violated:
-        worst = _keep_more(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            box,
-            lines,
-            objective,
-            work,
-            chosen,
-            settings,
-            originals,
-            u,
-            worst,
-            time,
-            sample,
-        )
-        count = originals
+        worst = _keep_more(step, objective, work, chosen, originals, count, u, worst)
     if worst > _ACCEPTED and not is_violated:
-        report.numbers[2] = _scale_back(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            lines,
-            objective.best,
-            settings,
-            originals,
-            u,
-            worst,
-            time,
-            sample,
-        )
+        report.numbers[2] = _scale_back(step, objective.best, originals, u, worst)
     return count
 
 
@@ -896,50 +790,13 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         report.numbers[i] = 0.0
     report.numbers[2], report.numbers[3] = 1.0, -1.0
     _set_box(limits, way.coordinate, box, memory.sent, path.start, settings.period)
-    time = sample[TIME]
-    originals = _collect(
-        kinematics, chain, kept, way, scene, placed, path, box, lines, report, settings, time, k
-    )
+    step = _Step(kinematics, chain, kept, way, scene, placed, path, box, lines, settings, sample[TIME], k)
+    originals = _collect(step, report)
     count, short, ahead = originals, math.inf, 0.0
     if _keeps(kept, box, lines, count, u):
-        _, short, ahead = _verify(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            lines,
-            settings,
-            originals,
-            count,
-            u,
-            time,
-            k,
-            False,
-        )
+        _, short, ahead = _verify(step, originals, count, u, False)
     if short > _ACCEPTED or ahead > _FAR_SHORT:
-        count = _constrain(
-            kinematics,
-            chain,
-            kept,
-            way,
-            scene,
-            placed,
-            path,
-            box,
-            lines,
-            objective,
-            work,
-            settings,
-            metric,
-            report,
-            count,
-            u,
-            time,
-            k,
-        )
+        count = _constrain(step, objective, work, metric, report, count, u)
     _report(limits, box, kept.rows, lines, objective, report, settings, memory.sent, originals, count, u)
     if settings.escape > 0.0 and memory.escape[1] <= 0.0:
         _watch_for_deadlock(limits, box, objective, memory, settings, report, u)
