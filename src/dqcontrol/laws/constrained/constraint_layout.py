@@ -176,7 +176,7 @@ class Way(NamedTuple):
     coordinate: Annotated[Array, "m"]
 
 
-class Kept(NamedTuple):
+class KeptRows(NamedTuple):
     """What commands keep beside their limits.
 
     Attributes
@@ -197,7 +197,7 @@ class Kept(NamedTuple):
     rims: Annotated[Array, "drives"]
 
 
-class Scene(NamedTuple):
+class RobotScene(NamedTuple):
     """Shapes, what moves them, and what stands around them.
 
     Attributes
@@ -226,8 +226,8 @@ class Scene(NamedTuple):
 
 limits_of = MemoryLayout(InputLimits, "m")
 way_of = MemoryLayout(Way, "n", "m", "points")
-kept_of = MemoryLayout(Kept, "m", "rows", "drives")
-scene_of = MemoryLayout(Scene, "frames", "screws", "tree", "shapes", "obstacles", "moving")
+kept_of = MemoryLayout(KeptRows, "m", "rows", "drives")
+scene_of = MemoryLayout(RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "moving")
 
 
 class ConstraintParameters(NamedTuple):
@@ -238,7 +238,7 @@ class ConstraintParameters(NamedTuple):
     head
         See `Head`.
     limits, way, kept, scene
-        See `InputLimits`, `Way`, `Kept`, `Scene`.
+        See `InputLimits`, `Way`, `KeptRows`, `RobotScene`.
     """
 
     head: Annotated[Array, HEAD]
@@ -300,7 +300,7 @@ class Report(NamedTuple):
 report_of = MemoryLayout(Report, "names")
 
 
-class Box(NamedTuple):
+class InputBox(NamedTuple):
     """What each input may be, with its limit of acceleration and without."""
 
     low: Annotated[Array, "m"]
@@ -310,7 +310,7 @@ class Box(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where everything of a `Scene` is.
+    """Where everything of a `RobotScene` is.
 
     Attributes
     ----------
@@ -409,7 +409,7 @@ class Objective(NamedTuple):
     hessian: Annotated[Array, "m", "m"]
 
 
-box_of = MemoryLayout(Box, "m")
+box_of = MemoryLayout(InputBox, "m")
 placed_of = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles")
 path_of = MemoryLayout(Path, "n", "m")
 lines_of = MemoryLayout(Lines, "m", "capacity", "rows")
@@ -424,7 +424,7 @@ class ConstraintWork(NamedTuple):
     report
         See `Report`.
     box, placed, path, lines, objective
-        See `Box`, `Placed`, `Path`, `Lines`, `Objective`.
+        See `InputBox`, `Placed`, `Path`, `Lines`, `Objective`.
     program, solver, levels, sets
         Memory of the solvers.
     """
@@ -500,20 +500,20 @@ __all__ = [
     "STILL",
     "STRAIGHT",
     "VELOCITY",
-    "Box",
     "ConstraintMemory",
     "ConstraintParameters",
     "ConstraintWork",
     "Head",
+    "InputBox",
     "InputLimits",
-    "Kept",
+    "KeptRows",
     "Lines",
     "Objective",
     "Path",
     "Placed",
     "Report",
+    "RobotScene",
     "Row",
-    "Scene",
     "Screw",
     "Way",
 ]

@@ -33,7 +33,7 @@ class ChainFrames:
     count
         How many there are, the base's not among them.
     carriers, screws, tree
-        See `Scene`.
+        See `RobotScene`.
     """
 
     def __init__(self, robot: Robot) -> None:

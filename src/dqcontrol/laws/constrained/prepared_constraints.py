@@ -33,9 +33,9 @@ from dqcontrol.laws.constrained.constraint_layout import (
     VELOCITY,
     Head,
     InputLimits,
-    Kept,
+    KeptRows,
+    RobotScene,
     Row,
-    Scene,
     Way,
     head,
     kept_of,
@@ -568,7 +568,7 @@ class PreparedConstraints:
             bent=self.way.bent,
             coordinate=robot.input_coordinates.astype(float),
         )
-        kept = Kept(
+        kept = KeptRows(
             rows=rows,
             levers=np.array([line.levers for line in self._lines]).reshape(len(rows), m),
             drives=robot.drives,
@@ -576,7 +576,7 @@ class PreparedConstraints:
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
             ),
         )
-        scene = Scene(
+        scene = RobotScene(
             carriers=frames.carriers,
             screws=frames.screws,
             tree=frames.tree,
