@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.geometry import Sphere
+from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
 from dqcontrol.geometry import distance_kernels as geometry
 from dqcontrol.plants.mujoco.mujoco_model import skeleton
 
@@ -16,55 +17,100 @@ PERIOD = 0.01  # s
 GAIN, RATE = 2.0, 10.0  # 1/s: of the hand's error, and of distances
 KEPT, SEEN = 0.01, 0.3  # m: distance to keep, and from where rows are made
 BALL = 0.06  # m
-CORRECT = (
-    RATE * PERIOD**2
-)  # gain of Mink's collision limit that bounds the speed of approach by RATE (d − KEPT)
+AS_SHIPPED = 0.85  # gain of Mink's collision limit
 
 Step = Callable[[np.ndarray], np.ndarray]
 
 
-def by_mink(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, gain: float) -> Step:
-    """Return what gives Mink's joint speeds towards a pose, among the same shapes and pairs."""
+def correct(period: float) -> float:
+    """Return the gain of Mink's collision limit that bounds the speed of approach by RATE times what is left."""
+    return RATE * period**2
+
+
+def by_mink(
+    arm: dqc.Robot,
+    given: dqc.laws.Constraints,
+    goal: np.ndarray,
+    approach: float,
+    gain: float = GAIN,
+    period: float = PERIOD,
+) -> Step:
+    """Return what gives Mink's joint speeds towards a pose, among the same shapes and pairs, obstacles standing still.
+
+    Mink leaves out pairs of what stands still and of the first link, whose body is a child of the world's.
+    """
     import mink
-    import mujoco
 
     assert arm.shapes is not None
     spec = skeleton(arm)
     for each in arm.shapes.shapes:
         body = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody
-        geom = body.add_geom(
-            name=each.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[each.shape.radius, 0, 0]
-        )
-        geom.fromto = [*each.shape.start, *each.shape.end]
-    for i, ball in enumerate(balls):
-        spec.worldbody.add_geom(
-            name=f"ball {i}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[BALL, 0, 0], pos=ball
-        )
+        add_geom(body, each.name, each.shape)
+    for name, obstacle in given.obstacles.items():
+        add_geom(spec.worldbody, name, obstacle.shape)
     model = spec.compile()
     names = arm.shapes.names
     pairs = [([names[a]], [names[b]]) for a, b in arm.shapes.pairs]
     links = [each.name for each in arm.shapes.shapes if each.frame > 1]
-    pairs.append((links, [f"ball {i}" for i in range(len(balls))]))
+    kept_from: dict[tuple[str, ...], list[str]] = {}
+    for name, obstacle in given.obstacles.items():
+        kept_from.setdefault(tuple(obstacle.links or links), []).append(name)
+    pairs += [(list(chosen), obstacles) for chosen, obstacles in kept_from.items()]
     configuration = mink.Configuration(model)
-    task = mink.FrameTask("hand", "site", position_cost=1.0, orientation_cost=1.0, gain=GAIN * PERIOD)
+    task = mink.FrameTask("hand", "site", position_cost=1.0, orientation_cost=1.0, gain=gain * period)
     task.set_target(mink.SE3.from_matrix(np.asarray(dqc.DualQuaternion(goal).matrix())))
     speeds = dict(zip(arm.joint_names, arm.limits.velocity, strict=True))
     limits = [
         mink.ConfigurationLimit(model),
         mink.VelocityLimit(model, speeds),
         mink.CollisionAvoidanceLimit(
-            model, pairs, gain=gain, minimum_distance_from_collisions=KEPT, collision_detection_distance=SEEN
+            model,
+            pairs,
+            gain=approach,
+            minimum_distance_from_collisions=given.margin,
+            collision_detection_distance=SEEN,
         ),
     ]
 
     def step(q: np.ndarray) -> np.ndarray:
         configuration.update(q)
         try:
-            return mink.solve_ik(configuration, [task], PERIOD, solver="daqp", damping=1e-6, limits=limits)
+            return mink.solve_ik(configuration, [task], period, solver="daqp", damping=1e-6, limits=limits)
         except mink.NoSolutionFound:
             return np.zeros(len(q))
 
     return step
+
+
+def add_geom(body: Any, name: str, shape: Shape) -> None:
+    """Give a body of MuJoCo a shape."""
+    import mujoco
+
+    kinds = mujoco.mjtGeom
+    match shape:
+        case Capsule():
+            geom = body.add_geom(name=name, type=kinds.mjGEOM_CAPSULE, size=[shape.radius, 0, 0])
+            geom.fromto = [*shape.start, *shape.end]
+        case Sphere():
+            body.add_geom(name=name, type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.center)
+        case Box():
+            place = dqc.DualQuaternion(shape.pose)
+            geom = body.add_geom(name=name, type=kinds.mjGEOM_BOX, size=0.5 * shape.size)
+            geom.pos, geom.quat = place.translation, algebra.rotation(shape.pose)
+        case Plane():
+            geom = body.add_geom(name=name, type=kinds.mjGEOM_PLANE, size=[0, 0, 0.01])
+            geom.pos, geom.alt.zaxis = shape.offset * shape.normal, shape.normal
+        case _:
+            raise TypeError(f"{name}: {type(shape).__name__} is no shape that Mink is compared with")
+
+
+def driven(step: Step, start: np.ndarray, period: float, periods: int) -> np.ndarray:
+    """Return the configurations that speeds drive through, shape (N + 1, n), rad."""
+    path = np.empty((periods + 1, len(start)))
+    path[0] = start
+    for k in range(periods):
+        path[k + 1] = path[k] + period * step(path[k])
+    return path
 
 
 class Neo:

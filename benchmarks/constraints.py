@@ -2,7 +2,8 @@
 
     python benchmarks/constraints.py [--runs 100]
 
-Runs: the worst distance below what was asked, with 20 instants a period, of random scenes with things that move.
+Runs: the worst distance below what was asked, with 20 instants a period, of random scenes with things that move, and
+beside Mink (where installed; as shipped and corrected as `reactive_scenes.py` says) of the same scenes standing still.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from measure import Ratio, medians, table
+from msgspec import structs
 
 import dqcontrol as dqc
 from dqcontrol.geometry import Capsule
@@ -25,6 +28,8 @@ from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
 
 PERIOD = 0.01
+LASTING = 1.5  # s of a random run
+ROUNDING = 1e-9  # m
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 
 
@@ -82,9 +87,9 @@ def step_ratios(short: bool) -> list[Ratio]:
     tail = float(np.quantile(times, 0.999) / np.median(times))
     found.append(Ratio("step, p99.9 of single ones", tail, "× the median", "", 1.0, "≤ 3"))
     if find_spec("mink"):
-        from constraint_peers import CORRECT, by_mink
+        from constraint_peers import by_mink, correct
 
-        theirs = by_mink(arm, balls, arm.fkm(HOME + 0.3), CORRECT)
+        theirs = by_mink(arm, fenced(arm, balls), arm.fkm(HOME + 0.3), correct(PERIOD))
         unhurried = dqc.laws.Proportional(gain=3.0, constraints=fenced(arm, balls))
         _check_direction(unhurried.command(arm, HOME, sample, dt=PERIOD), theirs(HOME))
         mink = medians({"mink": lambda: theirs(HOME)}, 500, 3 if short else 15)["mink"]
@@ -158,25 +163,88 @@ def capsule_ratio() -> list[Ratio]:
     ]
 
 
-def runs(count: int) -> None:
-    """Print the worst distance below what was asked of random runs."""
-    from constraint_scenes import least_room, random_constraints, random_goal
+class Run(NamedTuple):
+    """A random run: what is kept, where the hand shall go and how long a period is, s."""
 
-    arm, rng, worst = dqc.load_robot("panda"), np.random.default_rng(5), np.inf
-    excess = -np.inf
+    given: dqc.laws.Constraints
+    goal: dqc.references.SetPoint
+    period: float
+
+
+def random_runs(arm: dqc.Robot, count: int) -> Iterator[Run]:
+    """Yield random runs, always the same."""
+    from constraint_scenes import random_constraints, random_goal
+
+    rng = np.random.default_rng(5)
     for _ in range(count):
         period, acceleration = float(rng.uniform(0.001, 0.01)), float(rng.uniform(5, 20))
-        law = dqc.laws.Proportional(
-            gain=3.0, constraints=random_constraints(rng, arm, HOME, acceleration=acceleration)
-        )
-        goal = random_goal(rng, arm)
-        record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), HOME, period, 1.5)
+        given = random_constraints(rng, arm, HOME, acceleration=acceleration)
+        yield Run(given, random_goal(rng, arm), period)
+
+
+def runs(count: int) -> None:
+    """Print the worst distance below what was asked of random runs."""
+    from constraint_scenes import least_room
+
+    arm, worst, excess = dqc.load_robot("panda"), np.inf, -np.inf
+    for given, goal, period in random_runs(arm, count):
+        law = dqc.laws.Proportional(gain=3.0, constraints=given)
+        record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), HOME, period, LASTING)
         worst = min(worst, least_room(law.prepare(arm, goal, period), record, period))
         excess = max(excess, float(record.readings["kept_effect"].values[:, 3].max()))
     print(
         f"{count} runs, 20 instants a period: worst shortfall {max(-worst, 0.0):.3g} m, "
         f"largest excess of acceleration {max(excess, 0.0):.3g} of its limit"
     )
+
+
+class Driven(NamedTuple):
+    """What of a record tells how much room was left."""
+
+    time: np.ndarray
+    q: np.ndarray
+    command: np.ndarray
+
+
+def runs_beside_mink(count: int) -> None:
+    """Print the worst distance below what was asked of the same runs without what Mink does not have."""
+    from constraint_peers import AS_SHIPPED, by_mink, correct, driven
+    from constraint_scenes import least_room
+
+    arm = dqc.load_robot("panda")
+    rooms: dict[str, list[float]] = {"ours": [], "Mink, corrected": [], "Mink, as shipped": []}
+    for given, goal, period in random_runs(arm, count):
+        plain = as_mink_has_it(given, arm)
+        law = dqc.laws.Proportional(gain=3.0, constraints=plain)
+        record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), HOME, period, LASTING)
+        judge = law.prepare(arm, goal, period)
+        rooms["ours"].append(least_room(judge, record, period))
+        pose = np.asarray(goal.pose)
+        for name, approach in (("Mink, corrected", correct(period)), ("Mink, as shipped", AS_SHIPPED)):
+            step = by_mink(arm, plain, pose, approach, gain=3.0, period=period)
+            q = driven(step, HOME, period, len(record.time) - 1)
+            path = Driven(record.time, q, np.diff(q, axis=0, append=q[-1:]) / period)
+            rooms[name].append(least_room(judge, path, period))
+    shortfalls = {name: np.maximum(0.0, -np.array(each)) for name, each in rooms.items()}
+    found = "; ".join(
+        f"{name} {1e3 * each.max():.3g} mm ({(each > ROUNDING).sum()} runs below)"
+        for name, each in shortfalls.items()
+    )
+    print(
+        f"worst shortfall, {count} runs, 20 instants a period, "
+        f"things still, links from the second on, no limits of acceleration: {found}"
+    )
+
+
+def as_mink_has_it(given: dqc.laws.Constraints, arm: dqc.Robot) -> dqc.laws.Constraints:
+    """Return constraints without what Mink lacks: things that move, limits of acceleration, the first link's pairs."""
+    assert arm.shapes is not None
+    links = [each.name for each in arm.shapes.shapes if each.frame > 1]
+    obstacles = {
+        name: structs.replace(each, velocity=None, links=each.links or links)
+        for name, each in given.obstacles.items()
+    }
+    return structs.replace(given, obstacles=obstacles, acceleration=None)
 
 
 def ratios(short: bool) -> list[Ratio]:
@@ -190,3 +258,5 @@ if __name__ == "__main__":
     options = parser.parse_args()
     print(table(ratios(short=False), "Constraints").markdown())
     runs(options.runs)
+    if find_spec("mink"):
+        runs_beside_mink(options.runs)

@@ -29,7 +29,17 @@ from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
-from constraint_peers import CORRECT, GAIN, PERIOD, Neo, Step, by_mink, check_neo, rotation_vector
+from constraint_peers import (
+    AS_SHIPPED,
+    GAIN,
+    PERIOD,
+    Neo,
+    by_mink,
+    check_neo,
+    correct,
+    driven,
+    rotation_vector,
+)
 from constraints import around, fenced
 
 import dqcontrol as dqc
@@ -76,15 +86,6 @@ def by_ours(
     return dqc.simulate(arm, target, law, dqc.plants.Integrator(), start, PERIOD, MOST).q
 
 
-def driven(step: Step, start: np.ndarray) -> np.ndarray:
-    """Return the configurations that speeds drive through, shape (N, n), rad."""
-    path = np.empty((round(MOST / PERIOD) + 1, len(start)))
-    path[0] = start
-    for k in range(len(path) - 1):
-        path[k + 1] = path[k] + PERIOD * step(path[k])
-    return path
-
-
 def end_of(
     arm: dqc.Robot, kept: PreparedConstraints, goal: np.ndarray, path: np.ndarray
 ) -> tuple[str, float]:
@@ -117,10 +118,13 @@ def ways_of(
         "ours, without escape": partial(by_ours, arm, balls, goal, start, None),
     }
     if find_spec("mink"):
-        for name, gain in (("Mink, corrected", CORRECT), ("Mink, as shipped", 0.85)):
-            ways[name] = partial(driven, by_mink(arm, balls, goal, gain), start)
+        for name, approach in (("Mink, corrected", correct(PERIOD)), ("Mink, as shipped", AS_SHIPPED)):
+            step = by_mink(arm, fenced(arm, balls), goal, approach)
+            ways[name] = partial(driven, step, start, PERIOD, round(MOST / PERIOD))
     if find_spec("daqp"):
-        ways["NEO, corrected"] = partial(driven, Neo(arm, balls, goal).step, start)
+        ways["NEO, corrected"] = partial(
+            driven, Neo(arm, balls, goal).step, start, PERIOD, round(MOST / PERIOD)
+        )
     return ways
 
 
