@@ -5,10 +5,10 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --no-input
 WITH_GROUPS := pip>=25.1
 TESTED := .[physics,robots,ros2,coppeliasim]
-# One worker more than cores, since tests in real time wait. Each begins with a run of files of its own: few of them
-# wait for the same kernel.
+# Each worker begins with a run of files of its own: few of them wait for the same kernel. A worker more than cores
+# waits less, but collects and compiles besides: it takes longer.
 CORES := $(shell getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
-WORKERS := -n $(shell echo $$(($(CORES) + 1))) --maxprocesses 4 --dist worksteal
+WORKERS := -n $(CORES) --maxprocesses 4 --dist worksteal
 LOCKED := $(if $(CI),-c ci.lock)
 
 # Without bytecode kept beside them, each process that a test starts would compile all modules anew.
