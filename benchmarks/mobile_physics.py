@@ -6,6 +6,7 @@ Speeds are in processor time, of one core, and include the whole loop: law, MuJo
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ SEED = 20261209
 PERIOD = 0.02
 START = np.array([0, 0, 0, 0, -0.504, 1.397, 0, 0])
 SCENES = 20
-BODY = {
+BODY: dict[str, Any] = {
     "mass": 26.0,
     "height": 0.09,
     "wheel_mass": 0.4,

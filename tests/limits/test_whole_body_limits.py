@@ -165,7 +165,7 @@ def test_the_supervisor_keeps_the_rims_of_wheels_with_rollers(base, fastest_rim,
     given = Supervisor(acceleration=acceleration, ramp=0.1, slow_below=0.0, hold_below=0.0)
     body, rng = dqc.WholeBody([base]), np.random.default_rng(SEED)
     prepared, q, last, rims, asked = given.prepare(body, 2 * T), np.zeros(3), np.zeros(3), [], []
-    state = prepared.start(q)
+    state, wanted = prepared.start(q), np.zeros(3)
     for k in range(1500):
         if k % 30 == 0:
             wanted = rng.uniform(-1, 1, 3) * body.limits.velocity * rng.choice([0.3, 1.0, 1.0], 3)

@@ -327,7 +327,9 @@ def test_two_arms_stand_on_a_drive_and_drive_with_it():
     command[:2] = 0.3, 0.2
     plant = MobilePlant(gravity_compensation=1.0)
     live, q, _ = drive(plant, robot, q0, command, 1.0)
-    carried = 2 * dqc.load_robot("panda").inertia.mass.sum()
+    inertia = dqc.load_robot("panda").inertia
+    assert inertia is not None
+    carried = 2 * inertia.mass.sum()
     assert live.model.body_mass.sum() == pytest.approx(154 + carried)
     assert np.abs(q[-1, :3] - robot.integrate(q0, command, 1.0)[:3]).max() < 0.03  # it takes a moment
     assert np.abs(q[-1, 3:] - q0[3:]).max() < 0.01

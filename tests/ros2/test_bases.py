@@ -303,6 +303,7 @@ def test_a_base_rolls_on_without_messages_for_as_long_as_somebody_says(spec, nod
     assert following.loaded.longest_advance == (stale_after or 0.05)
     node.host(controller)
     activated(node, controller)
+    assert following._latest is not None
     begun = following._latest[0]
 
     def goes_without_messages_until(seconds):
