@@ -8,6 +8,7 @@ Both are installed into fresh environments, away from this repository, and run a
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -65,8 +66,14 @@ def _output(command: list[str | Path], folder: Path) -> str:
 
 def _typed_share() -> float:
     command = ["pyright", "--verifytypes", "dqcontrol", "--ignoreexternal", "--outputjson"]
-    command[0] = str(Path(sys.executable).with_name("pyright"))
-    text = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False).stdout
+    tools = Path(sys.executable).parent
+    command[0] = str(tools / "pyright")
+    path = (
+        f"{tools}{os.pathsep}{os.environ['PATH']}"  # pyright looks for the package by the first Python there
+    )
+    text = subprocess.run(
+        command, stdout=subprocess.PIPE, text=True, check=False, env=os.environ | {"PATH": path}
+    ).stdout
     completeness = json.loads(text)["typeCompleteness"]
     share = completeness["completenessScore"]
     if share < LEAST_TYPED:

@@ -80,9 +80,8 @@ def _promising(found: dict[Point, Pair], size: int, count: int, draw: np.random.
         first, second = (front[draw.integers(len(front), size=_CANDIDATES)] for _ in range(2))
         candidates.append(first + draw.random((_CANDIDATES, 1)) * (second - first))
     pool = np.vstack(candidates)
-    from scipy.interpolate import (
-        RBFInterpolator,
-    )  # takes as long to load as all of ours: only where it is used
+    # These take as long to load as all of ours: only where they are used.
+    from scipy.interpolate import RBFInterpolator
     from scipy.spatial.distance import cdist
 
     distances = cdist(pool, points, "chebyshev").min(axis=1)
