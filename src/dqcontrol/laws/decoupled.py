@@ -38,7 +38,7 @@ class RotationWork(NamedTuple):
     omega: Annotated[Array, 3]
 
 
-rotation_work = MemoryLayout(RotationWork)
+rotation_work: MemoryLayout[RotationWork] = MemoryLayout(RotationWork)
 
 
 class DecoupledWork(NamedTuple):
@@ -79,8 +79,9 @@ class PartialWork(NamedTuple):
     solver: Annotated[Array, solver_work.size()]
 
 
-decoupled_work = MemoryLayout(DecoupledWork, "m")
-partial_parameters, partial_work = MemoryLayout(PartialParameters), MemoryLayout(PartialWork, "m")
+decoupled_work: MemoryLayout[DecoupledWork] = MemoryLayout(DecoupledWork, "m")
+partial_parameters: MemoryLayout[PartialParameters] = MemoryLayout(PartialParameters)
+partial_work: MemoryLayout[PartialWork] = MemoryLayout(PartialWork, "m")
 
 
 @inline
