@@ -76,9 +76,11 @@ def loops() -> Iterator[tuple[str, Callable[[int], object]]]:
     arm, john = dqc.load_robot("iiwa7"), dqc.load_robot("little-john")
     servo = Servo(time_constant=0.02, delay=PERIOD, sag=0.69, stiffness=100.0, encoder_resolution=4e-4)
     integrator = Integrator()
-    tasks = [(name, arm, START, integrator, *law) for name, law in ARM_LAWS.items()]
-    tasks.append(("K on servos", arm, START, servo, *ARM_LAWS["K"]))
-    tasks += [(name, john, DRIVING, integrator, *law) for name, law in DRIVE_LAWS.items()]
+    tasks = [
+        *((name, arm, START, integrator, *law) for name, law in ARM_LAWS.items()),
+        ("K on servos", arm, START, servo, *ARM_LAWS["K"]),
+        *((name, john, DRIVING, integrator, *law) for name, law in DRIVE_LAWS.items()),
+    ]
     for name, robot, start, plant, law_name, given in tasks:
         law, options = getattr(dqc.laws, law_name, None), INVERSE | given
         if law is None or not options.keys() <= set(law.__struct_fields__):  # in an older checkout
