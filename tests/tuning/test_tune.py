@@ -133,6 +133,27 @@ def test_what_is_harder_for_every_law_is_not_called_a_fault_of_the_search(tuned)
     assert held_out_at(tuned, math.inf, 1.0) == []
 
 
+def test_a_joint_at_its_limit_is_named_as_the_cause(tuned):
+    first, *others = tuned.laws
+    numbers = first.result.held_out | {"limit_margin": 0.0}
+    stopped = replace(
+        first, result=changed(first.result, held_out=numbers, held_out_total=1.5 * first.result.total)
+    )
+    lines = replace(tuned, laws=(stopped, *others)).remarks()
+    assert any("held out" in line and "a joint comes to its position limit there" in line for line in lines)
+    there = changed(first.result, searched=first.result.searched | {"limit_margin": 0.0})
+    lines = replace(tuned, laws=(replace(first, result=there), *others)).remarks()
+    assert any("comes to its position limit on what was searched" in line for line in lines)
+
+
+def test_starts_that_are_held_out_leave_joints_room(problem):
+    problem["start"] = ROOM_ON_ONE_SIDE
+    problem["reference"]["radius"] = 0.06
+    scenes = held_out_scenes(read_tune(problem))
+    assert len(scenes) == 2
+    assert all(path_demand(scene).limit_margin > AT_LIMIT for scene in scenes)
+
+
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):
     del problem["laws"]["K"]
     robust = dqc.tune(problem, jobs=1, robust=True).best
