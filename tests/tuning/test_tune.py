@@ -163,7 +163,8 @@ def test_starts_that_are_held_out_leave_joints_room(problem):
     problem["reference"]["radius"] = 0.06
     scenes = held_out_scenes(read_tune(problem))
     assert len(scenes) == 2
-    assert all(path_demand(scene).limit_margin > AT_LIMIT for scene in scenes)
+    demands = [path_demand(scene) for scene in scenes]
+    assert all(demand is not None and demand.limit_margin > AT_LIMIT for demand in demands)
 
 
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):
