@@ -5,14 +5,24 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import yaml
-from yaml.composer import ComposerError
-from yaml.constructor import ConstructorError
+from yaml.composer import Composer, ComposerError
+from yaml.constructor import ConstructorError, SafeConstructor
+from yaml.parser import Parser
+from yaml.reader import Reader
+from yaml.resolver import Resolver
+from yaml.scanner import Scanner
+
+try:
+    from yaml.cyaml import CParser
+except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
+    CParser = None
 
 from dqcontrol.errors import FileFormatError, suggest
 from dqcontrol.files.input_file import read_whole
@@ -67,7 +77,7 @@ def parse_yaml(path: str | Path, text: str) -> Any:
     and the like are text; YAML 1.1 has it the other way round.
     """
     try:
-        data = yaml.load(text, Loader=_StrictLoader)
+        data = _load(text)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
@@ -93,7 +103,7 @@ def convert(path: str | Path, data: Any, schema: type[T]) -> T:
         raise FileFormatError(f"{path}: {_reworded(str(error), data, schema)}") from None
 
 
-class _StrictLoader(yaml.SafeLoader):
+class _Strict(Composer, SafeConstructor, Resolver):
     """Safe loading without repeated keys and without aliases, which can grow a small file to any size."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -112,16 +122,40 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 _BOOL = "tag:yaml.org,2002:bool"
-_StrictLoader.yaml_implicit_resolvers = {
+_Strict.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in found if tag != _BOOL]
     for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_StrictLoader.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
-_StrictLoader.add_implicit_resolver(
+_Strict.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
+_Strict.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
     list("-+0123456789"),
 )
+
+
+class _Loader(_Strict, Reader, Scanner, Parser):
+    def __init__(self, text: str) -> None:
+        Reader.__init__(self, text)
+        for part in (Scanner, Parser, Composer, SafeConstructor, Resolver):
+            part.__init__(self)
+
+
+if CParser is not None:
+
+    class _FastLoader(_Strict, CParser):
+        def __init__(self, text: str) -> None:
+            CParser.__init__(self, text)
+            for part in (Composer, SafeConstructor, Resolver):
+                part.__init__(self)
+
+
+def _load(text: str) -> Any:
+    """Return the data of a document; what libyaml refuses, the parser in Python refuses with the better message."""
+    if CParser is not None:
+        with suppress(yaml.YAMLError, RecursionError, ValueError):
+            return yaml.load(text, Loader=_FastLoader)
+    return yaml.load(text, Loader=_Loader)
 
 
 def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
