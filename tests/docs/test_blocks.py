@@ -53,7 +53,7 @@ SLOW = {  # parts of commands and of Python
     "constraints.md": ("run examples/", "report results", "robots shapes"),
     "examples.md": ("run examples/",),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
-    "identify.md": ("--twin", "excite", "results/excited"),
+    "identify.md": ("excite", "results/excited"),
     "learn.md": ("results/learn-learnt",),
     "mobile-bases.md": ("run examples/",),
     "mobile-physics.md": ("run examples/",),
