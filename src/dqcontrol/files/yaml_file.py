@@ -12,15 +12,11 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import msgspec
 import yaml
-from yaml.composer import Composer, ComposerError
-from yaml.constructor import ConstructorError, SafeConstructor
-from yaml.parser import Parser
-from yaml.reader import Reader
-from yaml.resolver import Resolver
-from yaml.scanner import Scanner
+from yaml.composer import ComposerError
+from yaml.constructor import ConstructorError
 
 try:
-    from yaml.cyaml import CParser
+    from yaml._yaml import CParser
 except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
     CParser = None
 
@@ -103,7 +99,7 @@ def convert(path: str | Path, data: Any, schema: type[T]) -> T:
         raise FileFormatError(f"{path}: {_reworded(str(error), data, schema)}") from None
 
 
-class _Strict(Composer, SafeConstructor, Resolver):
+class _StrictLoader(yaml.SafeLoader):
     """Safe loading without repeated keys and without aliases, which can grow a small file to any size."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -122,40 +118,41 @@ class _Strict(Composer, SafeConstructor, Resolver):
 
 
 _BOOL = "tag:yaml.org,2002:bool"
-_Strict.yaml_implicit_resolvers = {
+_StrictLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in found if tag != _BOOL]
     for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_Strict.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
-_Strict.add_implicit_resolver(
+_StrictLoader.add_implicit_resolver(_BOOL, re.compile(r"^(true|True|TRUE|false|False|FALSE)$"), list("tTfF"))
+_StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
     list("-+0123456789"),
 )
 
 
-class _Loader(_Strict, Reader, Scanner, Parser):
-    def __init__(self, text: str) -> None:
-        Reader.__init__(self, text)
-        for part in (Scanner, Parser, Composer, SafeConstructor, Resolver):
-            part.__init__(self)
+class _FastLoader(_StrictLoader):
+    """The same, of the events that libyaml finds."""
 
+    def __init__(self, text: str, parser: Any) -> None:
+        super().__init__("")
+        self.events = parser(text)
 
-if CParser is not None:
+    def check_event(self, *choices: Any) -> bool:
+        return self.events.check_event(*choices)
 
-    class _FastLoader(_Strict, CParser):
-        def __init__(self, text: str) -> None:
-            CParser.__init__(self, text)
-            for part in (Composer, SafeConstructor, Resolver):
-                part.__init__(self)
+    def peek_event(self) -> Any:
+        return self.events.peek_event()
+
+    def get_event(self) -> Any:
+        return self.events.get_event()
 
 
 def _load(text: str) -> Any:
     """Return the data of a document; what libyaml refuses, the parser in Python refuses with the better message."""
     if CParser is not None:
         with suppress(yaml.YAMLError, RecursionError, ValueError):
-            return yaml.load(text, Loader=_FastLoader)
-    return yaml.load(text, Loader=_Loader)
+            return _FastLoader(text, CParser).get_single_data()
+    return yaml.load(text, Loader=_StrictLoader)
 
 
 def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
