@@ -129,7 +129,10 @@ def table(before: Path | None) -> str:
     lines = [f"{'instructions a step':30} {'before':>8} {'now':>8} {'ratio':>7}"]
     for name, value in now.items():
         old = then.get(name, math.nan)
-        lines.append(f"{name:30} {old:8.0f} {value:8.0f} {value / old:7.3f}")
+        known = math.isfinite(old)  # a law of today may be none of the other checkout's
+        lines.append(
+            f"{name:30} {f'{old:.0f}' if known else '–':>8} {value:8.0f} {f'{value / old:.3f}' if known else '–':>7}"
+        )
     return "\n".join(lines)
 
 
