@@ -10,7 +10,14 @@ import pytest
 from msgspec.structs import replace as changed
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error, MissingExtraError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.errors import (
+    Error,
+    LimitWarning,
+    MissingExtraError,
+    ShapeError,
+    UnknownNameError,
+    ValueRangeError,
+)
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.measures.margins import AT_LIMIT
@@ -159,8 +166,8 @@ def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch, module, n
         SimplexSearch(lambda point: (0.0, sum(point)), 2, 20, seed=0).run()
 
 
-@pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
-def test_starts_that_are_held_out_leave_joints_room(problem):
+@pytest.mark.filterwarnings("error::dqcontrol.errors.LimitWarning")
+def test_starts_that_are_held_out_leave_joints_room_and_others_are_not_spoken_of(problem, monkeypatch):
     # Of its neighbours some have none.
     problem["start"] = [-0.14, 0.478, 0.08, 1.734, -0.055, 0.463, -0.018]
     problem["reference"]["radius"] = 0.06
@@ -168,6 +175,24 @@ def test_starts_that_are_held_out_leave_joints_room(problem):
     assert len(scenes) == 2
     demands = [path_demand(scene) for scene in scenes]
     assert all(demand is not None and demand.limit_margin > AT_LIMIT for demand in demands)
+    monkeypatch.setattr("dqcontrol.tuning.law_evaluation._has_room", lambda _: True)
+    with pytest.warns(LimitWarning, match="beyond its limits"):  # of what is held out it is said
+        held_out_scenes(read_tune(problem))
+
+
+def test_of_several_runs_the_largest_peak_and_the_least_room_count(problem):
+    square = {"kind": "square", "side": 0.05, "duration": 2, "corner_stops": 0.3}
+
+    def numbers(**changes):
+        search = LawSearch(read_tune(problem | changes), "K")
+        return search._evaluate(search.law)
+
+    both = numbers(tune={"references": [square]})
+    alone = [numbers(), numbers(reference=square)]
+    for name, of_all in (("position.rms", np.mean), ("position.peak", max), ("limit_margin", min)):
+        expected = [each.value(name) for each in alone]
+        assert expected[0] != pytest.approx(expected[1]), name
+        assert both.value(name) == pytest.approx(of_all(expected)), name
 
 
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):
@@ -248,6 +273,11 @@ MISTAKES = {
         {"constraints": {"effort": {}}},
         ShapeError,
         "tune.constraints.effort: give 'low', 'high' or both",
+    ),
+    "a weight that asks for no room": (
+        {"objectives": {"limit_margin": 1}},
+        ValueRangeError,
+        "tune.objectives.limit_margin: a weight of 1 asks for as little of it as can be; give -1 for as much",
     ),
     "no weight": ({"objectives": {"effort": 0}}, ValueRangeError, "tune.objectives: all weights are 0"),
     "a held-out motion out of reach": (

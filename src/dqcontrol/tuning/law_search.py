@@ -17,6 +17,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
 from dqcontrol.measures.run_numbers import NUMBERS
 from dqcontrol.tuning.front_search import nondominated, search_front
 from dqcontrol.tuning.law_evaluation import (
@@ -244,7 +245,7 @@ class LawSearch:
         front = self._problem.block.front
         if front is None:
             return []
-        signs = [-1.0 if name == "limit_margin" else 1.0 for name in front.objectives]
+        signs = [-1.0 if name in LARGE_IS_GOOD else 1.0 for name in front.objectives]
 
         def pair(point: Point) -> tuple[float, float] | None:
             found = self.evaluate(point)
