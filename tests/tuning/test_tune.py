@@ -250,7 +250,12 @@ MISTAKES = {
     "a law that cannot be stable": (
         {"free": {"K": {"loop_gain": {"low": 0.6, "high": 3}}}},
         ValueRangeError,
-        "tune.free.K.loop_gain: no law in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+        "tune.free.K: no law with loop_gain in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+    ),
+    "gains that cannot be stable": (
+        {"free": {"K": {"gain": {"low": 100, "high": 300}}}},
+        ValueRangeError,
+        "tune.free.K: no law with gain in 100 … 300 keeps the margin that is asked for; it ends at kT = 0.26",
     ),
     "a budget of 0": ({"budget": 0}, Error, "tune.budget: expected a whole number >= 1, got 0"),
     "a small budget": (
@@ -289,13 +294,14 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_one_clear_line_before_anything_runs(name, problem, monkeypatch):
+def test_a_mistake_is_one_clear_line_before_anything_runs_or_is_written(name, problem, monkeypatch, tmp_path):
     changes, kind, text = MISTAKES[name]
     monkeypatch.setattr("dqcontrol.loop.repeated_loop.RepeatedLoop.run", lambda *_: pytest.fail("it ran"))
     with pytest.raises(kind) as caught:
-        dqc.tune(problem, jobs=1, **changes)
+        tune_to(problem | {"tune": problem["tune"] | changes}, tmp_path / "out", jobs=1)
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
 
 
 def test_run_names_the_command_for_a_search(problem):

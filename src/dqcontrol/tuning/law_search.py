@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, error_prefix
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
@@ -144,9 +144,10 @@ class LawSearch:
         ready = ready_problem(problem)
         self.law: Law = _law(problem, label)
         self._evaluate, self._held_out = ready.searched, ready.held_out
-        self.space: SearchSpace = SearchSpace(
-            label, self.law, problem.block.free.get(label), self._evaluate.slack
-        )
+        with error_prefix(problem.where):
+            self.space: SearchSpace = SearchSpace(
+                label, self.law, problem.block.free.get(label), self._evaluate.slack
+            )
         self._known: dict[Point, Evaluated] = {}
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():
@@ -301,8 +302,9 @@ def _made_ready(problem: TuneProblem) -> ReadyProblem:
     spec, block = problem.spec, problem.block
     scenes = searched_scenes(problem)
     plant = next(iter(spec.plant_by_label.values()))
-    family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
-    judge = StabilityJudge(spec, scenes[0], family)
+    with error_prefix(problem.where):
+        family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
+        judge = StabilityJudge(spec, scenes[0], family)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
         scenes,

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.spec import as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_base import Part
@@ -236,11 +236,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
 
 
 def _block(where: str, data: Any) -> TuneBlock:
-    try:
+    with error_prefix(where):
         block = convert(where, data, _WithTune).tune
         block.check()
-    except FileFormatError:
-        raise
-    except Error as error:
-        raise type(error)(f"{where}: {error}") from None
     return block
