@@ -24,6 +24,7 @@ from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
+from dqcontrol.tuning.front_search import _added_areas
 from dqcontrol.tuning.law_evaluation import held_out_scenes
 from dqcontrol.tuning.law_search import LawSearch
 from dqcontrol.tuning.simplex_search import SimplexSearch
@@ -358,6 +359,16 @@ def test_fronts_reach_the_true_area(size):
     truth = hypervolume(np.column_stack([share**2, (1 - share) ** 2]), (1.1, 1.1))
     assert len(found) == 40
     assert hypervolume(found, (1.1, 1.1)) > 0.96 * truth
+
+
+def test_what_a_pair_adds_is_by_what_the_front_grows():
+    rng = np.random.default_rng(4)
+    for count in (1, 2, 25):
+        known, pairs = rng.random((count, 2)), rng.uniform(-0.3, 1.4, (40, 2))
+        pairs[0], pairs[1] = known[0], (known[0, 0], -0.1)
+        corner = tuple(known[nondominated(known)].max(axis=0) + 0.1)
+        grown = [hypervolume([*known, pair], corner) - hypervolume(known, corner) for pair in pairs]
+        assert _added_areas(known, pairs) == pytest.approx(grown, abs=1e-12)
 
 
 @pytest.mark.slow
