@@ -19,7 +19,7 @@ from dqcontrol.files.yaml_file import convert
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
 from dqcontrol.measures.run_numbers import NUMBERS
 from dqcontrol.tuning.plant_family import Robustness, identified_file
-from dqcontrol.tuning.problem import Problem
+from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
 DEFAULT_OBJECTIVES = {"position.settled_rms": 1.0, "orientation.settled_rms": 10.0, "command_jerk": 5e-4}
 
@@ -189,7 +189,7 @@ class _WithTune(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
 
 
-class TuneProblem(Problem[TuneBlock]):
+class TuneProblem(SpecWithBlock[TuneBlock]):
     """A spec with its block ``tune``."""
 
 

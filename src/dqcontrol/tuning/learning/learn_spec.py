@@ -15,7 +15,7 @@ from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.tuning.plant_family import Robustness, identified_file
-from dqcontrol.tuning.problem import Problem
+from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
 
 class Tracker(Part, frozen=True, kw_only=True):
@@ -79,7 +79,7 @@ class _WithLearn(msgspec.Struct):
     learn: LearnBlock = LearnBlock()
 
 
-class LearnProblem(Problem[LearnBlock]):
+class LearnProblem(SpecWithBlock[LearnBlock]):
     """A spec with its block ``learn``."""
 
 

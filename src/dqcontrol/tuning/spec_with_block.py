@@ -12,7 +12,7 @@ Block = TypeVar("Block")
 
 
 @dataclass(frozen=True)
-class Problem(Generic[Block]):
+class SpecWithBlock(Generic[Block]):
     """A spec with a block of its own.
 
     Attributes
