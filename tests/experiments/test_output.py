@@ -162,6 +162,7 @@ def killed(code, *arguments):
     assert done.returncode == -signal.SIGKILL
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so")
 def test_what_a_killed_process_left_is_cleared_up(tmp_path):
     fill(tmp_path / "run", "old")

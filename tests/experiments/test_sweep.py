@@ -36,6 +36,7 @@ def small_parts(monkeypatch):
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 6)
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_single_studies(tmp_path, small_parts):
     data = study()
     run_sweep_to(data, tmp_path / "s", jobs=1)
@@ -93,6 +94,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, small_parts, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s", "whole"]
 
 
+@pytest.mark.slow
 def test_trials_of_another_sweep_are_not_mixed(tmp_path, small_parts):
     interrupt(study(), tmp_path / "s", 20)
     with pytest.raises(ExistsError, match="finished trials of another spec"):
@@ -100,6 +102,7 @@ def test_trials_of_another_sweep_are_not_mixed(tmp_path, small_parts):
     run_sweep_to(study(sweep={"seed": 3}), tmp_path / "s", force=True)
 
 
+@pytest.mark.slow
 def test_a_damaged_part_is_named(tmp_path, small_parts):
     interrupt(study(), tmp_path / "s", 40)
     part = working_folder(tmp_path / "s") / "part-00000002.parquet"

@@ -39,6 +39,7 @@ def test_criteria_are_the_norms_that_the_metrics_integrate():
     np.testing.assert_allclose(shown["$z$ [m]"].lines[-1].get_ydata(), record.desired_position[:, 2])
 
 
+@pytest.mark.slow
 def test_the_same_orientation_has_one_sign_in_all_runs():
     record = run()
     pose, desired = record.pose.copy(), record.desired.copy()
@@ -96,6 +97,7 @@ def test_no_run_is_refused():
         compare_criteria({})
 
 
+@pytest.mark.slow
 def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
     files = save_comparison({"K": run(), "LQR": run(lag=0.02)}, tmp_path / "new")
     assert [path.name for path in files] == ["paths.png", "errors.png", "criteria.png"]

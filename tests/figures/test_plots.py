@@ -256,6 +256,7 @@ def test_commands_load_only_what_they_need():
     assert loaded(code, *heavy).strip() == "[]"
 
 
+@pytest.mark.slow
 def test_a_styled_figure_does_without_pyplot_and_is_drawn_once_a_format():
     code = """
 from dqcontrol.figures.figure_files import encoded, laid_out

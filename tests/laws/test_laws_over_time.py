@@ -105,7 +105,9 @@ def lagging_limit(decay, delay):
     return products[np.argmax(np.array(largest) > 1)]
 
 
-@pytest.mark.parametrize("delay", [0, 1, 2])
+@pytest.mark.parametrize(
+    "delay", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(("period", "published"), [(0.008, 13.5), (0.02, 6.1)], ids=["8 ms", "20 ms"])
 def test_stability_limit_of_a_lagging_servo(slide, period, published, delay):
     limit = lagging_limit(np.exp(-period / 0.05), delay)

@@ -104,6 +104,7 @@ def one_line(monkeypatch):
     monkeypatch.setattr("dqcontrol.figures.robot_picture", lambda *_: figure)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_line")
 def test_figures_of_the_runs_of_a_study_are_drawn_on_demand(tmp_path):
     spec = {key: value for key, value in SPEC.items() if key != "law"}

@@ -111,6 +111,7 @@ def test_the_errand_comes_from_the_side_that_faces_the_hand():
         assert np.arctan2(heading[2], heading[1]) == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 def test_the_example_is_this_errand():
     errand = plan(
         dqc.load_robot("little-john").fkm(START),

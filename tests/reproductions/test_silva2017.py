@@ -29,6 +29,7 @@ def test_it_is_in_the_catalogue():
     }
 
 
+@pytest.mark.slow
 def test_gains_by_s17s_law_and_ours():
     """ζ = k_v/√k̄ of [S17]'s five sets: with S17's law they overshoot a little, as it says; with ours none does."""
     done = published.reproduce("silva2017/gains", jobs=1)

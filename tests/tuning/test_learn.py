@@ -176,6 +176,7 @@ def test_joints_with_masses_learn_too():
     assert [each.outcome for each in found.repeats] == ["first", "accepted", "accepted"]
 
 
+@pytest.mark.slow
 def test_repeats_on_the_clock_are_those_without_it():
     short = spec(reference={"kind": "circle", "radius": 0.01, "duration": 0.4, "ramp": 0.1})
     begun = time.monotonic()

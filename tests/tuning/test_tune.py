@@ -88,6 +88,7 @@ def test_an_interrupted_search_is_resumed_without_running_anything_again(problem
     assert resumed.winners() == whole.winners()
 
 
+@pytest.mark.slow
 def test_a_search_with_a_journal_of_its_own_keeps_what_it_found(problem, tuned, tmp_path, monkeypatch):
     def stop_after_one(done, total):
         if done == 1:
