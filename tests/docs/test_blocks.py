@@ -50,7 +50,7 @@ SLOW = {  # parts of commands and of Python
         "identify arm.csv",
         "sweep examples/",
     ),
-    "export.md": ("dqcontrol run", "bench", "aarch64"),
+    "export.md": EVERYTHING,
     "constraints.md": ("run examples/", "report results", "robots shapes"),
     "examples.md": ("run examples/",),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),

@@ -81,6 +81,7 @@ def interrupt(data, target, after):
         run_sweep_to(data, target, jobs=1, progress=stop)
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on(tmp_path, small_parts, monkeypatch):
     run_sweep_to(study(), tmp_path / "whole")
     interrupt(study(), tmp_path / "s", 20)
@@ -202,6 +203,7 @@ def test_specs_of_the_other_command_are_refused(tmp_path):
         run_sweep_to(study(), tmp_path / "s", by="position.rsm")
 
 
+@pytest.mark.slow
 def test_the_saved_spec_repeats_the_study(tmp_path, small_parts):
     (tmp_path / "line.txt").write_text("speed 0.1\nline 0.05 0\n")
     (tmp_path / "far.txt").write_text("speed 0.1\nline 0.06 0\n")
@@ -219,6 +221,7 @@ def test_the_saved_spec_repeats_the_study(tmp_path, small_parts):
     assert len({row["parameter.reference.file"] for row in one}) == 2
 
 
+@pytest.mark.slow
 def test_ranks_are_those_of_the_means(tmp_path):
     ranking = run_sweep_to(study(), tmp_path / "s", by="position.rms")
     means = {}
@@ -243,6 +246,7 @@ def grid(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_points_with_one_value_of_a_parameter(grid, capsys, monkeypatch):
     every, some = rank([grid]), rank([grid], where={"plant.time_constant": 0.032})
     assert (every.placed, some.placed) == (6, 3)

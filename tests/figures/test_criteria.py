@@ -20,6 +20,7 @@ def changed(record, **arrays):
     return Record(*values.values(), record.joint_names)
 
 
+@pytest.mark.slow
 def test_criteria_are_the_norms_that_the_metrics_integrate():
     record = run(count=80)
     shown = panels(compare_criteria({"K": record}))
@@ -82,6 +83,7 @@ def test_a_resting_and_a_diverged_run_can_be_compared():
     drawn(compare_criteria({"resting": resting, "diverged": changed(run(), pose=pose, q=q)}))
 
 
+@pytest.mark.slow
 def test_peaks_stay_in_sight_above_exact_zeros():
     command = np.zeros((60, 3))
     command[3] = 1.0

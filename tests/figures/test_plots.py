@@ -64,6 +64,7 @@ def test_an_error_of_exactly_zero_can_be_drawn():
     drawn(errors(run(lag=0.0)))
 
 
+@pytest.mark.slow
 def test_comparisons_name_every_run_and_look_different():
     labels = [f"gain {i}" for i in range(16)]
     records = {label: run(lag=0.001 * (i + 1)) for i, label in enumerate(labels)}
@@ -166,6 +167,7 @@ def spiral():
     return Record(record.time, record.q, record.q, record.q, shifted(points), desired, record.joint_names)
 
 
+@pytest.mark.slow
 def test_a_resting_target_is_a_mark_and_a_resting_hand_can_be_drawn():
     still = np.tile([1.0, 0, 0, 0, 0, 0.1, 0, 0], (3, 1))
     q = np.zeros((3, 1))

@@ -81,6 +81,7 @@ def test_the_files_are_a_robot_and_what_was_found(iiwa, tmp_path):
         found.save(out)
 
 
+@pytest.mark.slow
 def test_camera_and_marker_may_be_anywhere(tmp_path):
     rng = np.random.default_rng(SEED)
     arm = dqc.load_robot("ur5")

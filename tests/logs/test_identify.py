@@ -53,6 +53,7 @@ def test_the_response_is_that_of_the_simulator_and_its_slopes_are_right():
         np.testing.assert_allclose(got[late & near, BY_DELAY], by_delay[late & near], atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.4, 1.0, 1.7])
 def test_the_response_of_second_order_is_that_of_the_simulator(damping):
     rng = np.random.default_rng(SEED)

@@ -361,6 +361,7 @@ def test_bags_without_rosbags_say_what_to_install(tmp_path, monkeypatch):
         read_joint_log(path, ARM)
 
 
+@pytest.mark.slow
 def test_a_large_table_is_read_in_few_calls(tmp_path):
     count = 50_000
     path = tmp_path / "log.csv"

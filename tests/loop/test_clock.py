@@ -78,6 +78,7 @@ def test_sleepers_that_wake_a_little_late_are_in_time():
     assert timing.begin == pytest.approx(0.01 * np.arange(100), abs=3 * LOOK)
 
 
+@pytest.mark.slow
 def test_overruns_are_counted_and_caught_up():
     works = [(0.001, 0.001)] * 20
     works[5] = (0.001, 0.024)  # step 6 is late, and those after it make up for it, a tenth faster

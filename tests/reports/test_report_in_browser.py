@@ -70,6 +70,7 @@ def test_nothing_is_wider_than_a_phone_can_scroll(tab):
     tab.set_viewport_size({"width": 1000, "height": 800})
 
 
+@pytest.mark.slow
 def test_everything_fits_the_paper(tab):
     tab.emulate_media(media="print")
     width, height = (round(size * MM) for size in A4)

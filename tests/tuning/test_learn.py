@@ -62,6 +62,7 @@ def test_without_noise_it_goes_below_a_hundredth_of_a_millimetre():
     assert [each.outcome for each in found.repeats] == ["first", *["accepted"] * (len(found.repeats) - 1)]
 
 
+@pytest.mark.slow
 def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path):
     found = learn_to(spec(), tmp_path / "out", repeats=2)
     for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.png", "report.html", "learning.md"):
