@@ -165,6 +165,7 @@ def test_killed_a_folder_may_be_replaced_when_asked(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))

@@ -51,6 +51,7 @@ def test_rows_are_those_of_single_studies(tmp_path, small_parts):
         assert {key: row[key] for key in one.metrics.flat()} == one.metrics.flat()
 
 
+@pytest.mark.slow
 def test_files_are_the_same_however_many_processes(tmp_path, small_parts):
     for jobs in (1, 2):
         run_sweep_to(study(), tmp_path / str(jobs), jobs=jobs)
@@ -158,6 +159,7 @@ def test_points_that_fail_are_rows_and_have_no_place(tmp_path):
     assert all(str(row["stopped"]).startswith("diverged") for row in bad)
 
 
+@pytest.mark.slow
 def test_points_that_cannot_run_are_rows_that_say_why(tmp_path):
     """Both keys can have all their values, but not both together."""
     over = {"skip_initial": [0, 0.15], "duration": [0.2, 0.1]}
@@ -269,6 +271,7 @@ def test_points_with_one_value_of_a_parameter(grid, capsys, monkeypatch):
     assert "best 3 of 3 by error.integral" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_best_gain_for_each_time_constant(grid, capsys, monkeypatch):
     every = rank([grid])
     best = every.best_of_each("plant.time_constant")

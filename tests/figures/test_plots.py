@@ -81,6 +81,7 @@ def test_comparisons_name_every_run_and_look_different():
             compare({})
 
 
+@pytest.mark.slow
 def test_pose_does_not_jump_between_signs():
     record = run()
     pose = record.pose.copy()
@@ -120,6 +121,7 @@ def test_joints_without_limits_show_infinity_and_an_arm_of_one_joint_fits():
     assert drawn(joint_angles(one, Limits.none(1)))[0].get_title(loc="left").endswith("(−∞ … ∞ °)")
 
 
+@pytest.mark.slow
 def test_inputs_of_each_unit_have_a_panel_and_are_held():
     record = run(joints=3)
     metres, radians, norm = (

@@ -44,6 +44,7 @@ def iiwa(tmp_path_factory):
     return dqc.calibrate(path, "iiwa7"), nominal, true, path
 
 
+@pytest.mark.slow
 def test_errors_of_dh_parameters_are_found_and_nine_tenths_of_what_they_do_removed(iiwa):
     found, nominal, true, _ = iiwa
     rng = np.random.default_rng(1)

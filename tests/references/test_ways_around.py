@@ -98,6 +98,7 @@ def test_what_stands_in_the_way_is_said():
         DriveTo.pose(arm, np.zeros(7), goal, floor=inside)
 
 
+@pytest.mark.slow
 def test_clearance_is_that_of_many_points():
     rng = np.random.default_rng(SEED)
     print("seed", SEED)

@@ -163,6 +163,7 @@ def test_results_run_again_where_their_files_are_not(tmp_path):
     np.testing.assert_array_equal(dqc.run(yaml.safe_load(loaded.spec)).q, again.q)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain")
 def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")

@@ -33,6 +33,7 @@ def done():
     return pick_and_drop()
 
 
+@pytest.mark.slow
 def test_the_cube_is_carried_into_the_basket(done):
     """It starts on the floor outside, rises with the hand, and rests in the basket."""
     assert done.record.stopped == "duration"

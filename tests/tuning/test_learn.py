@@ -290,6 +290,7 @@ def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
         dqc.learn(data)
 
 
+@pytest.mark.slow
 def test_the_block_may_stand_in_a_file(tmp_path):
     file = tmp_path / "learn.yaml"
     file.write_text(
