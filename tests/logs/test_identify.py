@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,11 @@ def test_the_files_hold_what_others_rely_on(bench):
     text = (out / "plant.yaml").read_text(encoding="utf-8")
     assert "assumed: [joint_3, joint_4, joint_5, joint_6]" in text
     assert "sha256: " in text
+    (folder / "run").mkdir()
+    (folder / "run" / "record.mcap").write_bytes(b"1")
+    recorded = replace(found, logs=(folder / "run",)).plant_text()
+    assert "record.mcap" in recorded
+    assert "6b86b273ff34fce19d6b804eff5a3f5747ada4eaa22f1d49c01e52ddb7875b4b" in recorded  # of "1"
     with pytest.raises(FileExistsError, match="out: exists"):
         found.save(out)
     found.save(out, force=True)

@@ -239,8 +239,8 @@ class Identification:
             "joints": [joint.name for joint in self.joints],
             "logs": [
                 {"file": str(path.resolve()), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
-                for path in self.logs
-                if path.is_file()
+                for log in self.logs
+                for path in _files(log)
             ],
             "by": f"dqcontrol {dqcontrol.__version__}",
             "assumed": assumed,
@@ -250,6 +250,14 @@ class Identification:
             head += "# Joints under 'assumed' could not be identified and have the medians of the others.\n"
         data = {"plant": {"kind": "servo"} | changed, "identified": identified}
         return head + yaml_text(data)
+
+
+def _files(log: Path) -> list[Path]:
+    """Return the files of a log: of a run its recording, of a bag all."""
+    if not log.is_dir():
+        return [log]
+    recording = log / "record.mcap"
+    return [recording] if recording.is_file() else sorted(path for path in log.iterdir() if path.is_file())
 
 
 _SHOWN: list[tuple[tuple[str, str, str], Callable[[JointIdentification], float]]] = [
