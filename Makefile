@@ -79,12 +79,12 @@ pytest: $(VENV)/test
 pytest-all: $(VENV)/test
 	@$(BIN)/pytest $(WORKERS) -m ''
 
-# The type checkers use one core each: beside the tests they cost half the time.
-test: style chromium
-	@$(MAKE) --no-print-directory -j2 types pytest
+# Style and types use one core each: beside the tests they cost half the time.
+test: chromium
+	@$(MAKE) --no-print-directory -j2 lint pytest
 
-test-all: style chromium
-	@$(MAKE) --no-print-directory -j2 types pytest-all
+test-all: chromium
+	@$(MAKE) --no-print-directory -j2 lint pytest-all
 
 docs: $(VENV)/test
 	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs

@@ -59,3 +59,17 @@ def slide():
     return SerialArm.from_dh(
         [np.pi / 2], [0], [0], [np.pi / 2], ["prismatic"], base=[0.5, 0.5, 0.5, 0.5, 0, 0, 0, 0]
     )
+
+
+@pytest.fixture
+def few_figures(monkeypatch):
+    """Leave the figures out of the folder of a run that cost the most: to draw all takes seconds."""
+    from dqcontrol import figures
+
+    draw = figures.run_figures
+
+    def few(*arguments, **options):
+        drawn = draw(*arguments, **options)
+        return {name: drawn[name] for name in drawn if name in ("errors", "inputs", "timing")}
+
+    monkeypatch.setattr(figures, "run_figures", few)

@@ -50,7 +50,7 @@ def lines() -> list[str]:
         for i in range(j + 1, SIZE):
             terms = "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
             text += [f"g{i}{j} = g{i}{j}{terms}"] if j else []
-    text += trace_test()
+    text += ["if linear_limit > 0.0:", *(f"    {line}" for line in trace_test())]
     for i in range(1, SIZE):
         text.append(f"y{i} = y{i}" + "".join(f" - g{i}{k} * y{k}" for k in range(i)))
     for i in reversed(range(SIZE)):

@@ -46,6 +46,7 @@ def test_this_environment_is_fit(tmp_path):
         assert f"extra [{extra}]" in table
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_written_is_a_problem(tmp_path):
     (tmp_path / "file").write_text("no folder")
     code, table = doctor(tmp_path, "file")
@@ -54,6 +55,7 @@ def test_a_cache_that_cannot_be_written_is_a_problem(tmp_path):
     assert table.endswith("1 problem")
 
 
+@pytest.mark.slow
 def test_a_missing_extra_is_named_with_its_cure(monkeypatch):
     version = metadata.version
 

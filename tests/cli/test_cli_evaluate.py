@@ -119,6 +119,7 @@ def test_a_mistake_gives_one_line_and_exit_code_2(here, monkeypatch, capsys, arg
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_mistake_in_a_process_of_its_own_shows_no_traceback(tmp_path):
     command = [
         sys.executable,

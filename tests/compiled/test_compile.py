@@ -169,7 +169,7 @@ def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
     [
         pytest.param("nbi", lambda data: data[: len(data) // 2], marks=pytest.mark.slow),
         pytest.param("nbi", lambda data: b"", marks=pytest.mark.slow),
-        ("nbi", lambda data: b"\x00garbage" * 20),
+        pytest.param("nbi", lambda data: b"\x00garbage" * 20, marks=pytest.mark.slow),
         pytest.param("nbc", lambda data: data[: len(data) // 2], marks=pytest.mark.slow),
     ],
     ids=["index cut short", "index empty", "index garbage", "code cut short"],

@@ -60,6 +60,7 @@ def test_a_worker_that_is_killed_changes_no_number(tmp_path, cluster, monkeypatc
     assert (tmp_path / "there/runs.parquet").read_bytes() == (tmp_path / "here/runs.parquet").read_bytes()
 
 
+@pytest.mark.slow
 def test_workers_of_another_version_are_refused(tmp_path, cluster, monkeypatch):
     monkeypatch.setattr("dqcontrol.experiments.run_sweep.program", lambda: "of other sources")
     with pytest.raises(

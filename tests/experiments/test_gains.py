@@ -31,7 +31,7 @@ def test_runs_overshoot_and_lag_as_told():
         parameters = {key: float(value) for key, value in (part.split(": ") for part in written.split(", "))}
         goal = dqc.references.SetPoint(arm.fkm(START + 1e-4))
         record = dqc.simulate(arm, goal, law(**parameters), plant, START, 0.008, 4.0)
-        overshoot = dqc.experiments.evaluate(record).position_overshoot
+        overshoot = dqc.measures.evaluate(record).position_overshoot
         assert 100 * overshoot == pytest.approx(percent, abs=1.0), kind
         assert percent < 6
         line = dqc.references.Spiral(arm.fkm(START), radius=1e-6, length=0.2, duration=2.0, axis="y")

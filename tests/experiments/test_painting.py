@@ -61,6 +61,7 @@ def test_arguments_that_do_not_fit(two_lines, tmp_path):
         paint(tmp_path / "photo.png")
 
 
+@pytest.mark.slow
 def test_command_paints_a_text_drawing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
@@ -74,6 +75,7 @@ def test_command_paints_a_text_drawing(tmp_path, monkeypatch, capsys):
     assert yaml.safe_load(spec) == {"robot": "panda"}  # what `dqcontrol view` asks for
 
 
+@pytest.mark.slow
 def test_picture_and_clip_show_only_what_is_lit(two_lines, tmp_path):
     from PIL import Image
 

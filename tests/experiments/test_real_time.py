@@ -35,6 +35,7 @@ SPEC = {
 }
 
 
+@pytest.mark.usefixtures("few_figures")
 def test_the_folder_of_a_run_with_its_timing(tmp_path):
     seen, begin = [], time.monotonic()
     run = run_in_real_time(SPEC, tmp_path / "out", watch=lambda *what: seen.append(what))

@@ -136,6 +136,7 @@ def test_progress():
     assert told == [(50, 201), (100, 201), (150, 201), (200, 201)]
 
 
+@pytest.mark.usefixtures("few_figures")
 def test_saved_folder_holds_all(tmp_path):
     result = run(BASE)
     folder = tmp_path / "results" / "circle"
@@ -152,6 +153,7 @@ def test_saved_folder_holds_all(tmp_path):
     assert before["spec.yaml"].decode() == result.spec
 
 
+@pytest.mark.usefixtures("few_figures")
 def test_a_failure_while_saving_leaves_nothing_behind(tmp_path, monkeypatch):
     def full(*arguments, **options):
         raise OSError("No space left on device")

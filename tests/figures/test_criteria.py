@@ -106,6 +106,7 @@ def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
     assert not (tmp_path / "paths.png").exists()
 
 
+@pytest.mark.slow
 def test_runs_in_columns_have_rows_to_one_scale():
     record = run()
     figure = criteria_side_by_side({"20 %": record, "100 %": changed(record, command=2 * record.command)})

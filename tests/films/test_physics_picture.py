@@ -54,6 +54,7 @@ def share(pixels, colour, tolerance=0.2):
     return (np.linalg.norm(direction - wanted, axis=-1) < tolerance).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_picture_shows_arm_and_paths(tmp_path):
     robot, q, pose = motion()

@@ -63,7 +63,7 @@ def drive(robot, prepared, wanted, requests=()):
 
 
 @pytest.mark.parametrize("kind", [*BASES, "differential unconstrained"])
-@pytest.mark.parametrize("jerk", [None, 20.0])
+@pytest.mark.parametrize("jerk", [pytest.param(None, marks=pytest.mark.slow), 20.0])
 def test_whatever_is_wanted_no_base_enters_a_zone(kind, jerk):
     robot, rng = body(kind), np.random.default_rng(2017)
     given = Supervisor(acceleration=1.0, jerk=jerk, ramp=0.1, slow_below=0.0, hold_below=0.0, keep_out=KEEP)

@@ -198,7 +198,7 @@ def strokes(draw):
                 cy = 0.5 * (here[1] + y) + side * (x - here[0])
                 drawn.append(r.Arc(x, y, cx, cy, draw(st.booleans()), speed))
                 here = (x, y)
-    if not any(isinstance(stroke, r.Line | r.Arc) for stroke in drawn):
+    if not any(isinstance(stroke, r.StraightStroke | r.Arc) for stroke in drawn):
         drawn.append(r.StraightStroke(0.7, 0.7, 0.1))
     return drawn
 
@@ -210,7 +210,7 @@ def written(drawn):
             lines.append(f"pause {stroke.seconds}")
             continue
         lines.append(f"speed {stroke.speed}")
-        if isinstance(stroke, r.Line):
+        if isinstance(stroke, r.StraightStroke):
             lines.append(f"line {stroke.x} {stroke.y}")
         else:
             way = "cw" if stroke.clockwise else "ccw"

@@ -93,6 +93,7 @@ def test_everything_fits_the_paper(tab):
     tab.emulate_media(media="screen")
 
 
+@pytest.mark.slow
 def test_it_prints_to_vectors_on_a4(tab, tmp_path):
     pdf = tab.pdf(prefer_css_page_size=True, print_background=False)
     sizes = {

@@ -95,6 +95,7 @@ def test_both_laws_of_s17_do_it_by_set_points_with_its_gains(label):
     assert np.ptp(run.record.desired[-100:, 5]) > 0  # the goal moves with the camera's noise
 
 
+@pytest.mark.slow
 def test_a_scene_elsewhere():
     cube, basket = Cube(position=(0.9, -0.3), yaw=1.0), Basket(position=(1.6, -0.5))
     assert pick_and_drop(cube, basket, seed=3).is_in_basket

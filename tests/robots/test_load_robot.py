@@ -85,6 +85,7 @@ def test_a_missing_extra_says_how_to_get_it(monkeypatch):
         load_robot(PANDA)
 
 
+@pytest.mark.slow
 def test_every_example_is_loaded_or_refused_with_a_reason():
     reasons = ("must be given", "no joint moves", "lower 0 ≥ upper 0", "misses its attribute 'name'")
     refusals = []

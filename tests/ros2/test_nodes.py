@@ -125,6 +125,7 @@ def test_a_robot_without_controller_stops_in_time_and_a_controller_without_robot
     assert not any(commands[-1])
 
 
+@pytest.mark.slow
 def test_services_lead_through_the_states_and_bad_input_is_refused(spec, start, node, call, diagnostics):
     path = spec()
     start("robot", path, "--interface", "position")

@@ -10,10 +10,13 @@ from msgspec.structs import replace as changed
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
+from dqcontrol.tuning.law_evaluation import held_out_scenes
 from dqcontrol.tuning.law_search import LawSearch
 from dqcontrol.tuning.simplex_search import SimplexSearch
 from dqcontrol.tuning.tune_spec import read_tune
@@ -131,6 +134,37 @@ def test_what_is_harder_for_every_law_is_not_called_a_fault_of_the_search(tuned)
     (one,) = held_out_at(tuned, 1.0, 1.5)
     assert one.startswith(f"{tuned.laws[1].label}: held out its total is 1.5 times that searched on")
     assert held_out_at(tuned, math.inf, 1.0) == []
+
+
+def test_a_joint_at_its_limit_is_named_as_the_cause(tuned):
+    first, *others = tuned.laws
+    numbers = first.result.held_out | {"limit_margin": 0.0}
+    stopped = replace(
+        first, result=changed(first.result, held_out=numbers, held_out_total=1.5 * first.result.total)
+    )
+    lines = replace(tuned, laws=(stopped, *others)).remarks()
+    assert any("held out" in line and "a joint comes to its position limit there" in line for line in lines)
+    there = changed(first.result, searched=first.result.searched | {"limit_margin": 0.0})
+    lines = replace(tuned, laws=(replace(first, result=there), *others)).remarks()
+    assert any("comes to its position limit on what was searched" in line for line in lines)
+
+
+@pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
+def test_starts_that_are_held_out_leave_joints_room(problem):
+    problem["start"] = [
+        -0.14,
+        0.478,
+        0.08,
+        1.734,
+        -0.055,
+        0.463,
+        -0.018,
+    ]  # of whose neighbours some have none
+    problem["reference"]["radius"] = 0.06
+    scenes = held_out_scenes(read_tune(problem))
+    assert len(scenes) == 2
+    demands = [path_demand(scene) for scene in scenes]
+    assert all(demand is not None and demand.limit_margin > AT_LIMIT for demand in demands)
 
 
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):

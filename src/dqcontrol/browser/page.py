@@ -168,7 +168,8 @@ class DrawnRun:
     """The nodes of one run in the scene."""
 
     def __init__(self, server: Any, i: int, track: Track, size: float, *, alone: bool) -> None:
-        self.track, self.css = track, COLOURS[i % len(COLOURS)]
+        self.track = track
+        self.css: str = COLOURS[i % len(COLOURS)]
         self._scene, self._name, self._thickness = server.scene, f"/run{i}", 0.0022 * size
         self._colour = _rgb(self.css)
         self._root = self._scene.add_frame(self._name, show_axes=False)

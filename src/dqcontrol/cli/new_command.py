@@ -12,7 +12,7 @@ from dqcontrol.cli.options import BaseLink, Force, TipLink
 from dqcontrol.errors import Error, ExistsError, suggest
 
 MOTIONS, PLANTS = ("circle", "square", "spiral", "set-point"), ("servo", "integrator", "mujoco")
-QUESTIONS = {
+QUESTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "robot": ("Which robot (a name of 'dqcontrol robots', or a .urdf, .xacro or .yaml file)?", "iiwa7", ()),
     "motion": ("Which motion?", "circle", MOTIONS),
     "period": ("How long is a control period?", "8 ms", ()),

@@ -243,4 +243,4 @@ def compile_own(
     return compiled_kernel
 
 
-__getattr__ = names_moved_from(__name__)
+__getattr__: Callable[[str], Any] = names_moved_from(__name__)

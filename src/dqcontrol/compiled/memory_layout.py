@@ -50,8 +50,9 @@ class MemoryLayout(Generic[Fields]):
     """
 
     def __init__(self, fields: type[Fields], *sizes: str) -> None:
-        self.fields, self.sizes = fields, sizes
-        self.__name__ = fields.__name__
+        self.fields = fields
+        self.sizes: tuple[str, ...] = sizes
+        self.__name__: str = fields.__name__
         hints = get_type_hints(fields, include_extras=True)
         self._shapes = {
             name: tuple(_REST if size is ... else size for size in getattr(hint, "__metadata__", ()))

@@ -1,5 +1,8 @@
 """Experiments: specs, runs and studies."""
 
+from collections.abc import Callable
+from typing import Any
+
 from dqcontrol.experiments.check import Checks, LoopCheck, check
 from dqcontrol.experiments.load_results import load_rows, load_run, load_runs, load_study
 from dqcontrol.experiments.ranking import Ranking, rank
@@ -34,4 +37,4 @@ __all__ = [
     "summary",
 ]
 
-__getattr__ = names_moved_from(__name__)
+__getattr__: Callable[[str], Any] = names_moved_from(__name__)

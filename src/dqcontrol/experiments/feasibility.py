@@ -22,6 +22,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.plants import Integrator
@@ -55,12 +56,15 @@ class PathDemand:
         Whose it is.
     time
         When, s.
+    limit_margin
+        Least distance of a joint from its position limits, rad or m, negative beyond them; infinite without limits.
     """
 
     left: TaskResult
     peak_share: float
     joint: str
     time: float
+    limit_margin: float
 
 
 def path_demand(scene: PreparedRobot) -> PathDemand | None:
@@ -95,11 +99,11 @@ def _followed(robot: Robot, scene: PreparedRobot, null_space: BestHeading | None
     if not np.isfinite(record.q).all():
         return None
     speeds = np.abs(record.command[:-1]) / robot.limits.velocity
-    left = task_result(record)
+    left, (margin, _) = task_result(record), least_margin(record, robot.limits)
     if not np.isfinite(robot.limits.velocity).any() or not len(speeds):
-        return PathDemand(left, float("nan"), "", 0.0)
+        return PathDemand(left, float("nan"), "", 0.0, margin)
     k, joint = np.unravel_index(int(speeds.argmax()), speeds.shape)
-    return PathDemand(left, float(speeds[k, joint]), robot.input_names[joint], float(samples[k, -1]))
+    return PathDemand(left, float(speeds[k, joint]), robot.input_names[joint], float(samples[k, -1]), margin)
 
 
 def task_remarks(setting: PreparedExperiment) -> Iterator[str]:

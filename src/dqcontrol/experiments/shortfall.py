@@ -20,6 +20,7 @@ from dqcontrol.laws import (
     Proportional,
 )
 from dqcontrol.laws.null_space import BestHeading
+from dqcontrol.measures.margins import AT_LIMIT
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
@@ -32,7 +33,6 @@ _WITHOUT_FEEDFORWARD = (
 )
 _ROUNDING = 1e-9
 _OFTEN = 0.1  # of the samples at a velocity limit
-_AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
 
 
 def warn_of_shortfalls(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
@@ -106,7 +106,7 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
             "best-heading"
         )
     margin = trial["limit_margin"]
-    if margin is not None and margin < _AT_LIMIT:
+    if margin is not None and margin < AT_LIMIT:
         yield f"{trial['limit_joint']} came to its position limit; start elsewhere, or turn the goal"
     if "in a singularity" in task:
         yield "no joint can move the hand that way from there; " + way_out(law)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import compress
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -13,6 +14,11 @@ import msgspec
 import yaml
 from yaml.composer import ComposerError
 from yaml.constructor import ConstructorError
+
+try:
+    from yaml._yaml import CParser
+except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
+    CParser = None
 
 from dqcontrol.errors import FileFormatError, suggest
 from dqcontrol.files.input_file import read_whole
@@ -67,7 +73,7 @@ def parse_yaml(path: str | Path, text: str) -> Any:
     and the like are text; YAML 1.1 has it the other way round.
     """
     try:
-        data = yaml.load(text, Loader=_StrictLoader)
+        data = _load(text)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
@@ -122,6 +128,31 @@ _StrictLoader.add_implicit_resolver(
     re.compile(r"^[-+]?[0-9][0-9_]*(\.[0-9_]*)?[eE][-+]?[0-9]+$"),
     list("-+0123456789"),
 )
+
+
+class _FastLoader(_StrictLoader):
+    """The same, of the events that libyaml finds."""
+
+    def __init__(self, text: str, parser: Any) -> None:
+        super().__init__("")
+        self.events = parser(text)
+
+    def check_event(self, *choices: Any) -> bool:
+        return self.events.check_event(*choices)
+
+    def peek_event(self) -> Any:
+        return self.events.peek_event()
+
+    def get_event(self) -> Any:
+        return self.events.get_event()
+
+
+def _load(text: str) -> Any:
+    """Return the data of a document; what libyaml refuses, the parser in Python refuses with the better message."""
+    if CParser is not None:
+        with suppress(yaml.YAMLError, RecursionError, ValueError):
+            return _FastLoader(text, CParser).get_single_data()
+    return yaml.load(text, Loader=_StrictLoader)
 
 
 def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:

@@ -20,7 +20,7 @@ class HeadingWork(NamedTuple):
     column: Annotated[Array, 6]
 
 
-heading_work = MemoryLayout(HeadingWork)
+heading_work: MemoryLayout[HeadingWork] = MemoryLayout(HeadingWork)
 
 
 @inline

@@ -75,11 +75,13 @@ class ClassicCascadeWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("columns")]
 
 
-cascade_parameters = MemoryLayout(CascadeParameters, "drives")
-cascade_state = MemoryLayout(CascadeState, "columns", "drives")
-classic_cascade_parameters = MemoryLayout(ClassicCascadeParameters, "drives")
-classic_cascade_state = MemoryLayout(ClassicCascadeState, "drives")
-classic_cascade_work = MemoryLayout(ClassicCascadeWork, "m", "columns")
+cascade_parameters: MemoryLayout[CascadeParameters] = MemoryLayout(CascadeParameters, "drives")
+cascade_state: MemoryLayout[CascadeState] = MemoryLayout(CascadeState, "columns", "drives")
+classic_cascade_parameters: MemoryLayout[ClassicCascadeParameters] = MemoryLayout(
+    ClassicCascadeParameters, "drives"
+)
+classic_cascade_state: MemoryLayout[ClassicCascadeState] = MemoryLayout(ClassicCascadeState, "drives")
+classic_cascade_work: MemoryLayout[ClassicCascadeWork] = MemoryLayout(ClassicCascadeWork, "m", "columns")
 
 
 @inline

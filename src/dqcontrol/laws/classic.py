@@ -40,7 +40,8 @@ class OpenLoopWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-classic_work, open_loop_work = MemoryLayout(ClassicWork, "m"), MemoryLayout(OpenLoopWork, "m")
+classic_work: MemoryLayout[ClassicWork] = MemoryLayout(ClassicWork, "m")
+open_loop_work: MemoryLayout[OpenLoopWork] = MemoryLayout(OpenLoopWork, "m")
 
 
 @inline

@@ -39,8 +39,8 @@ class WholeBodyWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("columns")]
 
 
-whole_body_parameters = MemoryLayout(WholeBodyParameters, "drives")
-whole_body_work = MemoryLayout(WholeBodyWork, "m", "columns")
+whole_body_parameters: MemoryLayout[WholeBodyParameters] = MemoryLayout(WholeBodyParameters, "drives")
+whole_body_work: MemoryLayout[WholeBodyWork] = MemoryLayout(WholeBodyWork, "m", "columns")
 
 
 @kernel(LAW)

@@ -117,7 +117,7 @@ class PreparedMemory(NamedTuple):
 _plan = MemoryLayout(Plan)
 _FIRST_SIZE = Plan._fields.index("state")
 _MEMORY_SIZES = Plan._fields[_FIRST_SIZE:]
-prepared_memory = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
+prepared_memory: MemoryLayout[PreparedMemory] = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
 
 
 class Prepared(NamedTuple):

@@ -38,7 +38,7 @@ class RotationWork(NamedTuple):
     omega: Annotated[Array, 3]
 
 
-rotation_work = MemoryLayout(RotationWork)
+rotation_work: MemoryLayout[RotationWork] = MemoryLayout(RotationWork)
 
 
 class DecoupledWork(NamedTuple):
@@ -79,8 +79,9 @@ class PartialWork(NamedTuple):
     solver: Annotated[Array, solver_work.size()]
 
 
-decoupled_work = MemoryLayout(DecoupledWork, "m")
-partial_parameters, partial_work = MemoryLayout(PartialParameters), MemoryLayout(PartialWork, "m")
+decoupled_work: MemoryLayout[DecoupledWork] = MemoryLayout(DecoupledWork, "m")
+partial_parameters: MemoryLayout[PartialParameters] = MemoryLayout(PartialParameters)
+partial_work: MemoryLayout[PartialWork] = MemoryLayout(PartialWork, "m")
 
 
 @inline
@@ -197,15 +198,15 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     given, own = partial_parameters(parameters), partial_work(work, n)
     rotation, matrix = rotation_work(own.rotation), own.matrix
     omega = rotation.omega
-    inverse = inverse_parameters(given.inverse)
+    length = inverse_parameters(given.inverse).length
     _rotation_error(pose, sample, 0.2, state, rotation)
     for i in range(4):
         rotation.error[i] *= given.gain
     _angular_velocity(pose, rotation)
     for i in range(3):
         for c in range(n):
-            matrix[i, c] = twist_jacobian[i, c]
-        weigh(matrix[i], omega, i, inverse.length)
+            matrix[i, c] = length * twist_jacobian[i, c]
+        omega[i] *= length
     return solve(matrix, omega, own.preferred, given.inverse, own.solver, out)
 
 

@@ -25,7 +25,7 @@ class FeedforwardWork(NamedTuple):
     solver: Annotated[Array, integral_work.sized("m")]
 
 
-feedforward_work = MemoryLayout(FeedforwardWork, "m")
+feedforward_work: MemoryLayout[FeedforwardWork] = MemoryLayout(FeedforwardWork, "m")
 
 
 @kernel(LAW)

@@ -31,7 +31,7 @@ class TwistWork(NamedTuple):
     solver: Annotated[Array, solver_work.size()]
 
 
-twist_work = MemoryLayout(TwistWork, "n")
+twist_work: MemoryLayout[TwistWork] = MemoryLayout(TwistWork, "n")
 
 
 @inline

@@ -72,8 +72,9 @@ class IntegralWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("n")]
 
 
-integral_parameters, integral_state = MemoryLayout(IntegralParameters), MemoryLayout(IntegralState)
-integral_work = MemoryLayout(IntegralWork, "n")
+integral_parameters: MemoryLayout[IntegralParameters] = MemoryLayout(IntegralParameters)
+integral_state: MemoryLayout[IntegralState] = MemoryLayout(IntegralState)
+integral_work: MemoryLayout[IntegralWork] = MemoryLayout(IntegralWork, "n")
 
 
 @inline

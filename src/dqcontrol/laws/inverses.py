@@ -39,7 +39,7 @@ class InverseParameters(NamedTuple):
     length: float
 
 
-inverse_parameters = MemoryLayout(InverseParameters)
+inverse_parameters: MemoryLayout[InverseParameters] = MemoryLayout(InverseParameters)
 
 
 class SolverWork(NamedTuple):
@@ -51,7 +51,7 @@ class SolverWork(NamedTuple):
     column: Annotated[Array, _MOST_ROWS]
 
 
-solver_work = MemoryLayout(SolverWork)
+solver_work: MemoryLayout[SolverWork] = MemoryLayout(SolverWork)
 
 _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 

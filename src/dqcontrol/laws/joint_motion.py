@@ -30,7 +30,7 @@ class JointMotionParameters(NamedTuple):
     velocity: Annotated[Array, "n"]
 
 
-joint_motion_parameters = MemoryLayout(JointMotionParameters, "n")
+joint_motion_parameters: MemoryLayout[JointMotionParameters] = MemoryLayout(JointMotionParameters, "n")
 
 
 @kernel(LAW)

@@ -216,7 +216,8 @@ class PreparedLaw:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.dt = dt
-        self._law, self._limits, self.tasks = law, limits, tasks
+        self._law, self._limits = law, limits
+        self.tasks = tasks
         if tasks is not None and limits.position:
             raise ValueRangeError(
                 "limits.position: keeps the limits for the law's own task alone; with further tasks give "

@@ -134,30 +134,31 @@ def least_norm(
     if not pivot > 1e-14:
         return False
     g55 = 1.0 / pivot
-    angular = g00 + g11 + g22
-    linear = g33 + g44 + g55
-    h10 = -g10
-    h20 = -g20 - g21 * h10
-    h30 = -g30 - g31 * h10 - g32 * h20
-    h40 = -g40 - g41 * h10 - g42 * h20 - g43 * h30
-    h50 = -g50 - g51 * h10 - g52 * h20 - g53 * h30 - g54 * h40
-    angular += h10 * h10 * g11 + h20 * h20 * g22 + h30 * h30 * g33 + h40 * h40 * g44 + h50 * h50 * g55
-    h21 = -g21
-    h31 = -g31 - g32 * h21
-    h41 = -g41 - g42 * h21 - g43 * h31
-    h51 = -g51 - g52 * h21 - g53 * h31 - g54 * h41
-    angular += h21 * h21 * g22 + h31 * h31 * g33 + h41 * h41 * g44 + h51 * h51 * g55
-    h32 = -g32
-    h42 = -g42 - g43 * h32
-    h52 = -g52 - g53 * h32 - g54 * h42
-    angular += h32 * h32 * g33 + h42 * h42 * g44 + h52 * h52 * g55
-    h43 = -g43
-    h53 = -g53 - g54 * h43
-    linear += h43 * h43 * g44 + h53 * h53 * g55
-    h54 = -g54
-    linear += h54 * h54 * g55
-    if not angular * angular_limit + linear * linear_limit <= 1.0:
-        return False
+    if linear_limit > 0.0:
+        angular = g00 + g11 + g22
+        linear = g33 + g44 + g55
+        h10 = -g10
+        h20 = -g20 - g21 * h10
+        h30 = -g30 - g31 * h10 - g32 * h20
+        h40 = -g40 - g41 * h10 - g42 * h20 - g43 * h30
+        h50 = -g50 - g51 * h10 - g52 * h20 - g53 * h30 - g54 * h40
+        angular += h10 * h10 * g11 + h20 * h20 * g22 + h30 * h30 * g33 + h40 * h40 * g44 + h50 * h50 * g55
+        h21 = -g21
+        h31 = -g31 - g32 * h21
+        h41 = -g41 - g42 * h21 - g43 * h31
+        h51 = -g51 - g52 * h21 - g53 * h31 - g54 * h41
+        angular += h21 * h21 * g22 + h31 * h31 * g33 + h41 * h41 * g44 + h51 * h51 * g55
+        h32 = -g32
+        h42 = -g42 - g43 * h32
+        h52 = -g52 - g53 * h32 - g54 * h42
+        angular += h32 * h32 * g33 + h42 * h42 * g44 + h52 * h52 * g55
+        h43 = -g43
+        h53 = -g53 - g54 * h43
+        linear += h43 * h43 * g44 + h53 * h53 * g55
+        h54 = -g54
+        linear += h54 * h54 * g55
+        if not angular * angular_limit + linear * linear_limit <= 1.0:
+            return False
     y1 = y1 - g10 * y0
     y2 = y2 - g20 * y0 - g21 * y1
     y3 = y3 - g30 * y0 - g31 * y1 - g32 * y2

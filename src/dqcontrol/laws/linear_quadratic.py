@@ -20,7 +20,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     translation,
 )
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import inline, kernel
+from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
@@ -74,8 +74,9 @@ class LinearQuadraticWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-pose_feedback, twist_feedback = MemoryLayout(PoseFeedback), MemoryLayout(TwistFeedback)
-linear_quadratic_work = MemoryLayout(LinearQuadraticWork, "m")
+pose_feedback: MemoryLayout[PoseFeedback] = MemoryLayout(PoseFeedback)
+twist_feedback: MemoryLayout[TwistFeedback] = MemoryLayout(TwistFeedback)
+linear_quadratic_work: MemoryLayout[LinearQuadraticWork] = MemoryLayout(LinearQuadraticWork, "m")
 # In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
 _HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
 _BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)
@@ -404,7 +405,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     feedback = twist_feedback
 
     @property
-    def kernel(self):  # type: ignore[override]
+    def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the error."""
         if self.error not in _DQ_KERNELS:
             raise unknown_name("error", str(self.error), _DQ_KERNELS)

@@ -77,9 +77,11 @@ class LinearizationWork(NamedTuple):
     rates: Annotated[Array, "columns"]
 
 
-linearization_parameters = MemoryLayout(LinearizationParameters, "drives")
-linearization_state = MemoryLayout(LinearizationState, "columns")
-linearization_work = MemoryLayout(LinearizationWork, "m", "columns")
+linearization_parameters: MemoryLayout[LinearizationParameters] = MemoryLayout(
+    LinearizationParameters, "drives"
+)
+linearization_state: MemoryLayout[LinearizationState] = MemoryLayout(LinearizationState, "columns")
+linearization_work: MemoryLayout[LinearizationWork] = MemoryLayout(LinearizationWork, "m", "columns")
 
 # Of the decrease 2 k_v |ξ̃|² of V that the body logarithm has, the inertial one may give up this share.
 _GIVEN_UP = 0.5

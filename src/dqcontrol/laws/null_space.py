@@ -48,7 +48,7 @@ class PostureParameters(NamedTuple):
     drives: Annotated[Array, ..., DRIVE_COLUMNS]
 
 
-posture_parameters = MemoryLayout(PostureParameters, "n")
+posture_parameters: MemoryLayout[PostureParameters] = MemoryLayout(PostureParameters, "n")
 
 
 @kernel(PREFERENCE)
@@ -151,7 +151,7 @@ class AvoidanceParameters(NamedTuple):
     coordinate: Annotated[Array, "m"]
 
 
-avoidance_parameters = MemoryLayout(AvoidanceParameters, "m")
+avoidance_parameters: MemoryLayout[AvoidanceParameters] = MemoryLayout(AvoidanceParameters, "m")
 
 
 @kernel(PREFERENCE)
@@ -267,7 +267,8 @@ class AscentWork(NamedTuple):
     before: Annotated[Array, 6]
 
 
-heading_parameters, ascent_work = MemoryLayout(HeadingParameters), MemoryLayout(AscentWork)
+heading_parameters: MemoryLayout[HeadingParameters] = MemoryLayout(HeadingParameters)
+ascent_work: MemoryLayout[AscentWork] = MemoryLayout(AscentWork)
 
 
 @kernel(PREFERENCE)

@@ -51,7 +51,7 @@ class PlanParameters(NamedTuple):
     inputs: Annotated[Array, "m"]
 
 
-plan_parameters = MemoryLayout(PlanParameters, "n", "m")
+plan_parameters: MemoryLayout[PlanParameters] = MemoryLayout(PlanParameters, "n", "m")
 
 
 @inline

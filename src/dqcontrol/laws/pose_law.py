@@ -29,7 +29,7 @@ class PoseParameters(NamedTuple):
     gain: Annotated[Array, 8]
 
 
-pose_parameters = MemoryLayout(PoseParameters)
+pose_parameters: MemoryLayout[PoseParameters] = MemoryLayout(PoseParameters)
 
 
 def checked_hysteresis(hysteresis: float) -> float:

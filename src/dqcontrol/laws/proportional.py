@@ -22,7 +22,7 @@ class ProportionalWork(NamedTuple):
     solver: Annotated[Array, integral_work.sized("m")]
 
 
-proportional_work = MemoryLayout(ProportionalWork, "m")
+proportional_work: MemoryLayout[ProportionalWork] = MemoryLayout(ProportionalWork, "m")
 
 
 @kernel(LAW)

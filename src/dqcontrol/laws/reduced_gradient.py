@@ -40,8 +40,8 @@ class ReducedGradientWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("r")]
 
 
-reduced_gradient_state = MemoryLayout(ReducedGradientState, "m")
-reduced_gradient_work = MemoryLayout(ReducedGradientWork, "m", "r")
+reduced_gradient_state: MemoryLayout[ReducedGradientState] = MemoryLayout(ReducedGradientState, "m")
+reduced_gradient_work: MemoryLayout[ReducedGradientWork] = MemoryLayout(ReducedGradientWork, "m", "r")
 
 
 @inline

@@ -166,8 +166,9 @@ class LevelWork(NamedTuple):
     metric: Annotated[Array, ...]
 
 
-task_row, task_levels = MemoryLayout(TaskRow), MemoryLayout(TaskLevels)
-level_work = MemoryLayout(LevelWork, "m", "rows")
+task_row: MemoryLayout[TaskRow] = MemoryLayout(TaskRow)
+task_levels: MemoryLayout[TaskLevels] = MemoryLayout(TaskLevels)
+level_work: MemoryLayout[LevelWork] = MemoryLayout(LevelWork, "m", "rows")
 _ROW = task_row.size()
 
 
@@ -385,12 +386,13 @@ class PreparedTasks:
     kernel = do_tasks
 
     def __init__(self, robot: Robot, tasks: list[FurtherTask], start: Array, times: Array) -> None:
-        self.robot = tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
+        tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
+        self.robot: TreeRobot = tree
         self.tasks: list[PoseTask | None] = []  # None: a posture
         self.labels: list[str] = []
         rows, blocks, at = [], [], _ROW * len(tasks)
         self.samples: list[Array] = []
-        self.parts = [each.part for each in tasks]
+        self.parts: list[str] = [each.part for each in tasks]
         for i, each in enumerate(tasks):
             with error_prefix(f"tasks[{i}]"):
                 task, table, samples = _made_ready(each, tree, start, times)
@@ -416,7 +418,7 @@ class PreparedTasks:
             last=max(*levels, 1),
             data=np.concatenate([*(np.array(row) for row in rows), *blocks]),
         )
-        self.work_size = level_work.size(robot.input_size, most)
+        self.work_size: int = level_work.size(robot.input_size, most)
 
     def errors(self, q: Array) -> dict[str, Array]:
         """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2).

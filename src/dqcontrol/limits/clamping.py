@@ -82,8 +82,9 @@ class ClampingWork(NamedTuple):
     state_before: Annotated[Array, "state"]
 
 
-clamping_parameters = MemoryLayout(ClampingParameters, "m")
-lag_memory, clamping_work = MemoryLayout(LagMemory, "m"), MemoryLayout(ClampingWork, "m", "state")
+clamping_parameters: MemoryLayout[ClampingParameters] = MemoryLayout(ClampingParameters, "m")
+lag_memory: MemoryLayout[LagMemory] = MemoryLayout(LagMemory, "m")
+clamping_work: MemoryLayout[ClampingWork] = MemoryLayout(ClampingWork, "m", "state")
 
 
 @inline

@@ -78,9 +78,13 @@ class CompensationMemory(NamedTuple):
     sent: Annotated[Array, "n"]
 
 
-compensation_sizes = MemoryLayout(CompensationSizes)
-compensation_parameters = MemoryLayout(CompensationParameters, "n", "bodies", "columns")
-compensation_memory = MemoryLayout(CompensationMemory, "n", "late", "bodies")
+compensation_sizes: MemoryLayout[CompensationSizes] = MemoryLayout(CompensationSizes)
+compensation_parameters: MemoryLayout[CompensationParameters] = MemoryLayout(
+    CompensationParameters, "n", "bodies", "columns"
+)
+compensation_memory: MemoryLayout[CompensationMemory] = MemoryLayout(
+    CompensationMemory, "n", "late", "bodies"
+)
 
 
 @kernel(POSITION_LIMIT)

@@ -73,7 +73,7 @@ class InputRanges(NamedTuple):
     coordinate: Annotated[Array, "m"]
 
 
-input_ranges = MemoryLayout(InputRanges, "m")
+input_ranges: MemoryLayout[InputRanges] = MemoryLayout(InputRanges, "m")
 
 
 def position_limits(field: str, robot: Robot) -> InputRanges:

@@ -36,8 +36,8 @@ class RollerSpeedLimits(NamedTuple):
     rollers: Annotated[Array, ..., ROLLER_COLUMNS]
 
 
-speed_limits = MemoryLayout(SpeedLimits, "m")
-roller_speed_limits = MemoryLayout(RollerSpeedLimits, "m", "drives")
+speed_limits: MemoryLayout[SpeedLimits] = MemoryLayout(SpeedLimits, "m")
+roller_speed_limits: MemoryLayout[RollerSpeedLimits] = MemoryLayout(RollerSpeedLimits, "m", "drives")
 
 
 @kernel(LIMIT)

@@ -32,7 +32,7 @@ class WeightingWork(NamedTuple):
     state_before: Annotated[Array, "state"]
 
 
-weighting_work = MemoryLayout(WeightingWork, "m", "state")
+weighting_work: MemoryLayout[WeightingWork] = MemoryLayout(WeightingWork, "m", "state")
 
 
 @kernel(POSITION_LIMIT)

@@ -1,5 +1,8 @@
 """The closed loop, compiled and interpreted, and what it saw."""
 
+from collections.abc import Callable
+from typing import Any
+
 from dqcontrol.loop.clock import Clock, Timing
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import Record
@@ -21,4 +24,4 @@ __all__ = [
     "simulate",
 ]
 
-__getattr__ = names_moved_from(__name__)
+__getattr__: Callable[[str], Any] = names_moved_from(__name__)

@@ -112,7 +112,8 @@ class Clock:
             raise ValueRangeError(f"clock.priority: must be 1 … 99, got {priority!r}")
         self._now, self._sleep, self._overrun, self._priority = now, sleep, overrun, priority
         self._period, self._origin, self._start, self._steps = 0.0, 0.0, 0.0, 0
-        self.overran, self._ends_late = "", overrun == "stop"
+        self.overran: str = ""
+        self._ends_late = overrun == "stop"
         self._begin = self._computation = self._idle = np.empty(0)
         self._late = np.empty(0, dtype=bool)
 

@@ -73,6 +73,7 @@ class Control:
     command: Array
     phase: Phase
     reason: str
+    time: float
 
     def __init__(
         self,
@@ -82,7 +83,7 @@ class Control:
         longest_advance: float | None = None,
     ) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
-        self.longest_advance = longest_advance or FASTEST_REFERENCE * law.dt
+        self.longest_advance: float = longest_advance or FASTEST_REFERENCE * law.dt
         self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
@@ -92,7 +93,7 @@ class Control:
         self._request, self._cause = GO, ""
         self.time = self._stamp = self._asked = 0.0
         self._elapsed = law.dt
-        self.black_box = BlackBox(self.robot, law.dt)
+        self.black_box: BlackBox = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
         self.is_commanding: bool = False
 

@@ -23,7 +23,9 @@ class Interrupts:
     """
 
     def __init__(self) -> None:
-        self.count, self.have_raised, self._only_counted = 0, False, False
+        self.count: int = 0
+        self.have_raised: bool = False
+        self._only_counted = False
 
     def only_count(self) -> None:
         """Raise nothing from now on: who moves a robot looks at ``count`` between two of its steps.

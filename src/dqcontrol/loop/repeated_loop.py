@@ -88,8 +88,11 @@ class RepeatedLoop:
         supervisor: Supervisor | None = None,
         disturbance: Disturbance | None = None,
     ) -> None:
-        self.robot, self.plant, self.start, self.period = robot, plant, start, period
-        self.samples = np.ascontiguousarray(samples)
+        self.robot = robot
+        self.plant = plant
+        self.start = start
+        self.period = period
+        self.samples: Array = np.ascontiguousarray(samples)
         self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
         live = live_plant(plant.start(robot, start, period, len(samples), seed))
         ready = live.compiled()

@@ -146,9 +146,13 @@ class Course(NamedTuple):
     settling: Annotated[Array, WRITE]
 
 
-stages, law_arrays, supervisor_arrays = Bundle(Stages), Bundle(LawArrays), Bundle(SupervisorArrays)
-disturbance_arrays, plant_arrays = Bundle(DisturbanceArrays), Bundle(PlantArrays)
-records, course = Bundle(Records), Bundle(Course)
+stages: Bundle[Stages] = Bundle(Stages)
+law_arrays: Bundle[LawArrays] = Bundle(LawArrays)
+supervisor_arrays: Bundle[SupervisorArrays] = Bundle(SupervisorArrays)
+disturbance_arrays: Bundle[DisturbanceArrays] = Bundle(DisturbanceArrays)
+plant_arrays: Bundle[PlantArrays] = Bundle(PlantArrays)
+records: Bundle[Records] = Bundle(Records)
+course: Bundle[Course] = Bundle(Course)
 
 ROLLOUT = STATUS(
     *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),

@@ -49,7 +49,7 @@ class Readings:
 
     def __init__(self, plant: LivePlant, count: int) -> None:
         self._plant = plant
-        self.rows = np.empty((count, len(plant.readings)))
+        self.rows: NDArray[np.float64] = np.empty((count, len(plant.readings)))
 
     def take(self, k: int) -> None:
         """Keep the present values as those of sample k."""

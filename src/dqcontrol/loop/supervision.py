@@ -87,8 +87,8 @@ class Supervision:
         self.state: Array = supervisor.start(q)
         self.request: int = GO
         self.codes: Array = np.zeros(0)
-        self.period = supervisor.period
-        self.black_box = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
+        self.period: float = supervisor.period
+        self.black_box: BlackBox = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
 
     @property

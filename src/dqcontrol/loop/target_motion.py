@@ -55,8 +55,9 @@ class AskedTwist(NamedTuple):
     of_hand: float
 
 
-moving_sample, target_speeds = MemoryLayout(MovingSample), MemoryLayout(TargetSpeeds)
-asked_twist = MemoryLayout(AskedTwist)
+moving_sample: MemoryLayout[MovingSample] = MemoryLayout(MovingSample)
+target_speeds: MemoryLayout[TargetSpeeds] = MemoryLayout(TargetSpeeds)
+asked_twist: MemoryLayout[AskedTwist] = MemoryLayout(AskedTwist)
 MOVING_SIZE = moving_sample.size()
 assert moving_sample.place("last") == SAMPLE_SIZE
 

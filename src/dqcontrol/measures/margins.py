@@ -12,6 +12,8 @@ from dqcontrol.files import long_array
 from dqcontrol.loop.record import Record, part_of
 from dqcontrol.robots.limits import Limits
 
+AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
+
 
 def joint_margins(record: Record, limits: Limits) -> NDArray[np.float64]:
     """Return each configuration variable's distance from its nearest limit over time, shape (n, N), rad or m.

@@ -92,7 +92,9 @@ class LiveCoppelia(LivePlant):
             self._call(self._sim.setJointPosition, joint, float(angle))
             if self._mode != "velocity":
                 self._call(self._sim.setJointTargetPosition, joint, float(angle))
-        self.q, self.measured, self._target = start.copy(), start.copy(), start.copy()
+        self.q: Array = start.copy()
+        self.measured: Array = start.copy()
+        self._target = start.copy()
         self._call(self._sim.startSimulation)
         self._closing = weakref.finalize(self, _leave, self._sim, self._client)
 

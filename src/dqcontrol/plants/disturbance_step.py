@@ -44,8 +44,8 @@ class DisturbanceWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-disturbance_parameters = MemoryLayout(DisturbanceParameters)
-disturbance_work = MemoryLayout(DisturbanceWork, "m")
+disturbance_parameters: MemoryLayout[DisturbanceParameters] = MemoryLayout(DisturbanceParameters)
+disturbance_work: MemoryLayout[DisturbanceWork] = MemoryLayout(DisturbanceWork, "m")
 
 
 @kernel(DISTURBANCE)

@@ -78,7 +78,7 @@ class LinearModel:
         root = np.sqrt(sizes[:count])
         into, out_of = left[:, :count].T @ observed / root[:, None], driven @ right[:count].T / root
         measured = out_of[:outputs]
-        if np.linalg.matrix_rank(measured) < outputs:
+        if count < outputs or np.linalg.matrix_rank(measured) < outputs:
             return None
         unseen = np.linalg.svd(measured)[2][outputs:]
         basis = np.vstack([measured, unseen])  # so that the measurements are the first entries

@@ -297,11 +297,11 @@ class CompiledPlant(LivePlant):
         self.kernel = kernel
         self.parameters: Array = np.ascontiguousarray(parameters, dtype=np.float64)
         self.state: Array = np.ascontiguousarray(state, dtype=np.float64)
-        self.q = np.array(q0, dtype=np.float64)
-        self.measured = self.q.copy()
+        self.q: Array = np.array(q0, dtype=np.float64)
+        self.measured: Array = self.q.copy()
         self.noise = noise
-        self.foreseen = tuple(foreseen)
-        self.periods = len(noise)
+        self.foreseen: tuple[tuple[Channel, Array], ...] = tuple(foreseen)
+        self.periods: float = len(noise)
         self._step = 0
 
     def step(self, command: Array) -> None:

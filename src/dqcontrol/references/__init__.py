@@ -1,5 +1,8 @@
 """Desired motions: pose, twist and twist rate over time."""
 
+from collections.abc import Callable
+from typing import Any
+
 from dqcontrol.moved import names_moved_from
 from dqcontrol.references.circle import Circle, Spiral
 from dqcontrol.references.curve import Curve
@@ -54,4 +57,4 @@ __all__ = [
     "random_goals",
 ]
 
-__getattr__ = names_moved_from(__name__)
+__getattr__: Callable[[str], Any] = names_moved_from(__name__)

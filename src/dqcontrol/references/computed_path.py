@@ -69,7 +69,8 @@ class PathTables(NamedTuple):
     corners: Annotated[Array, "corners", 2]
 
 
-path_head, path_tables = MemoryLayout(PathHead), MemoryLayout(PathTables, "pieces", "paces", "corners")
+path_head: MemoryLayout[PathHead] = MemoryLayout(PathHead)
+path_tables: MemoryLayout[PathTables] = MemoryLayout(PathTables, "pieces", "paces", "corners")
 _HEAD = path_head.size()
 
 

@@ -52,7 +52,9 @@ class WaysAround:
     """
 
     def __init__(self, floor: FloorMap, start: Array, radius: float, within: Array) -> None:
-        self.floor, self.start, self.radius = floor, start, radius
+        self.floor = floor
+        self.start = start
+        self.radius = radius
         extent = within[1] - within[0]
         self._low, self._cell = within[0], max(_CELL, math.sqrt(float(np.prod(extent)) / _MOST_CELLS))
         shape = np.ceil(extent / self._cell).astype(int) + 1

@@ -1,5 +1,8 @@
 """Robots: chains, their Jacobians, and where they come from."""
 
+from collections.abc import Callable
+from typing import Any
+
 from dqcontrol.moved import names_moved_from
 from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
 from dqcontrol.robots.description import Description, JointRow, describe
@@ -66,4 +69,4 @@ __all__ = [
     "symmetric_limits",
 ]
 
-__getattr__ = names_moved_from(__name__)
+__getattr__: Callable[[str], Any] = names_moved_from(__name__)

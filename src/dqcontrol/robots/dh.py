@@ -36,11 +36,17 @@ def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
     r, p = np.array([1.0, 0, 0, 0]), np.zeros(3)
     for pose in poses:
         w, v = r[0], r[1:]
-        p = p + pose[4:] + 2 * np.cross(v, w * pose[4:] + np.cross(v, pose[4:]))
+        p = p + pose[4:] + 2 * _cross(v, w * pose[4:] + _cross(v, pose[4:]))
         r = np.concatenate(
-            [[w * pose[0] - v @ pose[1:4]], w * pose[1:4] + pose[0] * v + np.cross(v, pose[1:4])]
+            [[w * pose[0] - v @ pose[1:4]], w * pose[1:4] + pose[0] * v + _cross(v, pose[1:4])]
         )
     return np.concatenate([r / np.linalg.norm(r), p])
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a × b of two vectors (3,), in a tenth of the time of `numpy.cross`."""
+    a, b = a.tolist(), b.tolist()
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def chain_from_dh(

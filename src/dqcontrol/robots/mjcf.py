@@ -123,8 +123,8 @@ class MjcfFile:
         try:
             with warnings.catch_warnings():  # on attributes that MuJoCo will drop
                 warnings.simplefilter("ignore")
-                self.spec = self.mujoco.MjSpec.from_file(str(path))
-                self.model = self.spec.compile()
+                self.spec: Any = self.mujoco.MjSpec.from_file(str(path))
+                self.model: Any = self.spec.compile()
         except (ValueError, RuntimeError, OSError) as error:
             raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
 

@@ -55,7 +55,7 @@ class TaskSolverWork(NamedTuple):
     scratch: Annotated[Array, "8 * n"]
 
 
-task_solver_work = MemoryLayout(TaskSolverWork, "k", "n")
+task_solver_work: MemoryLayout[TaskSolverWork] = MemoryLayout(TaskSolverWork, "k", "n")
 
 
 @inline

@@ -216,16 +216,19 @@ class TreeRobot(Robot):
         self.named_frames: dict[str, NamedFrame] = {_BASE: identity, **frames}
         self.name = name
         self.configuration_size = n
-        self.joint_names, self.joint_types = tuple(joint_names), tuple(joint_types)
+        self.joint_names: tuple[str, ...] = tuple(joint_names)
+        self.joint_types: tuple[str, ...] = tuple(joint_types)
         self.limits = limits
         self.inertia = inertia
-        self.input_coordinates = np.arange(n) if input_coordinates is None else input_coordinates
-        self.input_size = len(self.input_coordinates)
-        self.input_names = tuple(self.joint_names[i] for i in self.input_coordinates)
-        self.input_types = tuple(self.joint_types[i] for i in self.input_coordinates)
-        self.drives = np.zeros((0, DRIVE_COLUMNS)) if drives is None else drives
+        self.input_coordinates: NDArray[np.intp] = (
+            np.arange(n) if input_coordinates is None else input_coordinates
+        )
+        self.input_size: int = len(self.input_coordinates)
+        self.input_names: tuple[str, ...] = tuple(self.joint_names[i] for i in self.input_coordinates)
+        self.input_types: tuple[str, ...] = tuple(self.joint_types[i] for i in self.input_coordinates)
+        self.drives: Array = np.zeros((0, DRIVE_COLUMNS)) if drives is None else drives
         self._tree = self._tree_table()
-        self.chain = self._tree[1:, :8]
+        self.chain: Array = self._tree[1:, :8]
         self.chain.flags.writeable = False
         self._tables: dict[PoseTask, Array] = {}
         self._choose(task)

@@ -86,7 +86,9 @@ class TwoArms(TreeRobot):
                 raise ShapeError(f"{field}: expected an arm or a whole body, got {part!r:.80}")
             if isinstance(part, TreeRobot):
                 raise ShapeError(f"{field}: {part.name} is a tree already; choose two of its frames instead")
-        self.left, self.right, self.base = left, right, base
+        self.left = left
+        self.right = right
+        self.base = base
         known = {label: part for label, part in parts.items() if part is not None}
         joints, frames = joined_chains(known)
         robots = list(known.values())
@@ -109,8 +111,10 @@ class TwoArms(TreeRobot):
             inertia=joined_inertia([robot.inertia for robot in robots]),
             name=name or "+".join(robot.name for robot in robots),
         )
-        self.shapes = _joined_shapes(known)
-        self.input_names = tuple(distinct_names({label: robot.input_names for label, robot in known.items()}))
+        self.shapes: LinkShapes | None = _joined_shapes(known)
+        self.input_names: tuple[str, ...] = tuple(
+            distinct_names({label: robot.input_names for label, robot in known.items()})
+        )
         self._relative = self.table_of(self._named_task("relative", "midpoint"))
         self._short, self._positive, self._negative = (
             {

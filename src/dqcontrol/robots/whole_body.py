@@ -110,7 +110,7 @@ class WholeBody(Robot):
         limits = whole.limits
         self.limits: Limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
         self.inertia: Inertia | None = whole.inertia
-        self.shapes = whole_body_shapes(self.parts, self.chain)
+        self.shapes: LinkShapes | None = whole_body_shapes(self.parts, self.chain)
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"

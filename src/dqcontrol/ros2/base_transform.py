@@ -77,7 +77,7 @@ class FrameCorrection:
         self._frames, self._heard = (parent, child), -math.inf
         self.pose: Array = np.full(3, np.nan)
         kind = _tf_message()
-        self.topic = node.resolve_topic_name(TF if kind else OURS)
+        self.topic: str = node.resolve_topic_name(TF if kind else OURS)
         node.create_subscription(kind or TransformStamped, self.topic, guarded(self._hear), _KEPT)
 
     @property

@@ -114,7 +114,7 @@ class Following:
         self._origin = self._passed = 0.0  # s, by stamps
         self._activated = self._stepped = self._steady_since = 0.0  # s, by our clock
         self._slept, self._due = False, np.inf
-        self.longest_period = 0.0
+        self.longest_period: float = 0.0
         self._enabled = -np.inf
         self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
         self._joints = self._joint_names()
@@ -128,7 +128,9 @@ class Following:
             self._footprint = read_once(node, "footprint_frame", *words)
             words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
             self._odometry_frame = read_once(node, "odometry_frame", *words)
-        self.tracked = TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
+        self.tracked: TrackedHand | None = (
+            TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
+        )
         self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
         self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]

@@ -57,8 +57,9 @@ class Felt:
     ) -> None:
         self._node, self._parts, self._joints = node, parts, joints
         self._frame, self._guarded = frame, guarded
-        self.effort, self.wrench = _NOTHING, _NOTHING
-        self.topic = node.resolve_topic_name(WRENCH)
+        self.effort: Array = _NOTHING
+        self.wrench: Array = _NOTHING
+        self.topic: str = node.resolve_topic_name(WRENCH)
         self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
         self._wrenches: Subscription | None
 

@@ -75,7 +75,7 @@ class Commands:
 
     def __init__(self, node: Node, ports: Sequence[Port]) -> None:
         self._node, self._ports = node, list(ports)
-        self.topics = [node.resolve_topic_name(port.topic) for port in ports]
+        self.topics: list[str] = [node.resolve_topic_name(port.topic) for port in ports]
         self._publishers: list[Publisher] = []
 
     def claim(self) -> None:

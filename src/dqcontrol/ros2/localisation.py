@@ -90,7 +90,7 @@ class Localisation:
         self._heading, self._stamp, self._heard = heading, 0.0, -math.inf
         self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(period)
         self.pose: Array = np.full(3, np.nan)
-        self.topic = node.resolve_topic_name(ODOMETRY)
+        self.topic: str = node.resolve_topic_name(ODOMETRY)
         node.create_subscription(Odometry, ODOMETRY, guarded(self._hear), NEWEST)
 
     @property

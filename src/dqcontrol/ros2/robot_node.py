@@ -327,7 +327,7 @@ class Obeyed:
     ) -> None:
         self._node, self._read, self._refuse, self._heard = node, read, refuse, -np.inf
         self.asked: Array | None = None
-        self.topic = node.create_subscription(kind, topic, self._hear, NEWEST).topic_name
+        self.topic: str = node.create_subscription(kind, topic, self._hear, NEWEST).topic_name
 
     def why_not(self, timeout: float) -> str:
         """Say why nothing that was asked counts, with commands counting for some time, s; empty if it does."""

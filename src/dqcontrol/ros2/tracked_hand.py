@@ -46,7 +46,8 @@ class TrackedHand:
     def __init__(
         self, node: Node, topic: str, frame: str, guarded: Callable[..., Callable[[Any], None]]
     ) -> None:
-        self.topic, self._frame = node.resolve_topic_name(topic), frame
+        self.topic: str = node.resolve_topic_name(topic)
+        self._frame = frame
         self._origin, self._heard = 0.0, -np.inf
         self._times: list[float] = []
         self._poses: list[Array] = []

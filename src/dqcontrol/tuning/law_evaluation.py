@@ -12,9 +12,11 @@ from msgspec.structs import replace as changed
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
 from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
+from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
@@ -24,6 +26,7 @@ from dqcontrol.tuning.tune_spec import TuneProblem
 
 _UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small
 _NEARLY = 1e-3  # of a margin
+_MARGIN = NUMBERS.index("limit_margin")
 _OTHER_START = 0.1  # rad or m, as far are held-out starts from the spec's
 _HELD_OUT_STARTS, _TRIES = 2, 20
 _FIRST_HELD_OUT = 1_000_003  # seed, counted from the spec's
@@ -39,7 +42,7 @@ class Evaluated(NamedTuple):
     violation
         By how much constraints are violated; 0 if they are kept.
     numbers
-        All `NUMBERS`, means over the worst plant's runs.
+        All `NUMBERS`: means over the worst plant's runs, but the least ``limit_margin`` of all.
     """
 
     total: float
@@ -174,6 +177,7 @@ class LawEvaluation:
             for place, bounds in self._bounds:
                 violation += max(bounds.violation(float(value)) for value in rows[:, place])
             numbers = rows.mean(axis=0)
+            numbers[_MARGIN] = rows[:, _MARGIN].min()
             total = float(self._weights @ numbers[self._objectives])
             if not math.isfinite(total):
                 return Evaluated(math.inf, _UNSTABLE, numbers)
@@ -231,9 +235,10 @@ def held_out_seeds(problem: TuneProblem) -> range:
 
 
 def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
-    """Give all searched motions from other starts where the robot can do them; from its own, if nowhere else.
+    """Give all searched motions from other starts where no joint comes to its limit; from its own, if nowhere else.
 
-    They are the same motions, so that errors here are comparable with those of the search.
+    They are the same motions, so that errors here are comparable with those of the search; where a joint stops at its
+    limit, they are not.
     """
     spec = problem.spec
     references = [spec.reference, *problem.block.references]
@@ -247,14 +252,23 @@ def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
         moved = home[0].start + draw.uniform(-_OTHER_START, _OTHER_START, len(home[0].start))
         moved = np.clip(moved, limits.lower, limits.upper)
         try:
-            yield from scenes(moved.tolist())
+            others = scenes(moved.tolist())
         except Error:
             continue
+        if not all(map(_has_room, others)):
+            continue
+        yield from others
         found += 1
         if found == _HELD_OUT_STARTS:
             return
     if not found:
         yield from home
+
+
+def _has_room(scene: PreparedRobot) -> bool:
+    """Return whether joints that follow the motion as well as can be stay away from their position limits."""
+    demand = path_demand(scene)
+    return demand is not None and demand.limit_margin > AT_LIMIT
 
 
 def _scene(problem: TuneProblem, spec: object, place: str) -> PreparedRobot:

@@ -138,11 +138,14 @@ class LawSearch:
     """
 
     def __init__(self, problem: TuneProblem, label: str, file: Path | None = None) -> None:
-        self._problem, self.label, self._file = problem, label, file
+        self._problem, self._file = problem, file
+        self.label = label
         ready = ready_problem(problem)
         self.law: Law = _law(problem, label)
         self._evaluate, self._held_out = ready.searched, ready.held_out
-        self.space = SearchSpace(label, self.law, problem.block.free.get(label), self._evaluate.slack)
+        self.space: SearchSpace = SearchSpace(
+            label, self.law, problem.block.free.get(label), self._evaluate.slack
+        )
         self._known: dict[Point, Evaluated] = {}
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():

@@ -27,6 +27,7 @@ from dqcontrol.experiments.trials import WORTH_PROCESSES
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
 from dqcontrol.measures.table_cells import Cell, Column
 from dqcontrol.measures.tables import Table
@@ -189,6 +190,11 @@ class Tuning:
                     f"{each.label}: {100 * found.searched['saturation']:.2g} % of the samples are at velocity limits: "
                     "what was tuned is the saturation"
                 )
+            if found.searched["limit_margin"] < AT_LIMIT:
+                lines.append(
+                    f"{each.label}: a joint comes to its position limit on what was searched, and what was tuned is "
+                    "how it stops; start elsewhere, or ask for room: constraints: {limit_margin: {low: 0.05}}"
+                )
         return lines + self._held_out_remarks()
 
     def _held_out_remarks(self) -> list[str]:
@@ -199,15 +205,17 @@ class Tuning:
             if each.succeeded and each.result.total > 0 and math.isfinite(each.result.held_out_total)
         }
         larger = {label: ratio for label, ratio in ratios.items() if ratio > _LARGER}
-        if len(larger) == len(ratios) > 1:
+        stopped = [each.label for each in self.laws if each.result.held_out["limit_margin"] < AT_LIMIT]
+        if len(larger) == len(ratios) > 1 and not stopped:
             low, high = min(larger.values()), max(larger.values())
             return [
                 f"held out: harder for every law, totals are {low:.3g} to {high:.3g} times those searched on; that is "
                 "the motion rather than the search"
             ]
+        at_limit = "a joint comes to its position limit there; hold out what the robot can do"
         return [
-            f"{label}: held out its total is {ratio:.3g} times that searched on: a harder motion, or the search saw "
-            "too few"
+            f"{label}: held out its total is {ratio:.3g} times that searched on: "
+            + (at_limit if label in stopped else "a harder motion, or the search saw too few")
             for label, ratio in larger.items()
         ]
 

@@ -49,7 +49,9 @@ class SearchSpace:
     """
 
     def __init__(self, label: str, law: Law, ranges: Mapping[str, SearchRange] | None, judge: Judge) -> None:
-        self.label, self.law, self._judge = label, law, judge
+        self.label = label
+        self.law = law
+        self._judge = judge
         self._known: dict[str, Slack] = {}
         self.ranges: dict[str, SearchRange | None] = dict(ranges) if ranges else self._defaults()
         for key in self.ranges:

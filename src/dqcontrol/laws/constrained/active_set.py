@@ -104,7 +104,8 @@ class ProgramWork(NamedTuple):
     shift: Annotated[Array, "n"]
 
 
-unpack_program, unpack_scratch = MemoryLayout(Program, "n", "m"), MemoryLayout(ProgramWork, "n", "m", "room")
+unpack_program: MemoryLayout[Program] = MemoryLayout(Program, "n", "m")
+unpack_scratch: MemoryLayout[ProgramWork] = MemoryLayout(ProgramWork, "n", "m", "room")
 
 
 def program_size(n: int, m: int) -> int:

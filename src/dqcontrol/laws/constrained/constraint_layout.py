@@ -115,7 +115,8 @@ class Row(NamedTuple):
     other: Annotated[Array, 3]
 
 
-head, row_of = MemoryLayout(Head), MemoryLayout(Row)
+head: MemoryLayout[Head] = MemoryLayout(Head)
+row_of: MemoryLayout[Row] = MemoryLayout(Row)
 HEAD, ROW = head.size(), row_of.size()
 # of an obstacle's numbers: how it moves, place in the table of motions, its velocity
 MOTION, PLACE, VELOCITY = BODY, BODY + 1, BODY + 2
@@ -143,7 +144,7 @@ class Screw(NamedTuple):
     heading: float
 
 
-screw_of = MemoryLayout(Screw)
+screw_of: MemoryLayout[Screw] = MemoryLayout(Screw)
 SCREW = screw_of.size()
 
 
@@ -224,10 +225,12 @@ class RobotScene(NamedTuple):
     table: Annotated[Array, ..., "6 * moving + 1"]
 
 
-limits_of = MemoryLayout(InputLimits, "m")
-way_of = MemoryLayout(Way, "n", "m", "points")
-kept_of = MemoryLayout(KeptRows, "m", "rows", "drives")
-scene_of = MemoryLayout(RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "moving")
+limits_of: MemoryLayout[InputLimits] = MemoryLayout(InputLimits, "m")
+way_of: MemoryLayout[Way] = MemoryLayout(Way, "n", "m", "points")
+kept_of: MemoryLayout[KeptRows] = MemoryLayout(KeptRows, "m", "rows", "drives")
+scene_of: MemoryLayout[RobotScene] = MemoryLayout(
+    RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "moving"
+)
 
 
 class ConstraintParameters(NamedTuple):
@@ -297,7 +300,7 @@ class Report(NamedTuple):
     slack: Annotated[Array, "names"]
 
 
-report_of = MemoryLayout(Report, "names")
+report_of: MemoryLayout[Report] = MemoryLayout(Report, "names")
 
 
 class InputBox(NamedTuple):
@@ -412,11 +415,11 @@ class Objective(NamedTuple):
     hessian: Annotated[Array, "m", "m"]
 
 
-box_of = MemoryLayout(InputBox, "m")
-placed_of = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles")
-path_of = MemoryLayout(Path, "n", "m")
-lines_of = MemoryLayout(Lines, "m", "capacity", "rows")
-objective_of = MemoryLayout(Objective, "m")
+box_of: MemoryLayout[InputBox] = MemoryLayout(InputBox, "m")
+placed_of: MemoryLayout[Placed] = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles")
+path_of: MemoryLayout[Path] = MemoryLayout(Path, "n", "m")
+lines_of: MemoryLayout[Lines] = MemoryLayout(Lines, "m", "capacity", "rows")
+objective_of: MemoryLayout[Objective] = MemoryLayout(Objective, "m")
 
 
 class ConstraintWork(NamedTuple):
@@ -444,9 +447,11 @@ class ConstraintWork(NamedTuple):
     sets: Annotated[Array, "sets"]
 
 
-parameters_of = MemoryLayout(ConstraintParameters, "n", "m", "rows", "drives", "points")
-memory_of = MemoryLayout(ConstraintMemory, "n", "m")
-work_of = MemoryLayout(
+parameters_of: MemoryLayout[ConstraintParameters] = MemoryLayout(
+    ConstraintParameters, "n", "m", "rows", "drives", "points"
+)
+memory_of: MemoryLayout[ConstraintMemory] = MemoryLayout(ConstraintMemory, "n", "m")
+work_of: MemoryLayout[ConstraintWork] = MemoryLayout(
     ConstraintWork,
     "n",
     "m",

@@ -66,7 +66,7 @@ class LevelsWork(NamedTuple):
     rest: Annotated[Array, ...]
 
 
-levels_work = MemoryLayout(LevelsWork, "n", "m")
+levels_work: MemoryLayout[LevelsWork] = MemoryLayout(LevelsWork, "n", "m")
 
 
 def room_for_levels(n: int, m: int) -> int:

@@ -37,7 +37,9 @@ class ChainFrames:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self.robot, self.count, m = robot, robot.configuration_size, robot.input_size
+        self.robot = robot
+        self.count: int = robot.configuration_size
+        m = robot.input_size
         inputs = range(m)
         self.carriers: Array = np.array(
             [(robot.input_coordinates < k).sum() - 1.0 for k in range(self.count + 1)]
@@ -94,8 +96,9 @@ class TreeFrames:
     """The frames of a tree, one after each joint; as `ChainFrames`."""
 
     def __init__(self, robot: TreeRobot) -> None:
-        self.robot, joints = robot, robot.joints
-        self.count = len(joints.kind)
+        self.robot = robot
+        joints = robot.joints
+        self.count: int = len(joints.kind)
         self.carriers: Array = np.arange(-1.0, self.count)
         self.screws: Array = screw_of.pack(
             above=joints.parent,

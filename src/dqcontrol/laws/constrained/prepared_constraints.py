@@ -108,7 +108,9 @@ class PreparedConstraints:
     def __init__(
         self, given: Constraints, robot: Robot, dt: float, command_mode: str, lag: Lag = AT_ONCE
     ) -> None:
-        self.given, self.robot, self.period = given, robot, dt
+        self.given = given
+        self.robot = robot
+        self.period = dt
         self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(

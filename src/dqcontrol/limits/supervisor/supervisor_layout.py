@@ -174,12 +174,10 @@ class Scratch(NamedTuple):
     rates: Annotated[Array, "inputs"]
 
 
-moment_layout, bounds_layout = (
-    MemoryLayout(Moment),
-    MemoryLayout(Bounds, "inputs", "drives", "rollers", "points", "zones"),
-)
-state_layout = MemoryLayout(Memory, "coordinates", "inputs")
-scratch_layout = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
+moment_layout: MemoryLayout[Moment] = MemoryLayout(Moment)
+bounds_layout: MemoryLayout[Bounds] = MemoryLayout(Bounds, "inputs", "drives", "rollers", "points", "zones")
+state_layout: MemoryLayout[Memory] = MemoryLayout(Memory, "coordinates", "inputs")
+scratch_layout: MemoryLayout[Scratch] = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
 
 
 class SupervisorMemory(NamedTuple):
@@ -195,7 +193,7 @@ class SupervisorMemory(NamedTuple):
     scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
 
 
-supervisor_memory = MemoryLayout(
+supervisor_memory: MemoryLayout[SupervisorMemory] = MemoryLayout(
     SupervisorMemory,
     "coordinates",
     "inputs",

@@ -61,8 +61,10 @@ class CorrectableChain:
     """
 
     def __init__(self, arm: SerialArm, base: Array, tool: Array) -> None:
-        self.arm, self._ends = arm, (base, tool)
-        fixed, types, self.order = list[Array](), list[str](), list[Parameter | int]()
+        self.arm = arm
+        self._ends = base, tool
+        self.order: list[Parameter | int] = []
+        fixed, types = list[Array](), list[str]()
         pending = shift()
 
         def joint(what: Parameter | int, kind: str, along: str) -> None:
@@ -95,7 +97,7 @@ class CorrectableChain:
             correction(TOOL, name)
         self._long = SerialArm([*fixed, pending], types)
         self._fixed = np.array([*fixed, pending])
-        self.joint_columns = [self.order.index(i) for i in range(n)]
+        self.joint_columns: list[int] = [self.order.index(i) for i in range(n)]
         found = [each for each in self.order if isinstance(each, Parameter)]
         kinds = ("a", "alpha", "theta", "d", "beta")  # where two say the same, the later ones stay 0
         ends = [each for each in found if each.part in (BASE, TOOL)]

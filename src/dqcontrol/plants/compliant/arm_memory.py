@@ -113,5 +113,6 @@ class PhysicsArrays(NamedTuple):
 
 
 MEMORY_SIZES = ArmPlan._fields[5:]
-arm_plan, arm_memory = MemoryLayout(ArmPlan), MemoryLayout(ArmMemory, *MEMORY_SIZES)
-physics_arrays = Bundle(PhysicsArrays)
+arm_plan: MemoryLayout[ArmPlan] = MemoryLayout(ArmPlan)
+arm_memory: MemoryLayout[ArmMemory] = MemoryLayout(ArmMemory, *MEMORY_SIZES)
+physics_arrays: Bundle[PhysicsArrays] = Bundle(PhysicsArrays)

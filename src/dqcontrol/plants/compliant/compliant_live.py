@@ -64,11 +64,13 @@ class LiveCompliant(LivePlant):
 
     model: Any
     data: Any
+    memory: ArmMemory
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         model, data, n = arm.model, arm.data, arm.robot.configuration_size
         self.model, self.data = model, data
-        self.q, self.measured = data.qpos[:n], np.empty(n)
+        self.q: Array = data.qpos[:n]
+        self.measured: Array = np.empty(n)
         self._arm, self._rng = arm, np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._gravity = np.array(plant.gravity)
@@ -91,12 +93,12 @@ class LiveCompliant(LivePlant):
         self._draw()
         settle(self._plan, self._numbers, self._physics, self._noise[0])
         self._touched = model.body("contact").id
-        self.channels = _channels(arm.robot.joint_names, self._touches, bool(arm.scale))
-        self.readings = np.zeros(sum(channel.size for channel in self.channels))
+        self.channels: tuple[Channel, ...] = _channels(arm.robot.joint_names, self._touches, bool(arm.scale))
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
         self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
-        self.effort = self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
-        self.wrench = self._other_readings[0:6]
+        self.effort: Array = self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
+        self.wrench: Array = self._other_readings[0:6]
         self._rotors = arm.rotors.astype(np.intp)
         self._measure()
 
@@ -204,7 +206,7 @@ class LiveCompliant(LivePlant):
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
         if self.memory.shared[column.FAULT] and not self.fault:
-            self.fault = self._fault_in_words()
+            self.fault: str = self._fault_in_words()
             warnings.warn(
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
             )

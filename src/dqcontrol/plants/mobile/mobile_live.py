@@ -62,7 +62,8 @@ class LiveMobile(LivePlant):
         run: tuple[float, int, int],
     ) -> None:
         self.model, self.data = model, import_mujoco().MjData(model)
-        self.q, self.measured = np.zeros(robot.configuration_size), np.zeros(robot.configuration_size)
+        self.q: Array = np.zeros(robot.configuration_size)
+        self.measured: Array = np.zeros(robot.configuration_size)
         self._plant, self._robot, self._gear, self._arm, self._run = plant, robot, gear, arm, run
         self._substeps, self._advance = substeps, import_mujoco().mj_step
         joints = robot.joint_names[3:]
@@ -75,13 +76,13 @@ class LiveMobile(LivePlant):
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
-        self.channels = _channels(plant, gear)
+        self.channels: tuple[Channel, ...] = _channels(plant, gear)
         wheels, slips = len(gear.wheels), len(gear.slips)
         self._slip, self._tilt = (
             slice(2 * wheels, 2 * wheels + slips),
             2 * wheels + slips,
         )  # among the readings
-        self.readings = np.zeros(sum(channel.size for channel in self.channels))
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
     def time(self) -> float:

@@ -105,4 +105,4 @@ class RollerOdometry(Odometry):
         half = 0.5 * turned
         chord, facing = np.sinc(half / np.pi), self.pose[2] + half
         c, s = math.cos(facing), math.sin(facing)
-        self.pose += [chord * (c * ahead - s * left), chord * (s * ahead + c * left), turned]
+        self.pose[:] += [chord * (c * ahead - s * left), chord * (s * ahead + c * left), turned]

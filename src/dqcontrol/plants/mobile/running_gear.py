@@ -87,13 +87,17 @@ class RunningGear:
 class DriveGear(RunningGear):
     """A differential drive: wheels right and left, casters ahead of the axle and behind it."""
 
-    wheels, slips, inputs = WHEELS, (*WHEELS, "sideways"), 2
+    wheels: tuple[str, ...] = WHEELS
+    slips: tuple[str, ...] = (*WHEELS, "sideways")
+    inputs = 2
 
     def __init__(self, base: SolidBase, drive: DifferentialDrive) -> None:
-        self.base, self.radius, self._drive = base, drive.wheel_radius, drive
+        self.base = base
+        self.radius: float = drive.wheel_radius
+        self._drive = drive
         self._fastest = drive.rim_speed / drive.wheel_radius
         assert base.caster_distance is not None
-        self.feet = (
+        self.feet: tuple[Foot, ...] = (
             Foot("front caster", base.caster_distance, 0.0),
             Foot("left wheel", 0.0, drive.half_track),
             Foot("rear caster", -base.caster_distance, 0.0),
@@ -128,12 +132,15 @@ class RollerGear(RunningGear):
     inputs = 3
 
     def __init__(self, base: SolidBase, drive: RollerBase) -> None:
-        self.base, self.radius, self._drive = base, drive.wheel_radius, drive
-        self.wheels = self.slips = tuple(str(i + 1) for i in range(len(drive.wheels)))
+        self.base = base
+        self.radius: float = drive.wheel_radius
+        self._drive = drive
+        self.wheels: tuple[str, ...] = tuple(str(i + 1) for i in range(len(drive.wheels)))
+        self.slips: tuple[str, ...] = self.wheels
         self._fastest = drive.rim_speed / drive.wheel_radius
         self._along = self.radius * np.cos([wheel.roller for wheel in drive.wheels])
         feet = [Foot(f"wheel {i + 1}", wheel.x, wheel.y) for i, wheel in enumerate(drive.wheels)]
-        self.feet = tuple(sorted(feet, key=lambda foot: math.atan2(foot.y, foot.x)))
+        self.feet: tuple[Foot, ...] = tuple(sorted(feet, key=lambda foot: math.atan2(foot.y, foot.x)))
 
     def add_to(self, spec: Any, mount: Array) -> Any:
         """Add it; see `RunningGear.add_to`."""

@@ -163,7 +163,7 @@ class BoxSensors:
         self._body = model.body("box").id
         self._box = model.geom("box").id
         self._pads = [model.geom(f"pad_{k}").id for k in (1, 2)]
-        self.readings = np.zeros(sum(channel.size for channel in CHANNELS))
+        self.readings: Array = np.zeros(sum(channel.size for channel in CHANNELS))
         self._wrench = np.zeros(6)
 
     def read(self) -> None:

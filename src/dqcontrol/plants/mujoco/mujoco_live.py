@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, as_each
+from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mujoco.carried_box import CHANNELS, BoxSensors
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
@@ -38,10 +39,12 @@ class LiveMujoco(LivePlant):
     def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
         n = model.nu
         self.model, self.data = model, data
-        self.q, self.measured = data.qpos[:n], np.empty(n)
+        self.q: Array = data.qpos[:n]
+        self.measured: Array = np.empty(n)
         self._box = BoxSensors(model, data) if plant.box else None
         if self._box is not None:
-            self.channels, self.readings = CHANNELS, self._box.readings
+            self.channels: tuple[Channel, ...] = CHANNELS
+            self.readings: Array = self._box.readings
             self._box.read()
         self._rate, self._target = data.ctrl, data.act
         self._advance = import_mujoco().mj_step

@@ -44,7 +44,7 @@ class FittedNumber(NamedTuple):
     bracket: tuple[float, float]
 
 
-FITS = {
+FITS: dict[str, tuple[FittedNumber, ...]] = {
     SERVO: (
         FittedNumber(
             "sag", "α, factor on the gravity sag", "spiral", "spiral", "", "best", "error", (0.2, 2.0)

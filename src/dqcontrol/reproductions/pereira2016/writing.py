@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.robots import load_robot
 from dqcontrol.tuning import learn, tune
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _GAIN = 3.0  # 1/s: what the arm takes without swinging, see docs/physics.md
 _BUDGET = {SERVO: 16}
@@ -153,7 +156,7 @@ def _table(records: Mapping[str, Record], asked: Array) -> Table:
     return Table(columns, rows, "P16's drawing on its arm")
 
 
-def writing_figure(records: Mapping[str, Record], asked: Array):
+def writing_figure(records: Mapping[str, Record], asked: Array) -> Figure:
     """Return one picture: what each means draws, errors shown ten times as large, in the plane of the drawing."""
     from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure
 
