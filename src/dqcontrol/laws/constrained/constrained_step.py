@@ -107,7 +107,6 @@ _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 _ASKED_MORE = 4  # how often more is asked for
-_LEFT = 0.25  # share of the deceleration that a row has at least, however much its curvature takes
 _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
@@ -345,55 +344,6 @@ def _add_cut(way, lines, capacity, i, count, short, u):
     return count + 1
 
 
-@inline
-def _slow_enough(room, rate, braking):
-    """Return how fast a distance may shrink of which so much room is left: within `rate`, and able to brake to that."""
-    fast = rate * room
-    if fast > braking / rate:
-        return math.sqrt(braking * (2.0 * room - braking / (rate * rate)))
-    return fast
-
-
-@shared
-def _brake_in_time(step, sent, count):
-    """Let rows brake early whose curvature takes some of the deceleration that limits of acceleration leave them.
-
-    A distance that shrinks along the bound v = η d has to slow down by η v. All inputs together can slow it down by so
-    much that their own limits allow for; what the distance curves by itself, as measured with the last command, is
-    lost. Where what is left is less than η v, the bound is the parabola of this deceleration until it meets η d. No
-    row asks for more than all inputs together can do.
-    """
-    kept, way, scene, placed = step.kept, step.way, step.scene, step.placed
-    box, lines, period, rate = step.box, step.lines, step.settings.period, step.settings.rate
-    for i in range(count):
-        lines.lenient[i] = lines.bounds[i]
-    for g in range(way.shares.shape[0]):
-        is_placed = False
-        for i in range(count):
-            if int(lines.points[i]) != g:
-                continue
-            slowest, fastest = -lines.alone[i], -lines.alone[i]
-            for j in range(sent.shape[0]):
-                low, high = lines.gradients[i, j] * box.low[j], lines.gradients[i, j] * box.high[j]
-                slowest, fastest = slowest - max(low, high), fastest - min(low, high)
-            speed = -_line_change(lines.gradients, i, sent) - lines.alone[i]
-            bound = lines.bounds[i] - lines.alone[i]
-            braking, room = (speed - slowest) / period, bound / rate
-            if speed <= 0.0 or bound <= 0.0 or fastest <= _slow_enough(room, rate, _LEFT * braking):
-                continue
-            owner = int(lines.owners[i])
-            if rate * bound <= braking - curvature(kept.levers[owner], sent):
-                continue
-            if not is_placed:
-                is_placed = True
-                _place_after(step, sent, g, False)
-            after = value_of(scene, placed, row_of(kept.rows[owner]))
-            bend = 2.0 * (lines.value[i] - period * speed - after) / (period * period)
-            left = braking - min(max(bend, 0.0), (1.0 - _LEFT) * braking)
-            asked = max(_slow_enough(room, rate, left), slowest)
-            lines.bounds[i] = min(bound, asked) + lines.alone[i]
-
-
 @shared
 def _verify(step, originals, count, u, adds):
     """Compute what an input leads to; return the count with further rows, and the worst shortfalls, now and ahead.
@@ -612,10 +562,6 @@ def _constrain(step, objective, work, metric, report, count, u):
     for i in range(ROUNDS):
         report.numbers[1] = i + 1.0
         status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
-        if status != SOLVED and not soft:
-            for k in range(originals):
-                lines.bounds[k] = lines.lenient[k]
-            status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
         if status != SOLVED and not soft:
             soft = True
             status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
@@ -846,7 +792,6 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     _set_box(limits, way.coordinate, box, memory.sent, path.start, settings.period)
     step = _Step(kinematics, chain, kept, way, scene, placed, path, box, lines, settings, sample[TIME], k)
     originals = _collect(step, report)
-    _brake_in_time(step, memory.sent, originals)
     count, short, ahead = originals, math.inf, 0.0
     if _keeps(kept, box, lines, count, u):
         _, short, ahead = _verify(step, originals, count, u, False)

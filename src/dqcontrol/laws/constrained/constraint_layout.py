@@ -371,8 +371,6 @@ class Lines(NamedTuple):
     gradients, bounds, owners, points, required, value, press
         Gradient of the distance, bound, which row of the constraints, at which point of the way, what it has to be
         after this period, what it is, multiplier.
-    lenient
-        Bound before it was made to brake in time.
     alone
         How fast the value of each of them changes by itself.
     nearest, dips
@@ -383,7 +381,6 @@ class Lines(NamedTuple):
 
     gradients: Annotated[Array, "capacity", "m"]
     bounds: Annotated[Array, "capacity"]
-    lenient: Annotated[Array, "capacity"]
     owners: Annotated[Array, "capacity"]
     points: Annotated[Array, "capacity"]
     required: Annotated[Array, "capacity"]
