@@ -63,7 +63,7 @@ def slide():
 
 @pytest.fixture
 def few_figures(monkeypatch):
-    """Leave the figures out of the folder of a run that cost the most: to draw all takes seconds."""
+    """Draw only some figures of a run that is saved: all of them take seconds."""
     from dqcontrol import figures
 
     draw = figures.run_figures

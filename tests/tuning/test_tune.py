@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from msgspec.structs import replace as changed
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.errors import Error, MissingExtraError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.measures.margins import AT_LIMIT
@@ -149,17 +150,19 @@ def test_a_joint_at_its_limit_is_named_as_the_cause(tuned):
     assert any("comes to its position limit on what was searched" in line for line in lines)
 
 
+@pytest.mark.parametrize(("module", "name"), [("nlopt", "nlopt"), ("scipy.stats", "scipy")])
+def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch, module, name):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(
+        MissingExtraError, match=rf"^{name}: .* install it with: pip install 'dqcontrol\[data\]'$"
+    ):
+        SimplexSearch(lambda point: (0.0, sum(point)), 2, 20, seed=0).run()
+
+
 @pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
 def test_starts_that_are_held_out_leave_joints_room(problem):
-    problem["start"] = [
-        -0.14,
-        0.478,
-        0.08,
-        1.734,
-        -0.055,
-        0.463,
-        -0.018,
-    ]  # of whose neighbours some have none
+    # Of its neighbours some have none.
+    problem["start"] = [-0.14, 0.478, 0.08, 1.734, -0.055, 0.463, -0.018]
     problem["reference"]["radius"] = 0.06
     scenes = held_out_scenes(read_tune(problem))
     assert len(scenes) == 2

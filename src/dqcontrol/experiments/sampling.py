@@ -159,17 +159,39 @@ class Sampling(Part, frozen=True, kw_only=True):
         count, keys = last - first, len(self.over)
         if self.method == "random":
             return np.random.Generator(np.random.PCG64(self.seed).advance(first * keys)).random((count, keys))
-        try:
-            from scipy.stats import qmc
-        except ImportError:
-            raise MissingExtraError(
-                f"scipy: is needed for the method '{self.method}' and not installed; "
-                "install it with: pip install 'dqcontrol[data]'"
-            ) from None
-        engine = qmc.Sobol if self.method == "sobol" else qmc.Halton
-        sequence = engine(keys, rng=np.random.default_rng(self.seed))
-        if first:
-            sequence.fast_forward(first)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The balance properties")  # of the whole, not of a part of it
-            return sequence.random(count)
+        return quasi_random(self.method, keys, self.seed, first, last)
+
+
+def quasi_random(method: str, size: int, seed: int, first: int, last: int) -> NDArray[np.float64]:
+    """Return the points from ``first`` to before ``last`` of a sequence in the unit cube, shape (points, size).
+
+    Parameters
+    ----------
+    method
+        ``"sobol"`` or ``"halton"``.
+    size
+        Of a point.
+    seed
+        Scrambles the sequence.
+    first, last
+        Numbers of points, counted from 0.
+
+    Raises
+    ------
+    MissingExtraError
+        If SciPy is not installed.
+    """
+    try:
+        from scipy.stats import qmc  # takes as long to load as all of ours: only where it is used
+    except ImportError:
+        raise MissingExtraError(
+            f"scipy: is needed for the method '{method}' and not installed; "
+            "install it with: pip install 'dqcontrol[data]'"
+        ) from None
+    engine = qmc.Sobol if method == "sobol" else qmc.Halton
+    sequence = engine(size, rng=np.random.default_rng(seed))
+    if first:
+        sequence.fast_forward(first)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The balance properties")  # of the whole, not of a part of it
+        return sequence.random(last - first)

@@ -44,7 +44,7 @@ def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a × b of two vectors (3,), in a tenth of the time of `numpy.cross`."""
+    """Return a × b of two vectors (3,), without what `numpy.cross` does for arrays."""
     a, b = a.tolist(), b.tolist()
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 

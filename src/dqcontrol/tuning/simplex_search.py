@@ -8,9 +8,7 @@ tunings it was as good as SciPy's after 24, 60 and 120 evaluations, and between 
 
 from __future__ import annotations
 
-import importlib
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -18,6 +16,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError
+from dqcontrol.experiments.sampling import quasi_random
 
 _MOST_SOBOL = 16
 _SIDE = 0.15  # of the first simplex
@@ -68,7 +67,7 @@ class SimplexSearch:
 
     def __init__(self, rank: Callable[[Point], Rank], size: int, budget: int, seed: int) -> None:
         self._rank, self._size, self._budget, self._seed = rank, size, budget, seed
-        self._nlopt = _library("nlopt")
+        self._nlopt = _nlopt()
         self.points: dict[Point, Rank] = {}
 
     def run(self) -> Point:
@@ -125,19 +124,14 @@ class SimplexSearch:
 
 def sobol_points(size: int, count: int, seed: int) -> list[Point]:
     """Return quasi-random points of the unit cube, scrambled by a seed."""
-    qmc = _library("scipy.stats.qmc")
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "The balance properties")
-        drawn = qmc.Sobol(size, rng=np.random.default_rng(seed)).random(count)
-    return [tuple(map(float, point)) for point in drawn]
+    return [tuple(map(float, point)) for point in quasi_random("sobol", size, seed, 0, count)]
 
 
-def _library(name: str) -> Any:
-    """Return a library that a search needs; SciPy's takes as long to load as all of ours."""
+def _nlopt() -> Any:
     try:
-        return importlib.import_module(name)
+        import nlopt
     except ImportError:
         raise MissingExtraError(
-            f"{name.partition('.')[0]}: is needed for searches and not installed; "
-            "install it with: pip install 'dqcontrol[data]'"
+            "nlopt: is needed for searches and not installed; install it with: pip install 'dqcontrol[data]'"
         ) from None
+    return nlopt

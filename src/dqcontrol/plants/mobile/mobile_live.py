@@ -78,10 +78,8 @@ class LiveMobile(LivePlant):
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
         self.channels: tuple[Channel, ...] = _channels(plant, gear)
         wheels, slips = len(gear.wheels), len(gear.slips)
-        self._slip, self._tilt = (
-            slice(2 * wheels, 2 * wheels + slips),
-            2 * wheels + slips,
-        )  # among the readings
+        self._tilt = 2 * wheels + slips  # among the readings
+        self._slip = slice(2 * wheels, self._tilt)
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
