@@ -262,7 +262,10 @@ def _holonomic(part: HolonomicPart | _RollerPart, unit: float) -> HolonomicBase:
     }
     if isinstance(part, HolonomicPart):
         return HolonomicBase(**given)
-    wheels: dict[str, Any] = given | {"wheel_radius": part.wheel_radius, "rim_speed": part.rim_speed or math.inf}
+    wheels: dict[str, Any] = given | {
+        "wheel_radius": part.wheel_radius,
+        "rim_speed": part.rim_speed or math.inf,
+    }
     if isinstance(part, MecanumPart):
         return MecanumBase(half_track=part.half_track, half_wheelbase=part.half_wheelbase, **wheels)
     assert isinstance(part, OmniPart)
