@@ -1,5 +1,7 @@
 """Shapes of links: from robot files and back, from URDF files, on bases, and the pairs that are kept apart."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -116,10 +118,13 @@ def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
     ("name", "arm"), [("little-john", [0, -0.9, 0.9, 0.9, 0]), ("youbot", [0, 0.5, 0.5, 0.5, 0])]
 )
 def test_no_pair_of_a_mobile_robot_touches_at_rest(name, arm):
-    body = dqc.load_robot(name)
-    places, known = shapes_of(body).moved(body, np.array([0.4, -0.2, 1.0, *arm])), shapes_of(body)
+    body, q = dqc.load_robot(name), np.array([0.4, -0.2, 1.0, *arm])
+    known = shapes_of(body)
+    places = known.moved(body, q)
+    least = min(distance(places[a], places[b]).distance for a, b in known.pairs)
     assert len(known.pairs) == 9
-    assert min(distance(places[a], places[b]).distance for a, b in known.pairs) > 0.02
+    assert least > 0.02
+    assert known.apart(body, np.array([q, q])) == pytest.approx([least, least], abs=1e-12)
 
 
 def test_the_box_of_the_youbots_base_drives_with_it():
@@ -142,7 +147,9 @@ def test_shapes_of_ax18_are_as_far_apart_as_mujoco_has_them():
         carried.add_geom(name=each.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=size)
     model = spec.compile()
     data, number = mujoco.MjData(model), {each.name: model.geom(each.name).id for each in known.shapes}
-    for q in rng.uniform(body.limits.lower, body.limits.upper, (20, 5)):
+    drawn = rng.uniform(body.limits.lower, body.limits.upper, (20, 5))
+    for q, apart in zip(drawn, known.apart(body, drawn), strict=True):
+        least = math.inf
         places, frames = known.moved(body, q), body.frames(q)
         for k, each in enumerate(known.shapes):
             at = dqc.DualQuaternion(frames[each.frame - 1])
@@ -152,6 +159,8 @@ def test_shapes_of_ax18_are_as_far_apart_as_mujoco_has_them():
             pair = number[known.names[a]], number[known.names[b]]
             theirs = mujoco.mj_geomDistance(model, data, *pair, 2.0, None)
             assert distance(places[a], places[b]).distance == pytest.approx(theirs, abs=1e-6)
+            least = min(least, theirs)
+        assert apart == pytest.approx(least, abs=1e-6)
 
 
 def test_no_pair_of_the_panda_touches_at_home():
