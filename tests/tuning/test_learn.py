@@ -62,6 +62,7 @@ def test_without_noise_it_goes_below_a_hundredth_of_a_millimetre():
     assert [each.outcome for each in found.repeats] == ["first", *["accepted"] * (len(found.repeats) - 1)]
 
 
+@pytest.mark.slow
 def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path):
     found = learn_to(spec(), tmp_path / "out", repeats=2)
     for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.png", "report.html", "learning.md"):
@@ -176,6 +177,7 @@ def test_joints_with_masses_learn_too():
     assert [each.outcome for each in found.repeats] == ["first", "accepted", "accepted"]
 
 
+@pytest.mark.slow
 def test_repeats_on_the_clock_are_those_without_it():
     short = spec(reference={"kind": "circle", "radius": 0.01, "duration": 0.4, "ramp": 0.1})
     begun = time.monotonic()
@@ -288,6 +290,7 @@ def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
         dqc.learn(data)
 
 
+@pytest.mark.slow
 def test_the_block_may_stand_in_a_file(tmp_path):
     file = tmp_path / "learn.yaml"
     file.write_text(

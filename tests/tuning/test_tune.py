@@ -88,6 +88,7 @@ def test_an_interrupted_search_is_resumed_without_running_anything_again(problem
     assert resumed.winners() == whole.winners()
 
 
+@pytest.mark.slow
 def test_a_search_with_a_journal_of_its_own_keeps_what_it_found(problem, tuned, tmp_path, monkeypatch):
     def stop_after_one(done, total):
         if done == 1:
@@ -192,6 +193,7 @@ def test_constraints_bind(problem, tuned):
     assert "K+FF+I: no parameters keep the constraints; the nearest are shown" in impossible.remarks()
 
 
+@pytest.mark.slow
 def test_how_fast_how_hard_and_how_far_from_limits_may_be_asked_for(problem):
     """On a target away from the start; on a circle that begins where the hand is nothing settles, and that is said."""
     del problem["laws"]["K"]
@@ -285,6 +287,7 @@ def test_several_of_what_a_search_takes_one_of(key, problem):
         read_tune(problem)
 
 
+@pytest.mark.slow
 def test_the_limit_alone_is_that_of_all_limits():
     rng = np.random.default_rng(5)
     for _ in range(12):
@@ -357,6 +360,7 @@ def test_no_winner_of_many_random_tunings_is_unstable():
     assert np.median(ratios) < 1.1, ratios
 
 
+@pytest.mark.slow
 def test_two_arms_are_tuned_with_what_they_hold(problem):
     start = [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7]
     problem |= {
