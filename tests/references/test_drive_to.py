@@ -84,7 +84,7 @@ def test_joints_stay_within_their_limits_and_the_hand_arrives():
 
 
 def test_the_robot_does_not_go_through_itself_where_it_need_not():
-    """Goals of configurations that are apart; every third soonest way would end or pass where links overlap."""
+    """Goals of configurations that are apart; the soonest way to one of them passes where the arm is in the chassis."""
     robot = dqc.load_robot("little-john")
     assert robot.shapes is not None
     drawn = random_goals(robot, START, 12, reach=1.5, seed=SEED)
