@@ -225,6 +225,15 @@ MISTAKES = {
         {"cutoff": 30, "uncertainty": True},
         "learn.cutoff: with 30 Hz errors grow from",
     ),
+    "a model that is not sure of a loop near its limit": (
+        {"law": {"kind": "proportional-feedforward", "gain": 5}},
+        {
+            "cutoff": 12,
+            "model": {"kind": "servo", "time_constant": 0.05, "delay": 0.08},
+            "uncertainty": {"lag": 0.5, "delay": 0.06},
+        },
+        "learn.cutoff: with 12 Hz errors grow from 0.89 Hz on",
+    ),
     "it is too fast": (
         {"reference": {"kind": "circle", "radius": 0.2, "duration": 0.6, "ramp": 0.1}},
         {},
@@ -246,6 +255,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.filterwarnings("error::dqcontrol.errors.NoteWarning")
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_one_clear_line_before_anything_moves(name, monkeypatch):
     changes, block, text = MISTAKES[name]
