@@ -5,6 +5,9 @@ is the hand's pose at a random configuration (bases within ± 1.5 m, any heading
 `GuidedProportional` follows `DriveTo.pose(…, floor=…)`, and keeps the columns out, and limits of joints, wheels and
 accelerations, as hard constraints. Distances are those of `geometry.distance` between chassis, links (capsules of
 25 mm) and columns, at every fifth sample. Seed 2017.
+
+Then the same rooms with all links kept from the columns and from each other. Goals for which no configuration was found
+in which they are apart, or no such way, are counted on their own: of the rest all should be reached.
 """
 
 from __future__ import annotations
@@ -32,7 +35,8 @@ from dqcontrol.references.ways_around import room_of
 HOME = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
 PERIOD, SEED, COUNT = 0.05, 2017, 100
 COLUMNS, FREE, CLEAR, REACHED = 3, 0.55, 0.1, 1e-3
-ACCELERATION, LINK = 2.0, 0.025
+ACCELERATION, LINK, APART = 2.0, 0.025, 0.01
+KEPT = {"chassis and hand from columns": ["chassis", "hand"], "all links from columns and each other": None}
 
 
 def random_room(robot: dqc.WholeBody, seed: int) -> tuple[FloorMap, np.ndarray]:
@@ -51,22 +55,25 @@ def random_room(robot: dqc.WholeBody, seed: int) -> tuple[FloorMap, np.ndarray]:
     return floor, robot.fkm(goal)
 
 
-def law_among(floor: FloorMap, folder: Path) -> laws.GuidedProportional:
-    """Return the law that keeps out of what stands on a floor, from its file."""
+def law_among(floor: FloorMap, folder: Path, links: list[str] | None) -> laws.GuidedProportional:
+    """Return the law that keeps these links, or all and from each other too, out of what stands on a floor."""
     file = folder / "room.yaml"
     file.write_text(yaml.safe_dump({"polygons": [each.tolist() for each in floor.polygons]}))
-    columns = laws.MapObstacle(file=str(file), links=["chassis", "hand"], margin=0.005)
+    columns = laws.MapObstacle(file=str(file), links=links, margin=0.005)
     kept = laws.Constraints(
-        acceleration=ACCELERATION, self_collision=False, obstacles={"columns": columns}, recovery=0.1
+        acceleration=ACCELERATION, self_collision=links is None, obstacles={"columns": columns}, recovery=0.1
     )
     return laws.GuidedProportional(gain=1.0, constraints=kept)
 
 
-def cross(robot: dqc.WholeBody, floor: FloorMap, goal: np.ndarray, folder: Path) -> Record:
+def cross(robot: dqc.WholeBody, way: DriveTo, law: laws.GuidedProportional) -> Record:
     """Return a run to a goal."""
-    way = DriveTo.pose(robot, HOME, goal, acceleration=ACCELERATION, floor=floor)
-    law = law_among(floor, folder)
-    return dqc.simulate(robot, way, law, Integrator(), HOME, PERIOD, way.duration + 3.0)
+    return dqc.simulate(robot, way, law, Integrator(), HOME, PERIOD, way.duration + 6.0)
+
+
+def way_through(robot: dqc.WholeBody, floor: FloorMap, goal: np.ndarray) -> DriveTo:
+    """Return the plan."""
+    return DriveTo.pose(robot, HOME, goal, acceleration=ACCELERATION, floor=floor)
 
 
 def least_distance(robot: dqc.WholeBody, floor: FloorMap, configurations: np.ndarray) -> float:
@@ -83,26 +90,39 @@ def least_distance(robot: dqc.WholeBody, floor: FloorMap, configurations: np.nda
     return least
 
 
+def is_apart(way: DriveTo) -> bool:
+    """Return whether all pairs of links that are kept apart are so on the whole way."""
+    assert way.robot.shapes is not None
+    instants = way.configurations(np.arange(0.0, way.duration + PERIOD, PERIOD))
+    return bool((way.robot.shapes.apart(way.robot, instants) > APART).all())
+
+
 def main() -> None:
     """Print what became of the rooms."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else COUNT
-    robot, begin, ends, least, worst = dqc.load_robot("little-john"), time.perf_counter(), Counter(), [], 0.0
+    count, robot = int(sys.argv[1]) if len(sys.argv) > 1 else COUNT, dqc.load_robot("little-john")
     assert isinstance(robot, dqc.WholeBody)
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in range(count):
-            floor, goal = random_room(robot, seed)
-            try:
-                record = cross(robot, floor, goal, Path(folder))
-            except UnreachableGoalError as error:
-                ends[str(error).partition("; ")[0].partition(" to any of")[0]] += 1
-                continue
-            least.append(least_distance(robot, floor, record.q[::5]))
-            final = float(record.error[-20:].max())
-            worst = max(worst, final)
-            ends["reached" if final < REACHED else "not reached"] += 1
-    print(f"{count} rooms: " + ", ".join(f"{n} {what}" for what, n in ends.most_common()))
-    print(f"contacts: {sum(each <= 0 for each in least)}, least distance {1e3 * min(least):.0f} mm")
-    print(f"worst final error {worst:.1e}; seed {SEED}, {time.perf_counter() - begin:.0f} s in all")
+    for title, links in KEPT.items():
+        begin, ends, least, worst = time.perf_counter(), Counter[str](), [], 0.0
+        with tempfile.TemporaryDirectory() as folder:
+            for seed in range(count):
+                floor, goal = random_room(robot, seed)
+                try:
+                    way = way_through(robot, floor, goal)
+                except UnreachableGoalError as error:
+                    ends[str(error).partition("; ")[0].partition(" to any of")[0]] += 1
+                    continue
+                record = cross(robot, way, law_among(floor, Path(folder), links))
+                least.append(least_distance(robot, floor, record.q[::5]))
+                final = float(record.error[-20:].max())
+                if final < REACHED:
+                    worst = max(worst, final)
+                    ends["reached"] += 1
+                else:
+                    ends["not reached" if is_apart(way) else "not reached, links not apart in the plan"] += 1
+        print(f"{title}: {count} rooms: " + ", ".join(f"{n} {what}" for what, n in ends.most_common()))
+        print(f"contacts: {sum(each <= 0 for each in least)}, least distance {1e3 * min(least):.0f} mm")
+        print(f"worst final error of those reached {worst:.1e}; {time.perf_counter() - begin:.0f} s")
+    print(f"seed {SEED}")
 
 
 if __name__ == "__main__":

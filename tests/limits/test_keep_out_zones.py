@@ -170,12 +170,6 @@ def test_an_arm_s_base_is_braked_in_the_run_of_a_spec(tmp_path):
             "supervisor.keep_out: is for robots whose first part is their only mobile base; iiwa7 is not",
         ),
         (
-            "youbot",
-            {"footprint": None},
-            ValueRangeError,
-            "supervisor.keep_out.footprint: the base of youbot has no shapes; give",
-        ),
-        (
             "little-john",
             {"footprint": -1.0},
             ValueRangeError,
@@ -195,6 +189,12 @@ def test_what_is_wrong_is_said_in_a_line(robot, given, error, why):
     zones = KeepOutZones(**{"zones": ZONES, "footprint": 0.2, **given})
     with pytest.raises(error, match=re.escape(why)):
         Supervisor(keep_out=zones).prepare(dqc.load_robot(robot), T)
+
+
+def test_a_base_without_shapes_needs_a_radius():
+    cart = dqc.WholeBody([dqc.HolonomicBase(speed=0.5, turn_rate=1.0)], name="cart")
+    with pytest.raises(ValueRangeError, match=r"keep_out.footprint: the base of cart has no shapes; give"):
+        Supervisor(keep_out=KeepOutZones(zones=ZONES)).prepare(cart, T)
 
 
 def test_a_start_in_a_zone_is_refused():

@@ -83,6 +83,19 @@ def test_joints_stay_within_their_limits_and_the_hand_arrives():
         np.testing.assert_allclose(arrived, [1, 0, 0, 0, 0, 0, 0, 0], atol=2e-6)
 
 
+def test_the_robot_does_not_go_through_itself_where_it_need_not():
+    """Goals of configurations that are apart; the soonest way to one of them passes where the arm is in the chassis."""
+    robot = dqc.load_robot("little-john")
+    assert robot.shapes is not None
+    drawn = random_goals(robot, START, 12, reach=1.5, seed=SEED)
+    apart = drawn[robot.shapes.apart(robot, drawn) > 0.03]
+    assert len(apart) > 4
+    for goal in robot.fkm(apart):
+        way = DriveTo.pose(robot, START, goal)
+        q = way.configurations(np.linspace(0, way.duration, 500))
+        assert robot.shapes.apart(robot, q).min() > 0.018
+
+
 def test_it_backs_up_where_that_turns_less():
     robot = dqc.load_robot("little-john")
     behind = np.array([-1.0, 0.1, 0.1, *START[3:]])

@@ -1,5 +1,7 @@
 """Shapes of links: from robot files and back, from URDF files, on bases, and the pairs that are kept apart."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -112,6 +114,55 @@ def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
     assert ("chassis", "panda_link0") not in pairs
 
 
+@pytest.mark.parametrize(
+    ("name", "arm"), [("little-john", [0, -0.9, 0.9, 0.9, 0]), ("youbot", [0, 0.5, 0.5, 0.5, 0])]
+)
+def test_no_pair_of_a_mobile_robot_touches_at_rest(name, arm):
+    body, q = dqc.load_robot(name), np.array([0.4, -0.2, 1.0, *arm])
+    known = shapes_of(body)
+    places = known.moved(body, q)
+    least = min(distance(places[a], places[b]).distance for a, b in known.pairs)
+    assert len(known.pairs) == 9
+    assert least > 0.02
+    assert known.apart(body, np.array([q, q])) == pytest.approx([least, least], abs=1e-12)
+
+
+def test_the_box_of_the_youbots_base_drives_with_it():
+    body = dqc.load_robot("youbot")
+    box = shapes_of(body).moved(body, np.array([1.0, 2.0, np.pi / 2, 0, 0, 0, 0, 0]))[0]
+    assert isinstance(box, Box)
+    for point, away in (([1.0, 2.29, 0.07], 0.0), ([1.19, 2.0, 0.07], 0.0), ([1.0, 2.0, 0.24], 0.1)):
+        assert distance(box, Point(np.array(point))).distance == pytest.approx(away, abs=1e-9)
+
+
+def test_shapes_of_ax18_are_as_far_apart_as_mujoco_has_them():
+    mujoco = pytest.importorskip("mujoco")
+    body, rng = dqc.load_robot("ax18"), np.random.default_rng(4)
+    known, spec = shapes_of(body), mujoco.MjSpec()
+    for each in known.shapes:
+        capsule = each.shape
+        assert isinstance(capsule, Capsule)
+        carried = spec.worldbody.add_body(name=each.name, mocap=True)
+        ends, size = [*capsule.start, *capsule.end], [capsule.radius, 0, 0]
+        carried.add_geom(name=each.name, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=size)
+    model = spec.compile()
+    data, number = mujoco.MjData(model), {each.name: model.geom(each.name).id for each in known.shapes}
+    drawn = rng.uniform(body.limits.lower, body.limits.upper, (20, 5))
+    for q, apart in zip(drawn, known.apart(body, drawn), strict=True):
+        least = math.inf
+        places, frames = known.moved(body, q), body.frames(q)
+        for k, each in enumerate(known.shapes):
+            at = dqc.DualQuaternion(frames[each.frame - 1])
+            data.mocap_pos[k], data.mocap_quat[k] = at.translation, np.asarray(at.vec8)[:4]
+        mujoco.mj_forward(model, data)
+        for a, b in known.pairs:
+            pair = number[known.names[a]], number[known.names[b]]
+            theirs = mujoco.mj_geomDistance(model, data, *pair, 2.0, None)
+            assert distance(places[a], places[b]).distance == pytest.approx(theirs, abs=1e-6)
+            least = min(least, theirs)
+        assert apart == pytest.approx(least, abs=1e-6)
+
+
 def test_no_pair_of_the_panda_touches_at_home():
     arm = dqc.load_robot("panda")
     places = shapes_of(arm).moved(arm, np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7]))
@@ -119,7 +170,7 @@ def test_no_pair_of_the_panda_touches_at_home():
 
 
 @pytest.mark.parametrize(
-    "name", ["barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"]
+    "name", ["ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"]
 )
 def test_shapes_of_presets_hold_the_next_joint(name):
     robot = dqc.load_robot(name)

@@ -81,6 +81,11 @@ CHANGES = [  # text, what it becomes, message
     ("kind: pose", "kind: frame", r"parts\[1\].kind: unknown name 'frame'"),
     ("kind: holonomic-base", "kind: holonomic", r"unknown name 'holonomic'; did you mean 'holonomic-base'"),
     ("rpy: [0, 0, 90]", "quaternion: [1, 1, 0, 0]", r"toy.yaml: parts\[1\].quaternion: must have norm 1"),
+    (
+        "kind: holonomic-base",
+        "kind: holonomic-base, size: [1, 0, 1]",
+        r"size\[1\]: expected a number > 0.0, got 0",
+    ),
     ("robot: ax18", "robot: ax19", r"toy.yaml: parts\[2\]: robot: unknown name 'ax19'; did you mean 'ax18'"),
     ("robot: mine.yaml", "robot: none.yaml", r"none.yaml: cannot be read"),
     ("robot: mine.yaml", "robot: toy.yaml", r"parts\[4\]: robot: .*toy.yaml' is a whole body, not an arm"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -27,7 +27,7 @@ from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
-from dqcontrol.references.ways_around import WaysAround, across, folded_posture, room_of
+from dqcontrol.references.ways_around import WaysAround, across, folded_posture, itself_apart, room_of
 from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
@@ -227,7 +227,8 @@ class DriveTo(PlannedWay):
         """Return the way to a pose of the hand.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
-        is at least half of the largest found; the one that is reached soonest is taken.
+        is at least half of the largest found; the one that is reached soonest is taken. Ways on which the robot's
+        shapes stay 20 mm apart from each other go first; only where there is none is another one taken.
 
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
         arm folds itself before and unfolds at the goal. The whole way is looked at before it is given. Links of a robot
@@ -262,7 +263,8 @@ class DriveTo(PlannedWay):
             cls(robot, q, each, speed_fraction, acceleration)
             for each in goal_configurations(robot, q, target)
         ]
-        return min(ways, key=lambda way: way.duration)
+        ways.sort(key=lambda way: way.duration)
+        return next((way for way in ways if _itself_apart(way)), ways[0])
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
@@ -312,7 +314,10 @@ def _way_around(
     floor: FloorMap,
     clearance: float,
 ) -> DriveTo:
-    """Return the first way to a pose that keeps out of everything, nearest places of the base first."""
+    """Return the first way to a pose that keeps out of everything, nearest places of the base first.
+
+    Those on which the robot's shapes stay apart from each other go first.
+    """
     if not isinstance(robot, WholeBody) or len(robot.bases) != 1:
         raise ShapeError(f"floor: expected a robot with one base, got {robot.name}")
     x, y, z = algebra.translation(pose)
@@ -325,37 +330,52 @@ def _way_around(
     first = robot.bases[0][0]
     found = goal_configurations(robot, start, pose, _AROUND_TRIES)
     nearest = np.argsort(np.linalg.norm(found[:, first : first + 2] - start[first : first + 2], axis=1))
-    free = [q for q in found[nearest] if room_of(floor, robot, q[None]) >= clearance]
-    if not free:
+    free = np.array([q for q in found[nearest] if room_of(floor, robot, q[None]) >= clearance])
+    if not len(free):
         raise UnreachableGoalError(
             f"pose: of {len(found)} configurations that {robot.name} reaches it with, none is {1e3 * clearance:g} mm "
             "clear of the map's obstacles"
         )
-    here, places = start[first : first + 2], np.array(free)[:, first : first + 2]
-
-    def keeps_out(way: DriveTo) -> bool:
-        instants = way.configurations(np.linspace(0, way.duration, max(2, math.ceil(way.duration / _LOOK))))
-        return room_of(floor, robot, instants) >= _LEAST_SHARE * clearance
-
-    seen = floor.line_clearance(here, places) >= clearance + across(robot, start)
-    for goal in (q for q, straight in zip(free, seen, strict=True) if straight):
-        if keeps_out(way := kind(robot, start, goal, *limits)):
-            return way
+    here = start[first : first + 2]
     folded = folded_posture(robot, start)
     width = across(robot, folded)
-    corners = np.vstack([here, places, *floor.polygons])
-    within = np.array([corners.min(axis=0) - 4 * width, corners.max(axis=0) + 4 * width])
-    ways = WaysAround(floor, here, width + clearance, within)
-    for goal, place in zip(free, places, strict=True):
-        via = ways.to(place)
-        if via is None or (via and _steers(robot)):
-            continue
-        if keeps_out(way := kind(robot, start, goal, *limits, via=via, folded=folded)):
+
+    def ways_to(goals: Array) -> Iterator[DriveTo]:
+        places = goals[:, first : first + 2]
+        seen = floor.line_clearance(here, places) >= clearance + across(robot, start)
+        for goal in goals[seen]:
+            yield kind(robot, start, goal, *limits)
+        corners = np.vstack([here, places, *floor.polygons])
+        within = np.array([corners.min(axis=0) - 4 * width, corners.max(axis=0) + 4 * width])
+        ways = WaysAround(floor, here, width + clearance, within)
+        for goal, place in zip(goals, places, strict=True):
+            via = ways.to(place)
+            if via is not None and not (via and _steers(robot)):
+                yield kind(robot, start, goal, *limits, via=via, folded=folded)
+
+    def keeps_out(way: DriveTo) -> bool:
+        return room_of(floor, robot, _instants(way)) >= _LEAST_SHARE * clearance
+
+    for way in ways_to(free[itself_apart(robot, free)]):
+        if _itself_apart(way) and keeps_out(way):
+            return way
+    for way in ways_to(free):
+        if keeps_out(way):
             return way
     raise UnreachableGoalError(
         f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
         f"map's obstacles by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
     )
+
+
+def _instants(way: DriveTo) -> Array:
+    """Return the configurations of a way that are looked at."""
+    return way.configurations(np.linspace(0, way.duration, max(2, math.ceil(way.duration / _LOOK))))
+
+
+def _itself_apart(way: DriveTo) -> bool:
+    """Return whether a robot's shapes stay apart from each other on a way."""
+    return bool(itself_apart(way.robot, _instants(way)).all())
 
 
 def goal_configurations(robot: Robot, start: Array, pose: Array, tries: int = _TRIES) -> Array:

@@ -23,6 +23,9 @@ _WORTH = 0.01  # m; of room, to move the arm for
 _LINK = 0.04  # m; half the width of links whose shapes are not known
 _SPACED = 0.02  # m; between points of such links
 _ABOVE = 0.03  # m; of a folded arm above its base
+_APART = (
+    0.02  # m; of shapes from each other: twice what constraints keep, which keep more the longer a period is
+)
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
@@ -179,6 +182,13 @@ def room_of(floor: FloorMap, robot: Robot, configurations: Array) -> float:
     return least
 
 
+def itself_apart(robot: Robot, configurations: Array) -> NDArray[np.bool_]:
+    """Return at which configurations (N, n) a robot's shapes stay apart from each other, shape (N,)."""
+    if robot.shapes is None:
+        return np.ones(len(configurations), dtype=bool)
+    return robot.shapes.apart(robot, configurations) >= _APART
+
+
 def across(robot: Robot, q: Array) -> float:
     """Return the radius of the least disc about the middle of a robot's base that holds all of it, m."""
     body = body_points(robot, q)
@@ -190,7 +200,7 @@ def across(robot: Robot, q: Array) -> float:
 def folded_posture(robot: Robot, start: Array) -> Array:
     """Return a configuration (n,) with the base where it is and the arm in little room: of random ones, the least disc.
 
-    Joints keep 5 % of their range from their limits, and the arm stays above the base.
+    Joints keep 5 % of their range from their limits, and the arm stays above the base and off itself.
     """
     lower, upper = robot.limits.lower, robot.limits.upper
     fixed = base_coordinates(robot) | ~np.isfinite(upper - lower)
@@ -199,6 +209,7 @@ def folded_posture(robot: Robot, start: Array) -> Array:
         low + 0.05 * (high - low), high - 0.05 * (high - low), (_POSTURES, len(start))
     )
     tried[0] = start
+    tried = tried[itself_apart(robot, tried)]
     standing = body_points(robot, start)
     tops = standing.points[~standing.carried, 2]
     top = float(tops.max()) + _ABOVE if len(tops) else _ABOVE

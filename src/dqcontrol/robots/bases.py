@@ -89,6 +89,9 @@ class HolonomicBase:
         Largest |φ̇|, rad/s.
     acceleration, turn_acceleration
         With which its speed and its turning change at most, m/s² and rad/s²; plants with motors keep them: `servo`.
+    size
+        Length, width and height of the box that stands for it among the robot's shapes, m; it stands on the floor, its
+        middle at (x, y). Without it the base has no shape.
 
     Raises
     ------
@@ -108,10 +111,13 @@ class HolonomicBase:
     turn_rate: float = math.inf
     acceleration: float = math.inf
     turn_acceleration: float = math.inf
+    size: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         for field in ("speed", "turn_rate", "acceleration", "turn_acceleration"):
             check_limit(field, getattr(self, field))
+        if self.size is not None and (as_array("size", self.size, (3,)) <= 0).any():
+            raise ValueRangeError(f"size: must be > 0, got {list(self.size)}")
 
     @property
     def configuration_size(self) -> int:

@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule
 from dqcontrol.geometry import distance_kernels as kernels
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
 from dqcontrol.robots.mesh_files import mesh_file, missing_note
 from dqcontrol.robots.mjcf_geometry import Geom, mjcf_geoms
 from dqcontrol.robots.robot import PlacedLinks, Robot
@@ -257,7 +257,7 @@ def sampled_pairs(
     low = np.maximum(robot.limits.lower, -math.pi)
     high = np.minimum(robot.limits.upper, math.pi)
     q = rng.uniform(low, high, (samples, robot.configuration_size))
-    rows = [_moved_rows(robot, q, shape) for shape in shapes]
+    rows = moved_rows(robot, q, shapes)
     neighbours = _neighbours(robot, {each.frame for each in shapes})
     return [
         _sampled_pair(a, b, shapes, rows, neighbours)
@@ -295,23 +295,6 @@ def _sampled_pair(
     elif float((distance < _APART).mean()) > _ALWAYS:
         reason = f"nearly always within {1000 * _APART:.0f} mm"
     return SampledPair(a, b, least, colliding, reason)
-
-
-def _moved_rows(robot: Robot, q: Array, shape: LinkShape) -> Array:
-    """Return the numbers of a shape at configurations (N, n), shape (N, 16)."""
-    row = shape.shape.row
-    rows = np.tile(row, (len(q), 1))
-    if shape.frame == 0:
-        return rows
-    matrix = algebra.matrix_from_pose(robot.frames(q)[:, shape.frame - 1])
-    turn, shift = matrix[:, :3, :3], matrix[:, :3, 3]
-    if row[0] == kernels.ROUND:
-        rows[:, 2:5] = turn @ row[2:5] + shift
-        rows[:, 5:8] = turn @ row[5:8]
-    else:
-        rows[:, 4:7] = turn @ row[4:7] + shift
-        rows[:, 7:] = (turn @ row[7:].reshape(3, 3)).reshape(-1, 9)
-    return rows
 
 
 def with_pairs(robot: Robot, shapes: tuple[LinkShape, ...]) -> LinkShapes:

@@ -12,6 +12,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Shape, Sphere
+from dqcontrol.geometry import distance_kernels as kernels
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.poses import inverse7
 
@@ -99,6 +100,16 @@ class LinkShapes:
             for each in self.shapes
         ]
 
+    def apart(self, robot: Robot, configurations: Array) -> Array:
+        """Return the least distance of all pairs at configurations (N, n), m, shape (N,); ∞ without pairs."""
+        rows = moved_rows(robot, configurations, self.shapes)
+        least = np.full(len(configurations), np.inf)
+        found = np.empty((len(configurations), kernels.FOUND))
+        for a, b in self.pairs:
+            kernels.distances(rows[a], rows[b], found)
+            np.minimum(least, found[:, kernels.DISTANCE], out=least)
+        return least
+
     def joined(
         self, other: LinkShapes, shift: int, prefix: str, pairs: Sequence[tuple[int, int]]
     ) -> LinkShapes:
@@ -107,6 +118,27 @@ class LinkShapes:
         later = tuple(LinkShape(prefix + each.name, each.frame + shift, each.shape) for each in other.shapes)
         moved = tuple((a + first, b + first) for a, b in other.pairs)
         return LinkShapes((*self.shapes, *later), (*self.pairs, *moved, *pairs))
+
+
+def moved_rows(robot: Robot, configurations: Array, shapes: Sequence[LinkShape]) -> list[Array]:
+    """Return the numbers of each shape at configurations (N, n), shape (N, 16)."""
+    frames = algebra.matrix_from_pose(robot.frames(configurations))
+    return [_moved_row(each, frames) for each in shapes]
+
+
+def _moved_row(shape: LinkShape, frames: Array) -> Array:
+    row = shape.shape.row
+    rows = np.tile(row, (len(frames), 1))
+    if shape.frame == 0:
+        return rows
+    turn, shift = frames[:, shape.frame - 1, :3, :3], frames[:, shape.frame - 1, :3, 3]
+    if row[0] == kernels.ROUND:
+        rows[:, 2:5] = turn @ row[2:5] + shift
+        rows[:, 5:8] = turn @ row[5:8]
+    else:
+        rows[:, 4:7] = turn @ row[4:7] + shift
+        rows[:, 7:] = (turn @ row[7:].reshape(3, 3)).reshape(-1, 9)
+    return rows
 
 
 def shapes_in_a_row(parts: Iterable[tuple[int, LinkShapes | None]]) -> LinkShapes | None:

@@ -113,7 +113,7 @@ class MecanumBase(RollerBase):
     rim_speed
         Largest speed of the wheels' rims, m/s: |v_x| + |v_y| + (l + b) |ω| ≤ rim_speed. ``speed`` becomes
         rim_speed / √2 at most, what it is for in the worst direction, and ``turn_rate`` rim_speed / (l + b).
-    speed, turn_rate, acceleration, turn_acceleration
+    speed, turn_rate, acceleration, turn_acceleration, size
         As of `HolonomicBase`.
 
     Raises
@@ -171,7 +171,7 @@ class OmniBase(RollerBase):
         α₀, rad; π/k if omitted, so that three wheels leave the front to two of them.
     rim_speed
         Largest speed of the wheels' rims, m/s; ``speed`` becomes rim_speed at most, ``turn_rate`` rim_speed / R.
-    speed, turn_rate, acceleration, turn_acceleration
+    speed, turn_rate, acceleration, turn_acceleration, size
         As of `HolonomicBase`.
 
     Raises

@@ -8,9 +8,10 @@ from typing import TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
-from dqcontrol.geometry import Capsule
+from dqcontrol.geometry import Box, Capsule
 from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
 from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
@@ -272,7 +273,7 @@ def parts_with_offsets(parts: Sequence[object]) -> Iterator[tuple[int, Mover]]:
 
 
 def whole_body_shapes(parts: Sequence[object], chain: Array) -> LinkShapes | None:
-    """Return the shapes of all parts: of arms as they have them, of bases with a chassis a capsule upright around it.
+    """Return the shapes of all parts: of arms as they have them, of bases a capsule around a chassis, or a box.
 
     Shapes of different parts are kept apart unless they are neighbours: what stands on a base, and the base.
     """
@@ -283,16 +284,24 @@ def whole_body_shapes(parts: Sequence[object], chain: Array) -> LinkShapes | Non
 
 def _part_shapes(part: Mover, chain: Array, first: int) -> LinkShapes | None:
     """Return the shapes of a part whose coordinates begin at ``first``, in frames counted from there."""
-    if not isinstance(part, SerialArm):
-        chassis = getattr(part, "chassis", None)
-        if chassis is None:
-            return None
+    if isinstance(part, SerialArm):
+        return carried_shapes(part.shapes, part.chain[0, :7], chain[first, :7])
+    body = _body_of_base(part)
+    return None if body is None else LinkShapes((LinkShape("chassis", 3, body),))
+
+
+def _body_of_base(part: Mover) -> Capsule | Box | None:
+    """Return what stands for a base, in the frame of its φ: a capsule upright around its chassis, or a box."""
+    chassis = getattr(part, "chassis", None)
+    if chassis is not None:
         half = 0.5 * chassis.height
         low, high = chassis.centre_height - half, chassis.centre_height + half
         ends = np.array([[chassis.centre_ahead, 0.0, low], [chassis.centre_ahead, 0.0, high]])
-        body = Capsule(ends[0], ends[1], chassis.radius)
-        return LinkShapes((LinkShape("chassis", 3, body),))
-    return carried_shapes(part.shapes, part.chain[0, :7], chain[first, :7])
+        return Capsule(ends[0], ends[1], chassis.radius)
+    if isinstance(part, HolonomicBase) and part.size is not None:
+        middle = np.array([0.0, 0.0, 0.5 * part.size[2]])
+        return Box(algebra.pose(np.array([1.0, 0, 0, 0]), middle), np.array(part.size))
+    return None
 
 
 def base_coordinates(robot: Robot) -> NDArray[np.bool_]:

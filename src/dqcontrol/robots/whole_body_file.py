@@ -65,6 +65,7 @@ class HolonomicPart(_WholeBodyPart, tag="holonomic-base"):
     turn_acceleration: (
         Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
     ) = None
+    size: Annotated[tuple[Positive, Positive, Positive], Meta(description="m")] | None = None
 
 
 class _SteeredPart(_WholeBodyPart):
@@ -104,6 +105,7 @@ class _RollerPart(_WholeBodyPart):
     turn_acceleration: (
         Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
     ) = None
+    size: Annotated[tuple[Positive, Positive, Positive], Meta(description="m")] | None = None
 
 
 class MecanumPart(_RollerPart, tag="mecanum-base", kw_only=True):
@@ -251,15 +253,19 @@ def _mobile(part: MobileRobotPart, folder: Path, unit: float, load_mobile: LoadM
 
 
 def _holonomic(part: HolonomicPart | _RollerPart, unit: float) -> HolonomicBase:
-    limits: dict[str, float] = {
+    given: dict[str, Any] = {
         "speed": part.speed or math.inf,
         "turn_rate": (part.turn_rate or math.inf) * unit,
         "acceleration": part.acceleration or math.inf,
         "turn_acceleration": (part.turn_acceleration or math.inf) * unit,
+        "size": part.size,
     }
     if isinstance(part, HolonomicPart):
-        return HolonomicBase(**limits)
-    wheels = limits | {"wheel_radius": part.wheel_radius, "rim_speed": part.rim_speed or math.inf}
+        return HolonomicBase(**given)
+    wheels: dict[str, Any] = given | {
+        "wheel_radius": part.wheel_radius,
+        "rim_speed": part.rim_speed or math.inf,
+    }
     if isinstance(part, MecanumPart):
         return MecanumBase(half_track=part.half_track, half_wheelbase=part.half_wheelbase, **wheels)
     assert isinstance(part, OmniPart)
