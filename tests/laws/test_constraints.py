@@ -53,13 +53,54 @@ def test_joints_that_lag_keep_their_limits_and_what_is_asked():
 @pytest.mark.slow
 def test_nothing_is_crossed_in_a_thousand_random_runs():
     rng = np.random.default_rng(2)
-    shortfalls = []
+    shortfalls, excess = [], []
     for _ in range(1000):
         acceleration = float(rng.uniform(5, 20)) if rng.random() < 0.5 else None
         room, record, _ = run(rng, float(rng.uniform(0.001, 0.01)), acceleration=acceleration)
         shortfalls.append(-room)
+        excess.append(record.readings["kept_effect"].values[:, 3].max())
         assert np.isfinite(record.command).all()
     assert max(shortfalls) < 1e-9
+    assert max(excess) < 1e-9
+
+
+LATE = {  # goal, obstacles, period, acceleration: rows alone exceed the limit by 65 %, 21 %, 880 % and 59 % of itself
+    "itself": ([-0.075, 1.536, -1.311, -1.608, 0.344, 0.006, 1.049], {}, 0.00208, 6.26),
+    "ball": (
+        [1.592, -1.61, -1.919, -1.117, 1.086, 2.313, 1.936],
+        {"ball": dqc.laws.SphereObstacle(center=(0.412, -0.279, 0.496), radius=0.057)},
+        0.00169,
+        7.24,
+    ),
+    "box": (
+        [1.277, 0.643, -0.084, -0.382, 2.433, 1.936, 0.399],
+        {
+            "box": dqc.laws.BoxObstacle(
+                position=(0.074, 0.233, 0.868), size=(0.2, 0.1, 0.15), rpy=(0.3, 0.2, 0.5)
+            )
+        },
+        0.00251,
+        19.75,
+    ),
+    "table": (
+        [0.778, 1.54, 0.684, -1.162, 1.995, 0.143, 2.069],
+        {"table": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=-0.05)},
+        0.00576,
+        8.01,
+    ),
+}
+
+
+@pytest.mark.parametrize("before", LATE)
+def test_a_fast_arm_brakes_in_time_within_its_limits_of_acceleration(before):
+    there, obstacles, period, acceleration = LATE[before]
+    given = dqc.laws.Constraints(margin=0.01, obstacles=obstacles, acceleration=acceleration)
+    law = dqc.laws.Proportional(gain=3.0, constraints=given)
+    goal = dqc.references.SetPoint(ARM.fkm(np.array(there)))
+    record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=period, duration=0.5)
+    changes = np.diff(record.command[:-1], axis=0, prepend=np.zeros((1, 7)))
+    assert np.abs(changes).max() <= acceleration * period * (1 + 1e-9)
+    assert least_room(law.prepare(ARM, goal, period), record, period) > -1e-9
 
 
 def test_limits_of_joints_are_kept_with_acceleration():

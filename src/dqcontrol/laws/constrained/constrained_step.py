@@ -10,8 +10,13 @@ holds a command from which it can still brake.
 A row is a linear picture of a distance. Where it may be wrong by its curvature, what the command leads to is computed,
 and where that is less than the row promised, the picture of there becomes a further row, until all rows hold at the
 period's end. Between samples a distance that curves by κ at most sinks by κT²/8 at most below the line between its ends
-(`kept` has that much more than was asked for). What gives way if nothing keeps everything: first the limits of
-acceleration, by least squares; then the rows, level by level, the last first; never the box.
+(`kept` has that much more than was asked for).
+
+A row's bound does not know how far limits of acceleration let it slow down: where a distance curves by c, keeping η d
+takes η v + c, which may be more. So the way on which all inputs brake to rest after the command is looked at, too:
+`_verify_stop`. What gives way if nothing keeps everything: first the rate η, by least squares within the limits of
+acceleration, as long as such a way to rest is clear; then these limits, by least squares; then the rows, level by
+level, the last first; never the box.
 """
 
 from __future__ import annotations
@@ -101,11 +106,13 @@ from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
 _FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
+_STOP_SHORT = 1e-6  # m or rad: the same on the way to rest where that is not settled
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s
 _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
+_STOP_POINTS = 3  # of the way to rest that are looked at
 _ASKED_MORE = 4  # how often more is asked for
 _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
@@ -129,6 +136,7 @@ class _Step(NamedTuple):
     path: Path
     box: InputBox
     lines: Lines
+    acceleration: Array
     settings: Head
     time: float
     sample: int
@@ -161,6 +169,26 @@ def _fastest_change(levers, box):
 
 
 @shared
+def _longest_stop(step):
+    """Return how long an input of the box can take to rest, s: 0 without limits of acceleration, or before servos."""
+    box, longest = step.box, 0.0
+    if step.way.shares.shape[0] == 1:
+        for j in range(box.low.shape[0]):
+            if step.acceleration[j] < math.inf:
+                longest = max(longest, max(abs(box.low[j]), abs(box.high[j])) / step.acceleration[j])
+    return longest
+
+
+@inline
+def _speed_of_obstacle(scene, placed, row):
+    """Return how fast the obstacle of a row moves, m/s."""
+    if row.kind == APART and row.b >= scene.bodies.shape[0]:
+        drift = placed.drift[int(row.b) - scene.bodies.shape[0]]
+        return math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
+    return 0.0
+
+
+@shared
 def _add_row(lines, count, capacity, bound, owner, required):
     """Make room for a row; return its place, that of the one that matters least if there is none, −1 if it does."""
     place = count
@@ -184,15 +212,13 @@ def _collect_at(step, screws, report, g, count):
     capacity = int(settings.capacity) - MOST_CUTS
     meets, share = way.meets[g, 0], way.meets[g, 1]
     before = 0.0 if g == 0 else way.meets[g - 1, 0] + settings.period * way.meets[g - 1, 1]
-    is_way = way.shares.shape[0] > 1
+    is_way, stop = way.shares.shape[0] > 1, _longest_stop(step)
     for i in range(kept.rows.shape[0]):
         row = row_of(kept.rows[i])
         name = int(row.name)
-        span = 1.0 / settings.rate + settings.late
+        span = max(1.0 / settings.rate, stop) + settings.late
         reach = row.kept + (_fastest_change(kept.levers[i], box) + row.speed) * span
-        if row.kind == APART and row.b >= scene.bodies.shape[0]:
-            drift = placed.drift[int(row.b) - scene.bodies.shape[0]]
-            reach += math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2) * span
+        reach += _speed_of_obstacle(scene, placed, row) * span
         if row.kind == APART:
             apart = farther_than(placed, row)
             if apart > reach and apart > report.least[name]:
@@ -382,6 +408,90 @@ def _verify(step, originals, count, u, adds):
     return count, worst, worst_ahead
 
 
+@inline
+def _steps_to_rest(acceleration, period, speed):
+    """Return how many periods after this one an input still moves that brakes as hard as it may."""
+    return math.floor(abs(speed) / (acceleration * period))
+
+
+@shared
+def _brake_for(step, u, steps):
+    """Write how far inputs lead that leave once and then brake for so many periods as hard as they may."""
+    period, moved = step.settings.period, step.path.step
+    for j in range(u.shape[0]):
+        count = min(steps, _steps_to_rest(step.acceleration[j], period, u[j]))
+        lost = 0.0 if count == 0.0 else 0.5 * step.acceleration[j] * period * count * (count + 1.0)
+        moved[j] = math.copysign(period * ((count + 1.0) * abs(u[j]) - lost), u[j])
+
+
+@shared
+def _write_stop_line(step, u, steps, line):
+    """Turn a picture of a distance into how it changes with an input that is braked for so many periods.
+
+    Return by how much that was made smaller, s: a period more of an input counts as often as it still moves.
+    """
+    period, most = step.settings.period, 1.0 + steps
+    for j in range(u.shape[0]):
+        line[j] *= (1.0 + min(steps, _steps_to_rest(step.acceleration[j], period, u[j]))) / most
+    return period * most
+
+
+@shared
+def _verify_stop(step, originals, count, u, adds):
+    """Compute where an input leads if all brake after it as hard as they may; return further rows, and the shortfall.
+
+    An input loses aT a period: after u > 0 it makes T Σ max(u − i aT, 0) in k further periods, i = 0 … k. Where all
+    distances are kept on this way to rest, the first period of it is a command for the next sample, within limits of
+    joints and accelerations, and the rest of the way is its own way to rest: there always is a command that keeps
+    everything, however late the rows that slow a motion down came. As many points of the way as `_STOP_POINTS` are
+    looked at, the last one where all rest; obstacles are then where their motion leads to.
+    """
+    kept, scene, placed, path = step.kept, step.scene, step.placed, step.path
+    lines, settings = step.lines, step.settings
+    period, capacity, worst, longest = settings.period, int(settings.capacity), 0.0, 0.0
+    if step.way.shares.shape[0] > 1:
+        return count, worst
+    for j in range(u.shape[0]):
+        longest = max(longest, _steps_to_rest(step.acceleration[j], period, u[j]))
+    if longest == 0.0:
+        return count, worst
+    last_point = -1.0
+    for k in range(_STOP_POINTS):
+        steps = math.ceil(longest * (k + 1.0) / _STOP_POINTS)
+        if steps == last_point:
+            continue
+        last_point = steps
+        span, is_placed = period * (steps + 1.0), False
+        _brake_for(step, u, steps)
+        for i in range(originals):
+            owner = int(lines.owners[i])
+            row = row_of(kept.rows[owner])
+            value, unforeseen = lines.value[i], row.speed * span
+            nearest = value - span * _speed_of_obstacle(scene, placed, row)
+            for j in range(u.shape[0]):
+                nearest -= kept.levers[owner, j] * abs(path.step[j])
+            needed = min(row.kept + unforeseen, value)
+            if nearest >= needed:
+                continue
+            if not is_placed:
+                is_placed = True
+                for j in range(path.trial.shape[0]):
+                    path.trial[j] = path.start[j]
+                advance(kept.drives, path.step, 1.0, path.trial)
+                place_frames(step.chain, path.trial, scene, placed)
+                place_bodies(scene, placed)
+                place_obstacles(scene, placed, step.time, step.sample, span, period, period)
+                if adds:
+                    write_screws(step.kinematics, step.chain, path.trial, scene, placed)
+            short = needed - value_of(scene, placed, row)
+            worst = max(worst, short)
+            if adds and short > _FAR_SHORT:
+                write_line(scene, placed, row, placed.screws, lines.line)
+                scale = _write_stop_line(step, u, steps, lines.line)
+                count = _add_cut(step.way, lines, capacity, i, count, short / scale, u)
+    return count, worst
+
+
 @shared
 def _fill_program(kept, box, lines, objective, memory, count, soft, m):
     """Write rows (−∇d·u ≤ bound), limits of rims, and limits of acceleration as soft rows; return how many rows."""
@@ -444,8 +554,8 @@ def _solve(kept, box, lines, objective, work, chosen, count, u, soft):
 
 
 @shared
-def _solve_levels(kept, box, lines, objective, work, chosen, levels, count, u):
-    """Violate the rows least, level by level; limits of rims and the box hold."""
+def _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, count, u):
+    """Violate the rows least, level by level; limits of rims and a box hold."""
     m = u.shape[0]
     rows = _fill_program(kept, box, lines, objective, work.program, count, False, m)
     program = unpack_program(work.program, m, rows)
@@ -456,7 +566,7 @@ def _solve_levels(kept, box, lines, objective, work, chosen, levels, count, u):
         most = max(most, level)
     for i in range(m):
         program.gradient[i] = 0.0
-        program.lower[i], program.upper[i] = box.rough_low[i], box.rough_high[i]
+        program.lower[i], program.upper[i] = low[i], high[i]
         for j in range(m):
             program.gradient[i] -= program.hessian[i, j] * objective.wish[j]
     return solve_by_levels(
@@ -551,22 +661,81 @@ def _keep_more(step, objective, work, chosen, originals, count, u, worst):
 
 
 @shared
-def _constrain(step, objective, work, metric, report, count, u):
+def _let_shrink(step, originals, share):
+    """Let distances come by so much of their room nearer in this period than before."""
+    lines = step.lines
+    for i in range(originals):
+        room = lines.value[i] - row_of(step.kept.rows[int(lines.owners[i])]).kept
+        lines.required[i] -= share * max(room, 0.0)
+
+
+@shared
+def _stay_stoppable(step, objective, sent, originals, u):
+    """Take an input from which all can brake to rest and keep everything; return whether there is one.
+
+    It is the given one or between that and braking as hard as possible, which is taken if it keeps everything in this
+    period. How fast distances shrink does not matter here.
+    """
+    box, lines, period, best = step.box, step.lines, step.settings.period, objective.best
+    share, brake = 1.0 - step.settings.rate * period, step.path.off
+    for j in range(u.shape[0]):
+        change = step.acceleration[j] * period
+        left = math.copysign(max(abs(sent[j]) - change, 0.0), sent[j])
+        brake[j], best[j] = min(max(left, box.low[j]), box.high[j]), u[j]
+    _let_shrink(step, originals, share)
+    is_kept = False
+    for k in range(_HALVINGS + 1):
+        if k == _HALVINGS:
+            for j in range(u.shape[0]):
+                u[j] = brake[j]
+        _, short, _ = _verify(step, originals, originals, u, False)
+        is_kept = short <= _ACCEPTED
+        if is_kept and k < _HALVINGS:
+            _, short = _verify_stop(step, originals, originals, u, False)
+            is_kept = short <= _STOP_SHORT
+        if is_kept:
+            break
+        for j in range(u.shape[0]):
+            u[j] = 0.5 * (u[j] + brake[j])
+    if not is_kept:
+        _let_shrink(step, originals, -share)
+        for j in range(u.shape[0]):
+            u[j] = best[j]
+        return False
+    for i in range(originals):
+        slack = -_line_change(lines.gradients, i, u) - lines.bounds[i]
+        if slack > 0.0:
+            lines.press[i] = slack
+            lines.bounds[i] += slack
+    return True
+
+
+@shared
+def _constrain(step, objective, work, metric, report, sent, count, u):
     """Replace a wish that does not keep everything by the nearest command that does."""
     kept, box, lines, settings = step.kept, step.box, step.lines, step.settings
     m, originals = u.shape[0], count
     sets, most_rows = work.sets.view(np.intp), int(settings.capacity) + 2 * m + 4 * kept.drives.shape[0]
     levels, chosen = sets[0:most_rows], sets[most_rows:]
-    soft, is_violated, worst = False, False, 0.0
+    soft, is_violated, worst, stop = False, False, 0.0, 0.0
+    can_brake = _longest_stop(step) > 0.0
     _write_objective(objective, settings, metric, m)
     for i in range(ROUNDS):
         report.numbers[1] = i + 1.0
         status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
+        if status != SOLVED and not soft and can_brake:
+            low, high = box.low, box.high
+            _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, count, u)
+            _clip(u, low, high)
+            if _stay_stoppable(step, objective, sent, originals, u):
+                return count
+            count = originals
         if status != SOLVED and not soft:
             soft = True
             status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
         if status != SOLVED:
-            _solve_levels(kept, box, lines, objective, work, chosen, levels, count, u)
+            low, high = box.rough_low, box.rough_high
+            _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, count, u)
             is_violated = True
         if soft or is_violated:
             _clip(u, box.rough_low, box.rough_high)
@@ -575,11 +744,16 @@ def _constrain(step, objective, work, metric, report, count, u):
         if is_violated:
             break
         more, worst, _ = _verify(step, originals, count, u, True)
+        if not soft:
+            more, stop = _verify_stop(step, originals, more, u, True)
         if more == count:
             break
         count = more
     if worst > _ACCEPTED and not soft and not is_violated:
         worst = _keep_more(step, objective, work, chosen, originals, count, u, worst)
+    is_sure = soft or is_violated or (worst <= _ACCEPTED and stop <= _STOP_SHORT)
+    if can_brake and not is_sure and _stay_stoppable(step, objective, sent, originals, u):
+        return count
     if worst > _ACCEPTED and not is_violated:
         report.numbers[2] = _scale_back(step, objective.best, originals, u, worst)
     return count
@@ -790,13 +964,18 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
         report.numbers[i] = 0.0
     report.numbers[2], report.numbers[3] = 1.0, -1.0
     _set_box(limits, way.coordinate, box, memory.sent, path.start, settings.period)
-    step = _Step(kinematics, chain, kept, way, scene, placed, path, box, lines, settings, sample[TIME], k)
+    most = limits.acceleration
+    step = _Step(
+        kinematics, chain, kept, way, scene, placed, path, box, lines, most, settings, sample[TIME], k
+    )
     originals = _collect(step, report)
     count, short, ahead = originals, math.inf, 0.0
     if _keeps(kept, box, lines, count, u):
         _, short, ahead = _verify(step, originals, count, u, False)
+        _, stop = _verify_stop(step, originals, count, u, False)
+        ahead = max(ahead, stop)
     if short > _ACCEPTED or ahead > _FAR_SHORT:
-        count = _constrain(step, objective, work, metric, report, count, u)
+        count = _constrain(step, objective, work, metric, report, memory.sent, count, u)
     _report(limits, box, kept.rows, lines, objective, report, settings, memory.sent, originals, count, u)
     if settings.escape > 0.0 and memory.escape[1] <= 0.0:
         _watch_for_deadlock(limits, box, objective, memory, settings, report, u)

@@ -355,7 +355,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     rate
         η: a distance that is larger than what is kept shrinks by this share a second at most, 1/s. If omitted, the
         least of 10, half a period's inverse, and acceleration/velocity of each input, with which limits of
-        acceleration and distances can always be kept together.
+        acceleration and distances that do not curve can always be kept together; others shrink faster where need be.
     joint_limits
         Whether positions and velocities of joints are kept.
     acceleration
