@@ -19,8 +19,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make demo      drive a Panda along a drawing: two laws, servos and physics; results in results/demo"
-	@echo "make test      check style and types, run the tests"
-	@echo "make test-all  also the long tests"
+	@echo "make test      check style, run the tests"
+	@echo "make test-all  also the long tests and the types"
+	@echo "make types     check the types"
 	@echo "make test-oldest, make test-newest   the tests with the oldest and the newest dependencies"
 	@echo "make lock      write anew which versions CI installs (ci.lock)"
 	@echo "make release-check   build wheel and sdist, install the wheel elsewhere and run it, check types and layout"
@@ -68,7 +69,8 @@ style: $(VENV)/test
 	@$(BIN)/ruff format --check .
 	@$(BIN)/lint-imports
 
-# Types of tests, examples and benchmarks, which take longer than those of src, are checked by `make release-check`.
+# Continuous integration checks types besides: they take as much processor time as an eighth of the tests. Those of
+# tests, examples and benchmarks, which take longer than those of src, are checked by `make release-check`.
 types: $(VENV)/test
 	@$(BIN)/mypy
 	@$(BIN)/pyright src tests/test_typed_program.py
@@ -79,12 +81,9 @@ pytest: $(VENV)/test
 pytest-all: $(VENV)/test
 	@$(BIN)/pytest $(WORKERS) -m ''
 
-# Style and types use one core each: beside the tests they cost half the time.
-test: chromium
-	@$(MAKE) --no-print-directory -j2 lint pytest
+test: chromium style pytest
 
-test-all: chromium
-	@$(MAKE) --no-print-directory -j2 lint pytest-all
+test-all: chromium lint pytest-all
 
 docs: $(VENV)/test
 	@$(BIN)/sphinx-build -W --keep-going -q docs results/docs

@@ -1,7 +1,7 @@
 """What a search costs, how good its fronts and winners are, and how far learning goes: the figures of docs/tune.md.
 
-`python benchmarks/tuning.py cost | fronts | winners | learning | online`; without a word all of them, some minutes.
-pymoo and Optuna are compared with where they are installed (`pip install pymoo optuna`).
+`python benchmarks/tuning.py cost | fronts | winners | learning | physics | online`; without a word all of them, some
+minutes. pymoo and Optuna are compared with where they are installed (`pip install pymoo optuna`).
 """
 
 from __future__ import annotations
@@ -314,14 +314,18 @@ def learning(after: int = 20) -> None:
         clean = dqc.learn(spec | {"plant": plant | {"encoder_noise": 0}}, repeats=4)
         noise, replays = (_replayed(spec, each, range(100, 100 + after)) for each in (clean, found))
         print(
-            f"learning, {kind}: {', '.join(f'{error:.3g}' for error in errors)} mm: "
-            f"1/{errors[0] / errors[4]:.3g} (1/{wanted} wanted)\n"
+            f"learning, {kind}: {_in_short(found)} mm: 1/{errors[0] / errors[4]:.3g} (1/{wanted} wanted); "
+            f"without noise {_in_short(clean)}\n"
             f"  {after} more repeats: at most {max(more[5:]) / min(errors):.3f} × the best of these (≤ 1.2 wanted), "
             f"the last {more[-1]:.3g} mm\n"
             f"  {after} runs of what was learnt in four: {np.mean(replays):.3g} mm, at most "
             f"{max(replays) / min(errors):.3f} × the best; of a motion learnt without noise {np.mean(noise):.3g} mm, "
             f"the largest {max(noise) / min(noise):.3f} × the smallest"
         )
+
+
+def _in_short(found: dqc.tuning.learning.Learning) -> str:
+    return ", ".join(f"{each.position:.3g}" for each in found.repeats)
 
 
 def _replayed(spec: dict[str, Any], found: dqc.tuning.learning.Learning, seeds: range) -> list[float]:
@@ -340,8 +344,70 @@ def _replayed(spec: dict[str, Any], found: dqc.tuning.learning.Learning, seeds: 
     return errors
 
 
+def physics() -> None:
+    """Learning on the compliant arm with a tracker, and on joints of 3 Hz in MuJoCo; each from a circle in 6 s."""
+    slow = CIRCLE | {"duration": 6}
+    soft = {
+        "robot": "meka-a2",
+        "start": [0, 0.6283185, 0, 1.5707963, 0, 0.6283185, 0],
+        "period": 0.008,
+        "reference": slow | {"plane": "xy"},
+        "plant": {"kind": "compliant"},
+        "learn": {"repeats": 5, "measured_by": "tracker"},
+    }
+    heavy = {"reference": slow, "plant": {"kind": "mujoco", "bandwidth": 3.0}, "learn": {"repeats": 4}}
+    for name, changes, kind, gain in (
+        ("compliant Meka with a tracker", soft, "proportional", 3),
+        ("compliant Meka with a tracker", soft, "proportional-feedforward", 3),
+        ("MuJoCo, 3 Hz", heavy, "proportional-feedforward", 5),
+    ):
+        found = dqc.learn(BASE | changes | {"law": {"kind": kind, "gain": gain}})
+        print(
+            f"learning, {name}, {kind}: {_in_short(found)} mm: 1/{found.gain:.3g} (1/5 wanted of the compliant arm)"
+        )
+
+
 def online() -> None:
-    """K+FF along a path with corners, as it is, and with what `identify` finds in a log of the same servos."""
+    """K+FF on a circle with what is known of the joints, and along corners with what `identify` finds of them."""
+    _known_joints()
+    _identified_joints()
+
+
+def _known_joints() -> None:
+    known = {"lag": 0.05, "delay": 0.02}
+    plain = BASE | {
+        "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02, "sag": 1},
+        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "skip_initial": 0.5,
+    }
+    ahead = plain | {"reference": CIRCLE | {"preview": {"delay": 0.025, "lag": 0.05}}}
+    sag = {"compliance": 2e-3}
+    runs = {
+        "as it is": plain,
+        "with preview": ahead,
+        "with preview and sag": _compensated(ahead, **sag),
+        "sag 30 % too small": _compensated(ahead, compliance=0.7 * sag["compliance"]),
+        "too large": _compensated(ahead, compliance=1.3 * sag["compliance"]),
+        "with preview and observer": _compensated(ahead, observer=0.05, **known),
+    }
+    errors = {name: dqc.run(each).metrics.position.settled_rms for name, each in runs.items()}
+    print("K+FF on a circle: " + ", ".join(f"{name} {error:.2g} mm" for name, error in errors.items()))
+    late = plain | {"plant": plain["plant"] | {"delay": 0.12}}
+    loops = {"none": late} | {
+        f"{1e3 * time:.0f} ms": _compensated(late, observer=time, **known) for time in (0.05, 0.2)
+    }
+    rows = {name: check(each)[0] for name, each in loops.items()}
+    print(
+        "margin with 100 ms more delay than the observer's model: "
+        + ", ".join(f"observer {name} {row.worst.margin:.3g}" for name, row in rows.items())
+    )
+
+
+def _compensated(spec: dict[str, Any], **how: Any) -> dict[str, Any]:
+    return spec | {"limits": {"compensation": how}}
+
+
+def _identified_joints() -> None:
     spec = BASE | {
         "plant": SERVO | {"sag": 1, "encoder_noise": 2e-4},
         "law": {"kind": "proportional-feedforward", "gain": 5},
@@ -361,7 +427,7 @@ def online() -> None:
     runs = {
         "as it is": spec,
         "with preview": ahead,
-        "with preview and sag": ahead | {"limits": {"compensation": {"compliance": compliance}}},
+        "with preview and sag": _compensated(ahead, compliance=compliance),
     }
     errors = {name: dqc.run(each).metrics.position.rms for name, each in runs.items()}
     first, *_, last = errors.values()
@@ -374,7 +440,14 @@ def online() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    tasks = {"cost": cost, "fronts": fronts, "winners": winners, "learning": learning, "online": online}
+    tasks = {
+        "cost": cost,
+        "fronts": fronts,
+        "winners": winners,
+        "learning": learning,
+        "physics": physics,
+        "online": online,
+    }
     parser.add_argument("task", nargs="*", choices=[*tasks, []])
     chosen = parser.parse_args().task or list(tasks)
     with warnings.catch_warnings():

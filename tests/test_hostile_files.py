@@ -79,6 +79,7 @@ def cli(*arguments, **options):
     return subprocess.run(command, stderr=subprocess.PIPE, check=False, **options)
 
 
+@pytest.mark.slow
 def test_what_an_encoding_lacks_is_replaced(tmp_path):
     done = cli(
         "robots", "show", "iiwa7", stdout=subprocess.PIPE, env=os.environ | {"PYTHONIOENCODING": "latin-1"}

@@ -46,6 +46,7 @@ def test_modules_that_are_gone(old, new):
         assert getattr(importlib.import_module(old), name) is getattr(home, name)
 
 
+@pytest.mark.slow
 def test_statements_of_old_programs():
     """In a fresh process: nothing of the new rooms is loaded when the old names are asked for."""
     code = """

@@ -57,6 +57,7 @@ def test_a_run_is_shown_with_its_numbers_and_its_path():
     assert base64.b64decode(picture)[:8] == b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.slow
 def test_a_figure_is_shown_as_wide_as_on_paper_without_pyplot():
     picture, size = dqc.figures.errors(dqc.run(SPEC).record)._repr_png_()
     assert picture[:8] == b"\x89PNG\r\n\x1a\n"

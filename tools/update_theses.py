@@ -41,6 +41,10 @@ clock. What the numbers mean: [pereira2016.md](pereira2016.md). ± is the sample
                 "pereira2016-light-painting.png",
                 "Six light paintings by LQR-DQ on the compliant arm",
             ),
+            ("writing", "writing.png"): (
+                "pereira2016-writing.png",
+                "P16's house on its arm in physics, errors ten times as large",
+            ),
         },
     ),
     "silva2017": Page(

@@ -3,12 +3,14 @@
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
 import yaml
 
 from dqcontrol import cli, load_robot
+from dqcontrol.errors import LimitWarning
 
 SPEC = {
     "name": "tiny",
@@ -289,6 +291,15 @@ def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys
     (here / "spec.yaml").write_text("robot: 3")
     code, _, err = call("check", "spec.yaml", capsys=capsys)
     assert (code, err.count("\n")) == (2, 1)
+
+
+def test_a_warning_is_said_once_whatever_filters_do(capsys):
+    with warnings.catch_warnings():
+        warnings.showwarning = cli._warnings_once()
+        for _ in range(2):
+            warnings.simplefilter("always")
+            warnings.warn("too far", LimitWarning, stacklevel=1)
+    assert capsys.readouterr().err == "dqcontrol: warning: too far\n"
 
 
 def test_sweep_and_compare_list_the_best_points(here, capsys):

@@ -36,6 +36,7 @@ def doctor(folder, cache):
     return done.returncode, " ".join(done.stdout.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_this_environment_is_fit(tmp_path):
     code, table = doctor(tmp_path, "cache")
     assert code == 0

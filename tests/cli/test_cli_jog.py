@@ -81,6 +81,7 @@ class Session:
         return self.process.returncode
 
 
+@pytest.mark.slow
 def test_teach_two_poses_and_end(terminal, tmp_path):
     (tmp_path / "arm.yaml").write_text(yaml.safe_dump(SPEC))
     session = Session(terminal, "arm.yaml", "--poses", "taught.csv", "--out", "jogged", cwd=tmp_path)

@@ -135,7 +135,8 @@ def test_an_edit_in_another_file_is_seen(tmp_path):
     assert call(cache, copy.parent)[:2] == (0.0, 1), "the old code is still cached beside the new"
 
 
-@pytest.mark.parametrize("where", ["DQCONTROL_CACHE", pytest.param("HOME", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("where", ["DQCONTROL_CACHE", "HOME"])
 def test_without_a_writable_cache_it_works_and_warns_once(tmp_path, where):
     file = tmp_path / "file"
     file.write_text("in the way")

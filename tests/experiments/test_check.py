@@ -295,6 +295,7 @@ def test_a_supervisor_is_part_of_the_loop_and_says_for_which_errors_it_holds():
     assert "valid for errors up to about 0.4 rad" in fine.remark
 
 
+@pytest.mark.slow
 def test_the_first_command_is_held_against_the_velocity_limits():
     far = BASE["reference"] | {"offset": {"translation": [0, 0, -0.3]}}
     first = [text for text in check(spec(reference=far)).remarks() if "first command" in text]

@@ -39,6 +39,7 @@ def test_runs_overshoot_and_lag_as_told():
         assert 1e3 * record.position_error[-1] == pytest.approx(behind, rel=0.05, abs=1.0), kind
 
 
+@pytest.mark.slow
 def test_twice_as_much_is_still_stable_and_why_is_said():
     advice = advise_gains("ur5", period=0.01)
     assert "gain: 99" in str(advice.table.rows[0][1]) or "gain: 100" in str(advice.table.rows[0][1])

@@ -75,7 +75,8 @@ def test_records_are_taken_over_too(tmp_path, monkeypatch):
     assert not list((tmp_path / "noise").rglob(".half"))
 
 
-@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_a_killed_study_goes_on(tmp_path, jobs):
     """With kill -9, in the middle of the study; processes of their own are wherever they are then."""
     data = spec(repeats=30)

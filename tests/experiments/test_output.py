@@ -162,6 +162,7 @@ def killed(code, *arguments):
     assert done.returncode == -signal.SIGKILL
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so")
 def test_what_a_killed_process_left_is_cleared_up(tmp_path):
     fill(tmp_path / "run", "old")
@@ -186,6 +187,7 @@ def test_what_a_killed_process_left_is_cleared_up(tmp_path):
     assert [path.name for path in tmp_path.glob(".run-*")] == [".run-notadraft"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed so")
 @pytest.mark.parametrize("moment", ["writing", "moving"])
 def test_a_folder_to_which_a_killed_process_added_files_may_be_replaced(tmp_path, moment):

@@ -164,6 +164,7 @@ def command(folder, *arguments):
     )
 
 
+@pytest.mark.slow
 def test_the_command_line_says_first_that_it_runs_code_and_refuses_it_on_request(folder):
     done = command(folder, "check", "spec.yaml")
     assert done.returncode == 0, done.stderr

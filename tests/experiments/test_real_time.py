@@ -35,6 +35,7 @@ SPEC = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_figures")
 def test_the_folder_of_a_run_with_its_timing(tmp_path):
     seen, begin = [], time.monotonic()
@@ -63,7 +64,7 @@ def test_the_folder_of_a_run_with_its_timing(tmp_path):
     assert not (tmp_path / "other").exists()
 
 
-@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("first", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interrupt_stops_softly(tmp_path, first):
     slow = {"supervisor": {"velocity": 0.005, "stale_after": 1000.0}}
     long = SPEC | slow | {"reference": SPEC["reference"] | {"duration": 30}}
@@ -105,6 +106,7 @@ def test_a_robot_that_fails_leaves_what_was_recorded(tmp_path, monkeypatch):
     assert (tmp_path / "out/spec.yaml").is_file()
 
 
+@pytest.mark.slow
 def test_of_a_mobile_robot_the_range_condition_is_recorded_too(tmp_path):
     circle = SPEC["reference"] | {"duration": 0.1}
     mobile = SPEC | {"robot": "little-john", "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], "reference": circle}
@@ -125,7 +127,14 @@ class Watching(Clock):
         self.is_running = False
 
 
-@pytest.mark.parametrize("plant", ["servo", "compliant", "mobile"])
+@pytest.mark.parametrize(
+    "plant",
+    [
+        "servo",
+        pytest.param("compliant", marks=pytest.mark.slow),
+        pytest.param("mobile", marks=pytest.mark.slow),
+    ],
+)
 def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypatch, plant):
     """As in a process that has used no kernel yet; compiling one takes a second, even loading one is several ms."""
     for kernel in [thing for thing in gc.get_objects() if type(thing) is compile.Kernel]:
@@ -156,6 +165,7 @@ def test_killed_a_folder_may_be_replaced_when_asked(tmp_path):
     recording.close()
 
 
+@pytest.mark.slow
 def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))

@@ -153,6 +153,7 @@ def test_saved_folder_holds_all(tmp_path):
     assert before["spec.yaml"].decode() == result.spec
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_figures")
 def test_a_failure_while_saving_leaves_nothing_behind(tmp_path, monkeypatch):
     def full(*arguments, **options):

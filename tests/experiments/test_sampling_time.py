@@ -35,6 +35,7 @@ class MadeTime:
         self.seconds += seconds
 
 
+@pytest.mark.slow
 def test_every_law_at_every_period():
     time, told = MadeTime(), []
     rows = sampling_times(

@@ -36,6 +36,7 @@ def small_parts(monkeypatch):
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 6)
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_single_studies(tmp_path, small_parts):
     data = study()
     run_sweep_to(data, tmp_path / "s", jobs=1)
@@ -50,6 +51,7 @@ def test_rows_are_those_of_single_studies(tmp_path, small_parts):
         assert {key: row[key] for key in one.metrics.flat()} == one.metrics.flat()
 
 
+@pytest.mark.slow
 def test_files_are_the_same_however_many_processes(tmp_path, small_parts):
     for jobs in (1, 2):
         run_sweep_to(study(), tmp_path / str(jobs), jobs=jobs)
@@ -80,6 +82,7 @@ def interrupt(data, target, after):
         run_sweep_to(data, target, jobs=1, progress=stop)
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on(tmp_path, small_parts, monkeypatch):
     run_sweep_to(study(), tmp_path / "whole")
     interrupt(study(), tmp_path / "s", 20)
@@ -93,6 +96,7 @@ def test_an_interrupted_sweep_goes_on(tmp_path, small_parts, monkeypatch):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s", "whole"]
 
 
+@pytest.mark.slow
 def test_trials_of_another_sweep_are_not_mixed(tmp_path, small_parts):
     interrupt(study(), tmp_path / "s", 20)
     with pytest.raises(ExistsError, match="finished trials of another spec"):
@@ -100,6 +104,7 @@ def test_trials_of_another_sweep_are_not_mixed(tmp_path, small_parts):
     run_sweep_to(study(sweep={"seed": 3}), tmp_path / "s", force=True)
 
 
+@pytest.mark.slow
 def test_a_damaged_part_is_named(tmp_path, small_parts):
     interrupt(study(), tmp_path / "s", 40)
     part = working_folder(tmp_path / "s") / "part-00000002.parquet"
@@ -154,6 +159,7 @@ def test_points_that_fail_are_rows_and_have_no_place(tmp_path):
     assert all(str(row["stopped"]).startswith("diverged") for row in bad)
 
 
+@pytest.mark.slow
 def test_points_that_cannot_run_are_rows_that_say_why(tmp_path):
     """Both keys can have all their values, but not both together."""
     over = {"skip_initial": [0, 0.15], "duration": [0.2, 0.1]}
@@ -199,6 +205,7 @@ def test_specs_of_the_other_command_are_refused(tmp_path):
         run_sweep_to(study(), tmp_path / "s", by="position.rsm")
 
 
+@pytest.mark.slow
 def test_the_saved_spec_repeats_the_study(tmp_path, small_parts):
     (tmp_path / "line.txt").write_text("speed 0.1\nline 0.05 0\n")
     (tmp_path / "far.txt").write_text("speed 0.1\nline 0.06 0\n")
@@ -216,6 +223,7 @@ def test_the_saved_spec_repeats_the_study(tmp_path, small_parts):
     assert len({row["parameter.reference.file"] for row in one}) == 2
 
 
+@pytest.mark.slow
 def test_ranks_are_those_of_the_means(tmp_path):
     ranking = run_sweep_to(study(), tmp_path / "s", by="position.rms")
     means = {}
@@ -240,6 +248,7 @@ def grid(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_points_with_one_value_of_a_parameter(grid, capsys, monkeypatch):
     every, some = rank([grid]), rank([grid], where={"plant.time_constant": 0.032})
     assert (every.placed, some.placed) == (6, 3)
@@ -262,6 +271,7 @@ def test_points_with_one_value_of_a_parameter(grid, capsys, monkeypatch):
     assert "best 3 of 3 by error.integral" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_best_gain_for_each_time_constant(grid, capsys, monkeypatch):
     every = rank([grid])
     best = every.best_of_each("plant.time_constant")

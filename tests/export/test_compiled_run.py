@@ -35,7 +35,14 @@ class Sink:
 
 
 @needs_c
-@pytest.mark.parametrize("over", [None, "udp", pytest.param("shared-memory", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "over",
+    [
+        pytest.param(None, marks=pytest.mark.slow),
+        "udp",
+        pytest.param("shared-memory", marks=pytest.mark.slow),
+    ],
+)
 def test_the_loop_does_what_a_simulation_does(tmp_path, over):
     parts, seen, sink = controller_parts(SHORT), [], Sink()
     host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, over)

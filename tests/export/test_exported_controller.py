@@ -89,6 +89,7 @@ def test_streamed_targets_move_as_those_of_ros_2(exported_folder, source):
     assert library.status == -7  # wrong target, ignored
 
 
+@pytest.mark.slow
 @needs_c
 def test_a_base_keeps_out_of_zones_in_c_and_starts_in_none(tmp_path):
     """It brakes before a wall as in Python; a start in the wall is refused by both, and one beside it is not."""

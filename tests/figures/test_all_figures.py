@@ -27,6 +27,12 @@ DIMENSIONLESS = {
 MEANT = {*COLOURS, DESIRED, LIMIT, NEUTRAL, "#ffffff"}
 FRAME = {"#000000", "#dddddd", "#333333"}  # text and its like, the shade of a span of time, edges of surfaces
 SMALLEST = 6.5  # points
+QUICK = ("path", "errors", "pose", "inputs", "margins", "sweep", "parity", "painting")  # to draw
+
+
+def each_of(names):
+    """Return names as parameters of a test; of figures that take long to draw, of a long one."""
+    return [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in names]
 
 
 class Drawn(dict):
@@ -71,7 +77,9 @@ def described(axes, name):
     return label or ("laws" if named else "")
 
 
-@pytest.mark.parametrize("name", [name for name in gallery.NAMES if name not in ("painting", "parity")])
+@pytest.mark.parametrize(
+    "name", each_of(name for name in gallery.NAMES if name not in ("painting", "parity"))
+)
 def test_each_axis_has_a_unit_or_is_known_to_have_none(name, drawn):
     for axes in axes_of(drawn[name]):
         for direction in "xyz" if hasattr(axes, "get_zlabel") else "xy":
@@ -84,7 +92,9 @@ def test_parity_has_units_in_its_titles(drawn):
         assert UNIT.search(axes.get_title()) or axes.get_title() in DIMENSIONLESS
 
 
-@pytest.mark.parametrize("name", [name for name in gallery.NAMES if name not in ("painting", "surface")])
+@pytest.mark.parametrize(
+    "name", each_of(name for name in gallery.NAMES if name not in ("painting", "surface"))
+)
 def test_all_colours_are_of_the_palette(name, drawn):
     colours = set()
     for axes in axes_of(drawn[name]):
@@ -98,6 +108,7 @@ def test_all_colours_are_of_the_palette(name, drawn):
     assert shown <= {colour.lower() for colour in MEANT | FRAME}
 
 
+@pytest.mark.slow
 def test_curves_that_share_a_panel_differ_in_more_than_colour(drawn):
     for name in ("errors-of-many", "criteria", "paths", "inputs", "margins"):
         lines = [line for line in drawn[name].axes[0].lines if not line.get_label().startswith("_")]
@@ -133,13 +144,13 @@ def _is_hidden_tick(text):
     return False
 
 
-@pytest.mark.parametrize("name", gallery.NAMES)
+@pytest.mark.parametrize("name", each_of(gallery.NAMES))
 def test_nothing_is_cut_or_too_small(name, drawn):
     assert beyond(drawn[name]) == []
     assert drawn[name].get_figwidth() <= WIDTHS["double"]
 
 
-@pytest.mark.parametrize("name", ["path", "errors", "joints", "inputs", "motion", "sweep"])
+@pytest.mark.parametrize("name", each_of(["path", "errors", "joints", "inputs", "motion", "sweep"]))
 def test_figures_for_one_column_fit_it(name):
     with column_width("single"):
         figure = _draw(gallery.figures()[name])

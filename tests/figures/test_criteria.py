@@ -20,6 +20,7 @@ def changed(record, **arrays):
     return Record(*values.values(), record.joint_names)
 
 
+@pytest.mark.slow
 def test_criteria_are_the_norms_that_the_metrics_integrate():
     record = run(count=80)
     shown = panels(compare_criteria({"K": record}))
@@ -39,6 +40,7 @@ def test_criteria_are_the_norms_that_the_metrics_integrate():
     np.testing.assert_allclose(shown["$z$ [m]"].lines[-1].get_ydata(), record.desired_position[:, 2])
 
 
+@pytest.mark.slow
 def test_the_same_orientation_has_one_sign_in_all_runs():
     record = run()
     pose, desired = record.pose.copy(), record.desired.copy()
@@ -81,6 +83,7 @@ def test_a_resting_and_a_diverged_run_can_be_compared():
     drawn(compare_criteria({"resting": resting, "diverged": changed(run(), pose=pose, q=q)}))
 
 
+@pytest.mark.slow
 def test_peaks_stay_in_sight_above_exact_zeros():
     command = np.zeros((60, 3))
     command[3] = 1.0
@@ -96,6 +99,7 @@ def test_no_run_is_refused():
         compare_criteria({})
 
 
+@pytest.mark.slow
 def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
     files = save_comparison({"K": run(), "LQR": run(lag=0.02)}, tmp_path / "new")
     assert [path.name for path in files] == ["paths.png", "errors.png", "criteria.png"]

@@ -24,7 +24,9 @@ def test_every_value_is_counted_in_bins_that_all_panels_share():
     assert panels[0].get_xlabel() == "sampling period [ms]"
 
 
-@pytest.mark.parametrize("count", [1, 2, 4, 5, 6])
+@pytest.mark.parametrize(
+    "count", [*(pytest.param(count, marks=pytest.mark.slow) for count in (1, 4, 6)), 2, 5]
+)
 def test_all_panels_of_the_lowest_row_name_their_axis(count):
     panels = drawn(histogram({str(i): [1.0, 2.0 + i] for i in range(count)}))
     assert len(panels) == count

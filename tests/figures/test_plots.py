@@ -64,6 +64,7 @@ def test_an_error_of_exactly_zero_can_be_drawn():
     drawn(errors(run(lag=0.0)))
 
 
+@pytest.mark.slow
 def test_comparisons_name_every_run_and_look_different():
     labels = [f"gain {i}" for i in range(16)]
     records = {label: run(lag=0.001 * (i + 1)) for i, label in enumerate(labels)}
@@ -80,6 +81,7 @@ def test_comparisons_name_every_run_and_look_different():
             compare({})
 
 
+@pytest.mark.slow
 def test_pose_does_not_jump_between_signs():
     record = run()
     pose = record.pose.copy()
@@ -119,6 +121,7 @@ def test_joints_without_limits_show_infinity_and_an_arm_of_one_joint_fits():
     assert drawn(joint_angles(one, Limits.none(1)))[0].get_title(loc="left").endswith("(−∞ … ∞ °)")
 
 
+@pytest.mark.slow
 def test_inputs_of_each_unit_have_a_panel_and_are_held():
     record = run(joints=3)
     metres, radians, norm = (
@@ -166,6 +169,7 @@ def spiral():
     return Record(record.time, record.q, record.q, record.q, shifted(points), desired, record.joint_names)
 
 
+@pytest.mark.slow
 def test_a_resting_target_is_a_mark_and_a_resting_hand_can_be_drawn():
     still = np.tile([1.0, 0, 0, 0, 0, 0.1, 0, 0], (3, 1))
     q = np.zeros((3, 1))
@@ -256,6 +260,7 @@ def test_commands_load_only_what_they_need():
     assert loaded(code, *heavy).strip() == "[]"
 
 
+@pytest.mark.slow
 def test_a_styled_figure_does_without_pyplot_and_is_drawn_once_a_format():
     code = """
 from dqcontrol.figures.figure_files import encoded, laid_out

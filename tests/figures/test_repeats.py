@@ -54,6 +54,7 @@ def test_sets_stand_side_by_side_and_plants_have_panels():
     assert legend(figure) == ["40 %", "80 %", "mean, 90 % interval"]
 
 
+@pytest.mark.slow
 def test_a_set_has_a_panel_of_its_own_where_there_are_many_and_a_logarithmic_axis_where_numbers_are_far_apart():
     data = [row for i in range(7) for row in rows(set=f"{i} %")]
     data[0]["error.integral"] = 40.0

@@ -16,6 +16,7 @@ def made(steps):
     return Timing(0.008, begin, RNG.uniform(2e-4, 3e-4, steps), np.full(steps, 0.007), np.arange(steps) == 5)
 
 
+@pytest.mark.slow
 def test_all_steps_are_counted_and_the_overruns_told(tmp_path):
     figure = timing_histogram(made(500))
     counts = [sum(bar.get_height() for bar in axes.patches) for axes in figure.axes]

@@ -36,7 +36,13 @@ def read(text):
 
 
 @pytest.mark.skipif(yaml_file.CParser is None, reason="PyYAML was built without libyaml")
-@pytest.mark.parametrize("text", [pytest.param(text, id=name) for name, text in TEXTS.items()])
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param(text, id=name, marks=pytest.mark.slow if name.startswith("deep") else ())
+        for name, text in TEXTS.items()
+    ],
+)
 def test_any_text_means_the_same_without_libyaml(text, monkeypatch):
     fast = read(text)
     monkeypatch.setattr(yaml_file, "CParser", None)

@@ -84,6 +84,7 @@ def pushed():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_an_arm_its_path_and_the_ball_in_its_way(pushed, tmp_path):
     frames = {}
@@ -101,6 +102,7 @@ def test_an_arm_its_path_and_the_ball_in_its_way(pushed, tmp_path):
     assert red(frames[0.8]) > red(frames[0.1]) + 20  # the path that the ball made
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_a_film_plays_as_long_as_the_run(pushed, tmp_path):
     av = pytest.importorskip("av")
@@ -115,6 +117,7 @@ def test_a_film_plays_as_long_as_the_run(pushed, tmp_path):
     assert np.abs(first - last).max() > 60
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_the_command_films_a_saved_run(tmp_path, capsys):
     spec = {
@@ -142,6 +145,7 @@ def test_the_command_films_a_saved_run(tmp_path, capsys):
         clip(tmp_path, tmp_path / "other.gif")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_one_picture_shows_the_whole_run_of_a_mobile_robot(driven, tmp_path):
     render_whole(*driven, tmp_path / "whole.png", **SMALL)
@@ -197,6 +201,7 @@ def test_without_pyav(pushed, tmp_path, monkeypatch):
         render_clip(*pushed, tmp_path / "clip.mp4")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_a_strip_shows_the_moments_side_by_side(driven, tmp_path):
     render_strip(*driven, tmp_path / "strip.png", [0, 1, 2], columns=2, **SMALL)

@@ -168,7 +168,8 @@ def test_ratio_of_the_gain_is_one_half():
         assert log @ rate == pytest.approx(0.5 * log @ twist, abs=1e-9)
 
 
-@pytest.mark.parametrize("logarithm", ["body", pytest.param("inertial", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("logarithm", ["body", "inertial"])
 def test_lyapunov_function_falls(logarithm):
     """V̇ = −2 k_v |ξ̃|² with the body logarithm, at least half of that with the guarded inertial one."""
     arm, rng, period = dqc.load_robot("iiwa7"), np.random.default_rng([SEED, 3]), 1e-3

@@ -23,6 +23,7 @@ def robot():
     return dqc.load_robot("little-john")
 
 
+@pytest.mark.slow
 def test_far_goals_are_reached_within_all_limits(robot):
     """Any heading, any arm configuration; 40 of the 100 that benchmarks/goals.py runs."""
     print("seed", SEED)

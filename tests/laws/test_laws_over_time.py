@@ -105,8 +105,13 @@ def lagging_limit(decay, delay):
     return products[np.argmax(np.array(largest) > 1)]
 
 
-@pytest.mark.parametrize("delay", [0, 1, 2])
-@pytest.mark.parametrize(("period", "published"), [(0.008, 13.5), (0.02, 6.1)], ids=["8 ms", "20 ms"])
+@pytest.mark.parametrize(
+    "delay", [pytest.param(0, marks=pytest.mark.slow), 1, pytest.param(2, marks=pytest.mark.slow)]
+)
+@pytest.mark.parametrize(
+    ("period", "published"),
+    [pytest.param(0.008, 13.5, id="8 ms", marks=pytest.mark.slow), pytest.param(0.02, 6.1, id="20 ms")],
+)
 def test_stability_limit_of_a_lagging_servo(slide, period, published, delay):
     limit = lagging_limit(np.exp(-period / 0.05), delay)
     if delay == 0:

@@ -82,6 +82,7 @@ def test_pieces_against_ode():
     np.testing.assert_allclose(got, [expected[round(t / h)] for t in times], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_tracking_sweep_against_ode(arm):
     """P and ξ of a moving reference, at the loop gain where one Euler step a sample oscillates."""
     circle = dqc.references.Circle(arm.fkm(START), radius=0.07, duration=1.0)

@@ -113,6 +113,7 @@ def test_near_goals_are_reached(robot, arm, count):
     assert settled(robot, FeedbackLinearization(**CRITICAL), goals) >= count
 
 
+@pytest.mark.slow
 def test_far_goals_need_the_heading(robot):
     """Goals beside and behind, with any heading: regulation as published ends in singularities."""
     goals = random_goals(robot, 100, 1.5, np.pi)

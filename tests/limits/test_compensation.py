@@ -88,6 +88,7 @@ def test_check_knows_when_a_wrong_model_makes_it_unstable(tau, stable):
     spec["limits"]["velocity"] = False
     (row,) = check(spec)
     assert (row.verdict != "unstable") is stable
+    assert ("unstable: so is the plant with its observer, with any gain; give" in row.remark) is not stable
     peak = dqc.run(spec).metrics.position.peak
     assert (peak < 10) is stable
 

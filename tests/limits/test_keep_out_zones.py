@@ -62,8 +62,17 @@ def drive(robot, prepared, wanted, requests=()):
     return np.array(way), np.array(codes)
 
 
-@pytest.mark.parametrize("kind", [*BASES, "differential unconstrained"])
-@pytest.mark.parametrize("jerk", [pytest.param(None, marks=pytest.mark.slow), 20.0])
+QUICK = (("differential", 20.0), ("car-like", None))
+
+
+@pytest.mark.parametrize(
+    ("kind", "jerk"),
+    [
+        pytest.param(kind, jerk, marks=() if (kind, jerk) in QUICK else pytest.mark.slow)
+        for kind in (*BASES, "differential unconstrained")
+        for jerk in (None, 20.0)
+    ],
+)
 def test_whatever_is_wanted_no_base_enters_a_zone(kind, jerk):
     robot, rng = body(kind), np.random.default_rng(2017)
     given = Supervisor(acceleration=1.0, jerk=jerk, ramp=0.1, slow_below=0.0, hold_below=0.0, keep_out=KEEP)

@@ -44,6 +44,7 @@ def iiwa(tmp_path_factory):
     return dqc.calibrate(path, "iiwa7"), nominal, true, path
 
 
+@pytest.mark.slow
 def test_errors_of_dh_parameters_are_found_and_nine_tenths_of_what_they_do_removed(iiwa):
     found, nominal, true, _ = iiwa
     rng = np.random.default_rng(1)
@@ -81,6 +82,7 @@ def test_the_files_are_a_robot_and_what_was_found(iiwa, tmp_path):
         found.save(out)
 
 
+@pytest.mark.slow
 def test_camera_and_marker_may_be_anywhere(tmp_path):
     rng = np.random.default_rng(SEED)
     arm = dqc.load_robot("ur5")

@@ -180,6 +180,7 @@ def test_a_reference_starts_at_the_first_configuration_of_the_log(run, folder, t
     assert found.record.position_error[0] == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_figures")
 def test_results_are_saved_and_compared_like_runs(run, folder, tmp_path):
     found = evaluate_log(folder / "log.csv", "iiwa7", folder / "circle.yaml", skip_initial=0.5, low_pass=0)

@@ -68,6 +68,7 @@ def test_what_is_expected_is_what_is_found(tmp_path):
     assert scatter[1] == pytest.approx(said.delay, rel=0.6)
 
 
+@pytest.mark.slow
 def test_the_files_run_and_identify_finds_the_servos_that_ran(tmp_path):
     motion = dqc.excite("iiwa7", START, duration=20, lag=0.06, delay=0.018, noise=1e-4)
     motion.save(tmp_path / "excite")

@@ -53,6 +53,7 @@ def test_the_response_is_that_of_the_simulator_and_its_slopes_are_right():
         np.testing.assert_allclose(got[late & near, BY_DELAY], by_delay[late & near], atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.4, 1.0, 1.7])
 def test_the_response_of_second_order_is_that_of_the_simulator(damping):
     rng = np.random.default_rng(SEED)
@@ -122,7 +123,15 @@ def test_second_order_is_found_where_the_data_ask_for_it(bandwidth, damping, del
 
 
 @pytest.mark.parametrize(
-    ("play", "step"), [(0.0, 0.0), (1e-3, 0.0), (1e-3, 4e-4), (3e-3, 4e-4), (3e-3, 1.5e-3), (1e-2, 0.0)]
+    ("play", "step"),
+    [
+        (0.0, 0.0),
+        (1e-3, 4e-4),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in ((1e-3, 0.0), (3e-3, 4e-4), (3e-3, 1.5e-3), (1e-2, 0.0))
+        ),
+    ],
 )
 def test_play_is_indicated_and_does_not_change_the_lag(play, step):
     rng = np.random.default_rng(SEED)
@@ -225,6 +234,7 @@ def test_the_plant_file_is_a_plant_of_specs(bench):
             read_spec(spec | {"plant": {"kind": "servo", "file": str(folder / name)}})
 
 
+@pytest.mark.slow
 def test_commanded_velocities_count_from_the_target_or_the_measured_position(tmp_path):
     rng = np.random.default_rng(SEED)
     time = np.arange(2000) * 0.008

@@ -335,6 +335,7 @@ def test_broken_recordings_are_named(tmp_path):
         read_joint_log(database, ARM)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WRITERS)
 def test_random_damage_to_a_recording_raises_only_errors_of_one_line(tmp_path, kind):
     path, rng = WRITERS[kind](tmp_path, messages()), np.random.default_rng(9)
@@ -360,6 +361,7 @@ def test_bags_without_rosbags_say_what_to_install(tmp_path, monkeypatch):
         read_joint_log(path, ARM)
 
 
+@pytest.mark.slow
 def test_a_large_table_is_read_in_few_calls(tmp_path):
     count = 50_000
     path = tmp_path / "log.csv"

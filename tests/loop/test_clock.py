@@ -62,6 +62,7 @@ def test_deadlines_are_kept_and_do_not_drift():
     assert len(timing.periods) == 499
 
 
+@pytest.mark.slow
 def test_sleepers_that_wake_late_delay_their_own_step_only():
     time = MadeTime(oversleep=0.0005)
     timing = paced(time, 0.01, [(0.001, 0.0)] * 100)
@@ -78,6 +79,7 @@ def test_sleepers_that_wake_a_little_late_are_in_time():
     assert timing.begin == pytest.approx(0.01 * np.arange(100), abs=3 * LOOK)
 
 
+@pytest.mark.slow
 def test_overruns_are_counted_and_caught_up():
     works = [(0.001, 0.001)] * 20
     works[5] = (0.001, 0.024)  # step 6 is late, and those after it make up for it, a tenth faster
@@ -94,12 +96,14 @@ def test_overruns_are_counted_and_caught_up():
     )
 
 
+@pytest.mark.slow
 def test_steps_that_always_take_too_long():
     timing = paced(MadeTime(), 0.01, [(0.015, 0.0)] * 10)
     assert timing.overruns == 9
     assert timing.periods == pytest.approx(0.015, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_garbage_collector_rests_meanwhile():
     clock = Clock()
     assert gc.isenabled()
@@ -180,6 +184,7 @@ def test_the_loop_asks_the_clock_around_the_law(arm):
     assert clock.timing.overruns == 0
 
 
+@pytest.mark.slow
 def test_skipped_periods_move_all_deadlines():
     works = [(0.001, 0.001)] * 20
     works[5] = (0.001, 0.024)  # 25 ms: two periods are missed

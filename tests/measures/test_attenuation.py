@@ -215,6 +215,7 @@ def test_random_cases_hold_and_the_worst_case_is_tight():
     assert max(row.largest_angle for row in rows) > 1, "large angles are among them"
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_cases():
     one, again, other = (verify_attenuation(cases=3, seed=seed) for seed in (4, 4, 5))
     ratios = [[(row.orientation, row.translation) for row in rows[1:]] for rows in (one, again, other)]

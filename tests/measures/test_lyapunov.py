@@ -173,6 +173,7 @@ def test_runs_record_it(body, tmp_path):
         assert Certificate.recorded(dqc.run(spec | changes).record) is None
 
 
+@pytest.mark.slow
 def test_picture(body, tmp_path):
     law = FeedbackLinearization(stiffness=0.6, damping=1.0)
     figure = lyapunov(certificate(body, regulation(body, law, 0.05), law))

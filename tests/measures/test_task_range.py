@@ -145,6 +145,7 @@ def test_arms_have_none_and_a_run_that_diverged_has_gaps(robot):
     assert np.isnan(values[-2:]).all()
 
 
+@pytest.mark.slow
 def test_picture(robot, tmp_path):
     record = drive(robot, dqc.laws.Proportional(gain=0.5), robot.fkm(HOME + BESIDE), 10.0)
     figure = range_condition(task_range(robot, record), record.error)

@@ -54,6 +54,7 @@ def pose_of_hand(data):
     return np.concatenate([r, dual])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "springs"), [("meka-a2", "default"), ("iiwa7", "default"), ("iiwa7", "elastic")]
 )

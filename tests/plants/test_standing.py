@@ -72,6 +72,7 @@ def test_tiagos_arm_needs_tiagos_base():
     MobilePlant().start(on_wheels(LARGE, arm, (-0.05, 0, 0.8), "tiago"), start, 0.02, 1, 0)
 
 
+@pytest.mark.slow
 def test_with_a_chassis_it_drives_to_where_it_fell_before():
     robot = on_wheels(LARGE)
     goal = dqc.references.SetPoint(dqc.algebra.pose(robot.fkm(START)[:4], [1.5, 0.8, 0.8]))

@@ -115,6 +115,7 @@ def test_killed_at_any_moment(tmp_path):
     assert loaded.position_error.max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_robot_and_says_so(tmp_path):
     process = start(tmp_path / "record.mcap", 60, limit=100_000)
     output, _ = process.communicate()

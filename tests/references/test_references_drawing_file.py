@@ -218,6 +218,7 @@ def written(drawn):
     return "\n".join(lines)
 
 
+@pytest.mark.slow
 @given(strokes())
 def test_what_is_written_is_read_again(drawn):
     assert list(r.parse_drawing(written(drawn)).strokes) == drawn

@@ -44,6 +44,7 @@ def test_random_rooms_are_crossed_without_contact(tmp_path, count, least):
     assert reached >= least
 
 
+@pytest.mark.slow
 def test_parking_in_a_niche():
     """0.7 m wide, 0.85 m deep; the hand is to be at its far wall."""
     walls = (box(1.0, 1.85, 0.35, 2.0), box(1.0, 1.85, -2.0, -0.35), box(1.85, 2.0, -2.0, 2.0))
@@ -58,6 +59,7 @@ def test_parking_in_a_niche():
     )
 
 
+@pytest.mark.slow
 def test_through_a_door_the_arm_folds_itself():
     """0.6 m wide, and the arm is stretched out to the side: less than the robot takes."""
     door = (box(1.0, 1.1, 0.3, 2.5), box(1.0, 1.1, -2.5, -0.3))
@@ -96,6 +98,7 @@ def test_what_stands_in_the_way_is_said():
         DriveTo.pose(arm, np.zeros(7), goal, floor=inside)
 
 
+@pytest.mark.slow
 def test_clearance_is_that_of_many_points():
     rng = np.random.default_rng(SEED)
     print("seed", SEED)

@@ -108,6 +108,7 @@ def test_verdicts_have_marks_and_words_beside_their_colours(tmp_path):
     assert text.count('<td class="number bad">') == 1
 
 
+@pytest.mark.slow
 def test_a_figure_of_too_many_strokes_is_shown_in_pixels(tmp_path, monkeypatch):
     monkeypatch.setattr(figure_files, "_LARGEST_SVG", 10_000)
     page, _ = written(tmp_path, "Large", figures={"errors": errors(run())})

@@ -64,12 +64,14 @@ def test_it_opens_from_a_file_without_a_word_or_a_request(tab, report):
     assert [url for url in tab.asked if not url.startswith("data:")] == [report.as_uri()]
 
 
+@pytest.mark.slow
 def test_nothing_is_wider_than_a_phone_can_scroll(tab):
     tab.set_viewport_size({"width": 400, "height": 800})
     assert tab.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     tab.set_viewport_size({"width": 1000, "height": 800})
 
 
+@pytest.mark.slow
 def test_everything_fits_the_paper(tab):
     tab.emulate_media(media="print")
     width, height = (round(size * MM) for size in A4)

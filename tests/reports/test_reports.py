@@ -104,6 +104,7 @@ def one_line(monkeypatch):
     monkeypatch.setattr("dqcontrol.figures.robot_picture", lambda *_: figure)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("one_line")
 def test_figures_of_the_runs_of_a_study_are_drawn_on_demand(tmp_path):
     spec = {key: value for key, value in SPEC.items() if key != "law"}
@@ -162,6 +163,7 @@ def test_results_run_again_where_their_files_are_not(tmp_path):
     np.testing.assert_array_equal(dqc.run(yaml.safe_load(loaded.spec)).q, again.q)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain")
 def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")

@@ -20,6 +20,7 @@ def test_all_laws_are_searched_alike_on_the_arm_and_judged_on_the_spiral(plant):
     assert len(ranges) == (0 if plant == SERVO else 1)
 
 
+@pytest.mark.slow
 def test_what_learning_takes_the_arm_for_has_a_linear_model():
     import dqcontrol as dqc
 

@@ -33,6 +33,7 @@ def done():
     return pick_and_drop()
 
 
+@pytest.mark.slow
 def test_the_cube_is_carried_into_the_basket(done):
     """It starts on the floor outside, rises with the hand, and rests in the basket."""
     assert done.record.stopped == "duration"
@@ -111,6 +112,7 @@ def test_the_errand_comes_from_the_side_that_faces_the_hand():
         assert np.arctan2(heading[2], heading[1]) == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 def test_the_example_is_this_errand():
     errand = plan(
         dqc.load_robot("little-john").fkm(START),

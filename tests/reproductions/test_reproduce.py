@@ -45,6 +45,7 @@ def test_every_claim_has_a_judge_and_every_judge_a_claim():
     assert ids == set(JUDGES)
 
 
+@pytest.mark.slow
 def test_every_published_cell_has_its_case():
     for name, chosen in EXPERIMENTS.items():
         if name not in pereira2016.REPRODUCTIONS:

@@ -129,6 +129,7 @@ def ratios_of(name, law, label, metrics):
 ALL = ("error", "control", "hand_speed", "hand_acceleration")
 
 
+@pytest.mark.slow
 def test_one_run_of_each_predicts_the_other_cells():
     """K with the best gain is the cell that f was fitted on."""
     best = ratios_of("spiral", "K", "best", ALL)
@@ -139,6 +140,7 @@ def test_one_run_of_each_predicts_the_other_cells():
     assert 0.8 < ratios_of("spiral", "LQR-DQ", "best", ("error",))["error"] < 0.95
 
 
+@pytest.mark.slow
 def test_lqr_in_r8_by_euler_steps_has_the_printed_error_and_the_exact_one_a_lower():
     printed = ratios_of("spiral", "LQR-R8", "best", ALL)
     assert printed["error"] == pytest.approx(1.0, abs=0.05)

@@ -29,6 +29,7 @@ def test_it_is_in_the_catalogue():
     }
 
 
+@pytest.mark.slow
 def test_gains_by_s17s_law_and_ours():
     """ζ = k_v/√k̄ of [S17]'s five sets: with S17's law they overshoot a little, as it says; with ours none does."""
     done = published.reproduce("silva2017/gains", jobs=1)
@@ -107,6 +108,7 @@ def test_the_printed_goal_is_the_one_of_the_spec_to_all_digits():
     np.testing.assert_allclose(np.sign(pose[0] * reached[0]) * reached, pose, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_clamping_finds_the_closest_pose_and_comes_back():
     done = clamping.reproduce(ONE, count=2, beyond=1)
     nearest = next(row[2] for row in done.tables[0].rows if str(row[1]).startswith("nearest"))

@@ -53,6 +53,7 @@ def test_geoms_are_where_mujoco_has_them(path):
         assert {body.carrier for body in robot_shapes(robot)} == {0, 1}
 
 
+@pytest.mark.slow
 def test_what_collides_is_inside_of_its_shape(path):
     robot = dqc.load_tree(path)
     fitted = {each.shape.name: each.shape for each in collision_shapes(robot)}

@@ -84,7 +84,10 @@ def activated(node, controller):
     assert node.serve(tries)
 
 
-@pytest.mark.parametrize("base_interface", list(BASE_COMMANDS))
+@pytest.mark.parametrize(
+    "base_interface",
+    ["twist", *(pytest.param(each, marks=pytest.mark.slow) for each in BASE_COMMANDS if each != "twist")],
+)
 def test_arm_and_base_go_where_the_hand_is_to_be(pair, node, base_interface):
     controller, robot = pair(base_interface=base_interface)
     activated(node, controller)

@@ -29,6 +29,7 @@ def test_on_a_straight_way_and_a_turn_on_the_spot_the_covariance_is_the_closed_f
     np.testing.assert_allclose(driven(spot).covariance, np.diag([0, 0, by_turn * 5.0]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_many_drives_scatter_as_the_covariance_says():
     turns = 0.05 * np.sin(np.linspace(0, 9, 60))
     heading = np.concatenate([[0.3], 0.3 + np.cumsum(turns)])

@@ -62,6 +62,7 @@ def test_without_noise_it_goes_below_a_hundredth_of_a_millimetre():
     assert [each.outcome for each in found.repeats] == ["first", *["accepted"] * (len(found.repeats) - 1)]
 
 
+@pytest.mark.slow
 def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path):
     found = learn_to(spec(), tmp_path / "out", repeats=2)
     for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.png", "report.html", "learning.md"):
@@ -176,6 +177,7 @@ def test_joints_with_masses_learn_too():
     assert [each.outcome for each in found.repeats] == ["first", "accepted", "accepted"]
 
 
+@pytest.mark.slow
 def test_repeats_on_the_clock_are_those_without_it():
     short = spec(reference={"kind": "circle", "radius": 0.01, "duration": 0.4, "ramp": 0.1})
     begun = time.monotonic()
@@ -223,6 +225,15 @@ MISTAKES = {
         {"cutoff": 30, "uncertainty": True},
         "learn.cutoff: with 30 Hz errors grow from",
     ),
+    "a model that is not sure of a loop near its limit": (
+        {"law": {"kind": "proportional-feedforward", "gain": 5}},
+        {
+            "cutoff": 12,
+            "model": {"kind": "servo", "time_constant": 0.05, "delay": 0.08},
+            "uncertainty": {"lag": 0.5, "delay": 0.06},
+        },
+        "learn.cutoff: with 12 Hz errors grow from 0.89 Hz on",
+    ),
     "it is too fast": (
         {"reference": {"kind": "circle", "radius": 0.2, "duration": 0.6, "ramp": 0.1}},
         {},
@@ -244,6 +255,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.filterwarnings("error::dqcontrol.errors.NoteWarning")
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_one_clear_line_before_anything_moves(name, monkeypatch):
     changes, block, text = MISTAKES[name]
@@ -288,6 +300,7 @@ def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
         dqc.learn(data)
 
 
+@pytest.mark.slow
 def test_the_block_may_stand_in_a_file(tmp_path):
     file = tmp_path / "learn.yaml"
     file.write_text(

@@ -10,13 +10,21 @@ import pytest
 from msgspec.structs import replace as changed
 
 import dqcontrol as dqc
-from dqcontrol.errors import Error, MissingExtraError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.errors import (
+    Error,
+    LimitWarning,
+    MissingExtraError,
+    ShapeError,
+    UnknownNameError,
+    ValueRangeError,
+)
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
+from dqcontrol.tuning.front_search import _added_areas
 from dqcontrol.tuning.law_evaluation import held_out_scenes
 from dqcontrol.tuning.law_search import LawSearch
 from dqcontrol.tuning.simplex_search import SimplexSearch
@@ -88,6 +96,7 @@ def test_an_interrupted_search_is_resumed_without_running_anything_again(problem
     assert resumed.winners() == whole.winners()
 
 
+@pytest.mark.slow
 def test_a_search_with_a_journal_of_its_own_keeps_what_it_found(problem, tuned, tmp_path, monkeypatch):
     def stop_after_one(done, total):
         if done == 1:
@@ -159,8 +168,8 @@ def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch, module, n
         SimplexSearch(lambda point: (0.0, sum(point)), 2, 20, seed=0).run()
 
 
-@pytest.mark.filterwarnings("ignore::dqcontrol.errors.LimitWarning")
-def test_starts_that_are_held_out_leave_joints_room(problem):
+@pytest.mark.filterwarnings("error::dqcontrol.errors.LimitWarning")
+def test_starts_that_are_held_out_leave_joints_room_and_others_are_not_spoken_of(problem, monkeypatch):
     # Of its neighbours some have none.
     problem["start"] = [-0.14, 0.478, 0.08, 1.734, -0.055, 0.463, -0.018]
     problem["reference"]["radius"] = 0.06
@@ -168,6 +177,24 @@ def test_starts_that_are_held_out_leave_joints_room(problem):
     assert len(scenes) == 2
     demands = [path_demand(scene) for scene in scenes]
     assert all(demand is not None and demand.limit_margin > AT_LIMIT for demand in demands)
+    monkeypatch.setattr("dqcontrol.tuning.law_evaluation._has_room", lambda _: True)
+    with pytest.warns(LimitWarning, match="beyond its limits"):  # of what is held out it is said
+        held_out_scenes(read_tune(problem))
+
+
+def test_of_several_runs_the_largest_peak_and_the_least_room_count(problem):
+    square = {"kind": "square", "side": 0.05, "duration": 2, "corner_stops": 0.3}
+
+    def numbers(**changes):
+        search = LawSearch(read_tune(problem | changes), "K")
+        return search._evaluate(search.law)
+
+    both = numbers(tune={"references": [square]})
+    alone = [numbers(), numbers(reference=square)]
+    for name, of_all in (("position.rms", np.mean), ("position.peak", max), ("limit_margin", min)):
+        expected = [each.value(name) for each in alone]
+        assert expected[0] != pytest.approx(expected[1]), name
+        assert both.value(name) == pytest.approx(of_all(expected)), name
 
 
 def test_a_family_of_plants_costs_some_error_and_keeps_its_own_margin(problem, tuned):
@@ -192,6 +219,7 @@ def test_constraints_bind(problem, tuned):
     assert "K+FF+I: no parameters keep the constraints; the nearest are shown" in impossible.remarks()
 
 
+@pytest.mark.slow
 def test_how_fast_how_hard_and_how_far_from_limits_may_be_asked_for(problem):
     """On a target away from the start; on a circle that begins where the hand is nothing settles, and that is said."""
     del problem["laws"]["K"]
@@ -225,7 +253,12 @@ MISTAKES = {
     "a law that cannot be stable": (
         {"free": {"K": {"loop_gain": {"low": 0.6, "high": 3}}}},
         ValueRangeError,
-        "tune.free.K.loop_gain: no law in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+        "tune.free.K: no law with loop_gain in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+    ),
+    "gains that cannot be stable": (
+        {"free": {"K": {"gain": {"low": 100, "high": 300}}}},
+        ValueRangeError,
+        "tune.free.K: no law with gain in 100 … 300 keeps the margin that is asked for; it ends at kT = 0.26",
     ),
     "a budget of 0": ({"budget": 0}, Error, "tune.budget: expected a whole number >= 1, got 0"),
     "a small budget": (
@@ -249,6 +282,11 @@ MISTAKES = {
         ShapeError,
         "tune.constraints.effort: give 'low', 'high' or both",
     ),
+    "a weight that asks for no room": (
+        {"objectives": {"limit_margin": 1}},
+        ValueRangeError,
+        "tune.objectives.limit_margin: a weight of 1 asks for as little of it as can be; give -1 for as much",
+    ),
     "no weight": ({"objectives": {"effort": 0}}, ValueRangeError, "tune.objectives: all weights are 0"),
     "a held-out motion out of reach": (
         {"held_out": {"references": [{"kind": "circle", "radius": 3, "duration": 4}]}},
@@ -259,13 +297,14 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_a_mistake_is_one_clear_line_before_anything_runs(name, problem, monkeypatch):
+def test_a_mistake_is_one_clear_line_before_anything_runs_or_is_written(name, problem, monkeypatch, tmp_path):
     changes, kind, text = MISTAKES[name]
     monkeypatch.setattr("dqcontrol.loop.repeated_loop.RepeatedLoop.run", lambda *_: pytest.fail("it ran"))
     with pytest.raises(kind) as caught:
-        dqc.tune(problem, jobs=1, **changes)
+        tune_to(problem | {"tune": problem["tune"] | changes}, tmp_path / "out", jobs=1)
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert not list(tmp_path.iterdir())
 
 
 def test_run_names_the_command_for_a_search(problem):
@@ -285,6 +324,7 @@ def test_several_of_what_a_search_takes_one_of(key, problem):
         read_tune(problem)
 
 
+@pytest.mark.slow
 def test_the_limit_alone_is_that_of_all_limits():
     rng = np.random.default_rng(5)
     for _ in range(12):
@@ -324,6 +364,16 @@ def test_fronts_reach_the_true_area(size):
     assert hypervolume(found, (1.1, 1.1)) > 0.96 * truth
 
 
+def test_what_a_pair_adds_is_by_what_the_front_grows():
+    rng = np.random.default_rng(4)
+    for count in (1, 2, 25):
+        known, pairs = rng.random((count, 2)), rng.uniform(-0.3, 1.4, (40, 2))
+        pairs[0], pairs[1] = known[0], (known[0, 0], -0.1)
+        corner = tuple(known[nondominated(known)].max(axis=0) + 0.1)
+        grown = [hypervolume([*known, pair], corner) - hypervolume(known, corner) for pair in pairs]
+        assert _added_areas(known, pairs) == pytest.approx(grown, abs=1e-12)
+
+
 @pytest.mark.slow
 def test_no_winner_of_many_random_tunings_is_unstable():
     """Random servos and laws, each tuned: all keep their margin, and do as well on what was not searched."""
@@ -357,6 +407,7 @@ def test_no_winner_of_many_random_tunings_is_unstable():
     assert np.median(ratios) < 1.1, ratios
 
 
+@pytest.mark.slow
 def test_two_arms_are_tuned_with_what_they_hold(problem):
     start = [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7]
     problem |= {

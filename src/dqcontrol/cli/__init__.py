@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NoReturn
 
@@ -64,7 +65,7 @@ app.register_install_completion_command(help="Let the shell (bash, zsh, fish) co
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
     _make_printable()
-    warnings.showwarning = _show_warning
+    warnings.showwarning = _warnings_once()
     arguments = [word for word in sys.argv[1:] if word != "--no-code"]
     if len(arguments) < len(sys.argv) - 1:
         os.environ[POLICY] = REFUSED
@@ -146,8 +147,17 @@ def _fail(code: int, text: str) -> NoReturn:
     sys.exit(code)
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
-    from dqcontrol.errors import NoteWarning  # only now: it loads NumPy
+def _warnings_once() -> Callable[..., None]:
+    """Return what shows each warning once: Python forgets what it has shown as soon as a filter changes."""
+    shown: set[str] = set()
 
-    kind = "note" if issubclass(category, NoteWarning) else "warning"
-    print(f"dqcontrol: {kind}: {' '.join(str(message).split())}", file=sys.stderr)
+    def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+        from dqcontrol.errors import NoteWarning  # only now: it loads NumPy
+
+        kind = "note" if issubclass(category, NoteWarning) else "warning"
+        line = f"dqcontrol: {kind}: {' '.join(str(message).split())}"
+        if line not in shown:
+            shown.add(line)
+            print(line, file=sys.stderr)
+
+    return show

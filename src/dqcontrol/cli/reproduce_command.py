@@ -49,7 +49,6 @@ def reproduce(
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.experiments.working_folder import working_folder
 
-    warnings.simplefilter("once")  # the studies of an experiment say the same of their common spec
     warnings.simplefilter("ignore", TaskWarning)  # its verdicts say what was reached, as it was published
     if name is None:
         print_table(published.catalogue_table())

@@ -227,7 +227,8 @@ def compile_own(
         What to compile for.
     """
     try:
-        compiled = numba.njit(checked(numba.njit(error_model="numpy")(function)))
+        part = numba_used.part_options(everywhere=False, ours=False)
+        compiled = numba.njit(**part)(checked(numba.njit(error_model="numpy", **part)(function)))
         compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = compiled_kernel.compiled
     except Exception as error:  # of bytecode that Numba does not know it raises what is no NumbaError

@@ -143,12 +143,13 @@ class _ApartCompiler(_PartCompiler):
     part = _KernelPartApart
 
 
-def part_options(*, everywhere: bool, apart: bool = False) -> dict[str, Any]:
+def part_options(*, everywhere: bool, apart: bool = False, ours: bool = True) -> dict[str, Any]:
     """Return the options of a function that becomes part of kernels, of each call of it if ``everywhere``."""
     return {
-        "_nrt": False,
+        "_nrt": not ours,
         "pipeline_class": _ApartCompiler if apart else _PartCompiler,
         "no_cfunc_wrapper": True,
+        "no_cpython_wrapper": True,
         "forceinline": everywhere,  # between functions every array is seven numbers on the stack
     }
 

@@ -48,7 +48,7 @@ def bitcode_of(dispatcher: Any, signature: Any) -> tuple[bytes, str]:
 scalar_code = nullcontext
 
 
-def part_options(*, everywhere: bool, apart: bool = False) -> dict[str, Any]:
+def part_options(*, everywhere: bool, apart: bool = False, ours: bool = True) -> dict[str, Any]:
     """Return the options of a function that becomes part of kernels: none."""
     return {}
 

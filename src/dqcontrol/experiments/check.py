@@ -120,6 +120,8 @@ class LoopCheck:
         Least limit of acceleration on the commands' way to the plant, rad/s² or m/s²; infinite without.
     numeric
         Instead of loops, where the law's gains are unknown: the law as finite differences at the start see it.
+    observed
+        Whether a disturbance observer stands between law and plant.
     """
 
     names: Names
@@ -128,6 +130,7 @@ class LoopCheck:
     unknown: str = ""
     acceleration: float = math.inf
     numeric: NumericLoop | None = None
+    observed: bool = False
 
     def __repr__(self) -> str:
         return f"LoopCheck({self.names.label!r}, {self.verdict})"
@@ -182,7 +185,9 @@ class LoopCheck:
         if loop.gain.lag * self.period >= 2:
             return f"{self.names.label}: unstable: k_v = {loop.gain.lag:.3g} 1/s, limit {2 / self.period:.3g} 1/s"
         if limits.stable == 0:
-            return f"{self.names.label}: {loop.gain.loop} unstable: so is the plant, with any gain"
+            cure = "; give limits.compensation a longer observer, or a truer lag and delay"
+            what = ("the plant with its observer", cure) if self.observed else ("the plant", "")
+            return f"{self.names.label}: {loop.gain.loop} unstable: so is {what[0]}, with any gain{what[1]}"
         facts = f"k = {abs(loop.gain.value):.3g} 1/s{when}, limit {limits.stable / self.period:.3g} 1/s"
         if verdict == "oscillatory":
             facts += f", overshoot {100 * loop.overshoot:.2g} %"
@@ -379,11 +384,13 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
         elif case.gains is None:
             yield _numeric_check(setting, case, model)
         else:
-            if case.limits.compensation is not None:
-                model = with_observer(model, case.limits.compensation, case.scene.robot, period)
+            compensation = case.limits.compensation
+            if compensation is not None:
+                model = with_observer(model, compensation, case.scene.robot, period)
+            observed = compensation is not None and bool(compensation.observer)
             limited = math.isfinite(acceleration) and command_mode(case.plant) == "integrated"
             loops = tuple(_loop(gain, model, period, limited, limits) for gain in case.gains)
-            yield LoopCheck(case.names, period, loops, "", acceleration)
+            yield LoopCheck(case.names, period, loops, "", acceleration, observed=observed)
 
 
 def _numeric_check(setting: PreparedExperiment, case: Combination, model: LinearModel) -> LoopCheck:

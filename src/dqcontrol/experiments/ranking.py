@@ -17,7 +17,7 @@ from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.loop.record import FAILURES
-from dqcontrol.measures.metric_tables import number_column
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, number_column
 from dqcontrol.measures.repeats import LABELS
 from dqcontrol.measures.table_cells import Cell, Column, PlusMinus
 from dqcontrol.measures.tables import Table
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 BEST_BY = "error.integral"
 TOP = 10
 _BESIDE = ("position.settled_rms", "orientation.settled_rms", "effort")  # shown too
-_LARGE_IS_GOOD = {"limit_margin"}
 _PARAMETER = "parameter."
 
 
@@ -185,7 +184,7 @@ def rank(
     means = np.array(groups[f"{by}_mean"].to_pylist(), dtype=float)
     whole = np.array(groups[f"{by}_count"]) == np.array(groups["count_all"])
     placed = whole & ~np.array(groups["failed_any"], dtype=bool)
-    order = np.argsort(np.where(placed, -means if by in _LARGE_IS_GOOD else means, np.inf), kind="stable")
+    order = np.argsort(np.where(placed, -means if by in LARGE_IS_GOOD else means, np.inf), kind="stable")
     return Ranking(by, groups.take(arrow.array(order)), int(placed.sum()))
 
 

@@ -13,6 +13,8 @@ from dqcontrol.figures.style import (
     DOUBLE,
     MARKERS,
     legend_below,
+    line_style,
+    line_widths,
     logarithmic,
     new_figure,
     styled,
@@ -37,17 +39,21 @@ def search_figure(tuning: Tuning) -> Figure:
     """
     figure = new_figure(DOUBLE, 2.8)
     axes = figure.subplots()
+    widths = line_widths(len(tuning.laws))
     for i, each in enumerate(tuning.laws):
         rows = each.result.rows[: each.result.evaluations]
         totals = [math.inf if row["total"] is None or row["violation"] else row["total"] for row in rows]
         best = np.minimum.accumulate(totals)
-        colour = COLOURS[i % len(COLOURS)]
         seen = np.isfinite(best)
         count = np.arange(1, len(best) + 1)
-        axes.step(count[seen], best[seen], where="post", color=colour, label=each.label)
+        axes.step(count[seen], best[seen], where="post", lw=widths[i], label=each.label, **line_style(i))
         if math.isfinite(each.result.held_out_total):
             axes.plot(
-                len(best) + 1, each.result.held_out_total, MARKERS[i % len(MARKERS)], color=colour, mfc="none"
+                len(best) + 1,
+                each.result.held_out_total,
+                MARKERS[i % len(MARKERS)],
+                color=COLOURS[i % len(COLOURS)],
+                mfc="none",
             )
     axes.plot([], [], "o", color="0.4", mfc="none", label="held out")
     axes.set_xlabel("evaluations")

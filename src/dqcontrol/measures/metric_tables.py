@@ -62,6 +62,9 @@ METRIC_COLUMNS: dict[str, Column] = {
 TEXTS = ("limit_joint", "task")
 """Those that are words."""
 
+LARGE_IS_GOOD = ("limit_margin",)
+"""Those that are better the larger they are."""
+
 PUBLISHED = tuple(f"{key}.integral" for key in _SIGNALS if key != "settled_error")
 """The five integrals that [P16 5.3] tabulates."""
 

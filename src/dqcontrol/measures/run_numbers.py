@@ -52,7 +52,30 @@ _JERK = Column("Command jerk RMS", "rad/s³ or m/s³")
 NUMBER_COLUMNS: dict[str, Column] = {name: METRIC_COLUMNS.get(name, _JERK) for name in NUMBERS}
 """Heading, unit and format of each."""
 
-LARGE_IS_GOOD = ("limit_margin",)
+_LARGEST = [i for i, name in enumerate(NUMBERS) if "peak" in name]
+_LEAST = NUMBERS.index("limit_margin")
+
+
+def of_all_runs(rows: Array) -> Array:
+    """Return what several runs come to: of peaks the largest, of `limit_margin` the least, of all others the mean.
+
+    Parameters
+    ----------
+    rows
+        `NUMBERS` of each run, shape (runs, 46).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.measures.run_numbers import NUMBERS, of_all_runs
+    >>> both = of_all_runs(np.array([[1.0] * len(NUMBERS), [2.0] * len(NUMBERS)]))
+    >>> [float(both[NUMBERS.index(name)]) for name in ("position.rms", "position.peak", "limit_margin")]
+    [1.5, 2.0, 1.0]
+    """
+    numbers = rows.mean(axis=0)
+    numbers[_LARGEST] = rows[:, _LARGEST].max(axis=0)
+    numbers[_LEAST] = rows[:, _LEAST].min()
+    return numbers
 
 
 class Sums(NamedTuple):

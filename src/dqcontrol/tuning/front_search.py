@@ -19,7 +19,7 @@ _FIRST = 16
 _AT_ONCE = 8
 _CANDIDATES = 128
 _NEAR = (0.1, 0.03)  # spreads of candidates about the front
-_SAME = 1e-6  # of the cube's side: points nearer than that are one
+_BEYOND = 0.1  # of the front's width lies the corner up to which areas count
 
 Pair = tuple[float, float]
 
@@ -119,15 +119,16 @@ def _dominated(known: Array, expected: Array) -> NDArray[np.bool_]:
 def _added_areas(known: Array, expected: Array) -> Array:
     """Return by how much each expected pair enlarges the area that the known ones dominate."""
     front = known[nondominated(known)]
-    corner = front.max(axis=0) + 0.1
-    front = front[np.argsort(front[:, 0])]
-    left = np.concatenate([[-np.inf], front[:, 0]])
-    right = np.concatenate([front[:, 0], [corner[0]]])
-    height = np.concatenate([[corner[1]], np.minimum(front[:, 1], corner[1])])
-    width = np.minimum(right, corner[0]) - np.maximum(left, expected[:, :1])
-    depth = height - expected[:, 1:]
-    areas = np.where((width > 0) & (depth > 0), width * depth, 0.0)
-    return np.where(np.isfinite(expected).all(axis=1), areas.sum(axis=1), -1.0)
+    corner = front.max(axis=0) + _BEYOND
+    x, y = expected.T
+    # The front is a staircase that falls from the corner's height; a pair adds what lies above it and below the stairs.
+    steps = np.append(front[:, 0], corner[0])
+    below = np.append(0.0, np.cumsum(front[:, 1] * np.diff(steps)))  # the stairs, from their first step on
+    end = steps[np.searchsorted(-front[:, 1], -y)]  # from there on the stairs are lower than the pair
+    before = corner[1] * np.minimum(x - steps[0], 0.0)
+    reached = np.interp(end, steps, below) - np.interp(x, steps, below) - before
+    areas = np.where((x < end) & (y < corner[1]), reached - y * (end - x), 0.0)
+    return np.where(np.isfinite(expected).all(axis=1), areas, -1.0)
 
 
 def nondominated(values: Sequence[Pair] | Array) -> list[int]:
@@ -138,12 +139,11 @@ def nondominated(values: Sequence[Pair] | Array) -> list[int]:
     >>> nondominated([(1.0, 3.0), (2.0, 2.0), (2.0, 4.0), (3.0, 1.0)])
     [0, 1, 3]
     """
-    array, kept, least = np.asarray(values, dtype=float), [], math.inf
-    for i in np.lexsort((array[:, 1], array[:, 0])):
-        if array[i, 1] < least:
-            kept.append(int(i))
-            least = array[i, 1]
-    return kept
+    array = np.asarray(values, dtype=float)
+    order = np.lexsort((array[:, 1], array[:, 0]))
+    second = array[order, 1]
+    least = np.fmin.accumulate(np.append(math.inf, second[:-1]))  # of those before; NaN is no number
+    return order[second < least].tolist()
 
 
 def hypervolume(values: Sequence[Pair] | Array, corner: Pair) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spe
 from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
 from dqcontrol.measures.margins import AT_LIMIT
-from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
+from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
 from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
 from dqcontrol.tuning.plant_family import PlantFamily
@@ -26,7 +27,6 @@ from dqcontrol.tuning.tune_spec import TuneProblem
 
 _UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small
 _NEARLY = 1e-3  # of a margin
-_MARGIN = NUMBERS.index("limit_margin")
 _OTHER_START = 0.1  # rad or m, as far are held-out starts from the spec's
 _HELD_OUT_STARTS, _TRIES = 2, 20
 _FIRST_HELD_OUT = 1_000_003  # seed, counted from the spec's
@@ -42,7 +42,7 @@ class Evaluated(NamedTuple):
     violation
         By how much constraints are violated; 0 if they are kept.
     numbers
-        All `NUMBERS`: means over the worst plant's runs, but the least ``limit_margin`` of all.
+        All `NUMBERS` of the worst plant's runs together, see `of_all_runs`.
     """
 
     total: float
@@ -176,8 +176,7 @@ class LawEvaluation:
                 rows[i] = self._measures[scene](passed.samples, q, passed.command, self._skipped)
             for place, bounds in self._bounds:
                 violation += max(bounds.violation(float(value)) for value in rows[:, place])
-            numbers = rows.mean(axis=0)
-            numbers[_MARGIN] = rows[:, _MARGIN].min()
+            numbers = of_all_runs(rows)
             total = float(self._weights @ numbers[self._objectives])
             if not math.isfinite(total):
                 return Evaluated(math.inf, _UNSTABLE, numbers)
@@ -251,12 +250,16 @@ def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
     for _ in range(_TRIES):
         moved = home[0].start + draw.uniform(-_OTHER_START, _OTHER_START, len(home[0].start))
         moved = np.clip(moved, limits.lower, limits.upper)
-        try:
-            others = scenes(moved.tolist())
-        except Error:
-            continue
-        if not all(map(_has_room, others)):
-            continue
+        with warnings.catch_warnings(record=True) as of_others:
+            warnings.simplefilter("always")
+            try:
+                others = scenes(moved.tolist())
+            except Error:
+                continue
+            if not all(map(_has_room, others)):
+                continue
+        for each in of_others:
+            warnings.warn(each.message, stacklevel=2)
         yield from others
         found += 1
         if found == _HELD_OUT_STARTS:

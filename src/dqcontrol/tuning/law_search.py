@@ -12,11 +12,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, error_prefix
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
 from dqcontrol.measures.run_numbers import NUMBERS
 from dqcontrol.tuning.front_search import nondominated, search_front
 from dqcontrol.tuning.law_evaluation import (
@@ -143,9 +144,10 @@ class LawSearch:
         ready = ready_problem(problem)
         self.law: Law = _law(problem, label)
         self._evaluate, self._held_out = ready.searched, ready.held_out
-        self.space: SearchSpace = SearchSpace(
-            label, self.law, problem.block.free.get(label), self._evaluate.slack
-        )
+        with error_prefix(problem.where):
+            self.space: SearchSpace = SearchSpace(
+                label, self.law, problem.block.free.get(label), self._evaluate.slack
+            )
         self._known: dict[Point, Evaluated] = {}
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():
@@ -244,7 +246,7 @@ class LawSearch:
         front = self._problem.block.front
         if front is None:
             return []
-        signs = [-1.0 if name == "limit_margin" else 1.0 for name in front.objectives]
+        signs = [-1.0 if name in LARGE_IS_GOOD else 1.0 for name in front.objectives]
 
         def pair(point: Point) -> tuple[float, float] | None:
             found = self.evaluate(point)
@@ -300,8 +302,9 @@ def _made_ready(problem: TuneProblem) -> ReadyProblem:
     spec, block = problem.spec, problem.block
     scenes = searched_scenes(problem)
     plant = next(iter(spec.plant_by_label.values()))
-    family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
-    judge = StabilityJudge(spec, scenes[0], family)
+    with error_prefix(problem.where):
+        family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
+        judge = StabilityJudge(spec, scenes[0], family)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
         scenes,

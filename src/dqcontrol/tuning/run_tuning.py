@@ -308,6 +308,7 @@ def tune(
     ('proportional-feedforward', True)
     """
     problem, jobs = read_tune(source, **block), checked_jobs(jobs)
+    _check(problem, jobs, scheduler)
     if journal is None:
         return _tuned(problem, jobs, scheduler, None, progress)
     with _working_folder(Path(journal), problem) as kept:
@@ -341,7 +342,7 @@ def tune_to(
     """
     problem, target, jobs = read_tune(source), Path(folder), checked_jobs(jobs)
     check_new(target, force=force)
-    ready_problem(problem)
+    _check(problem, jobs, scheduler)
     with _working_folder(working_folder(target), problem, force=force) as kept:
         found = _tuned(problem, jobs, scheduler, kept, progress)
         with new_folder(target, force=force) as new:
@@ -357,18 +358,8 @@ def _tuned(
     kept: WorkingFolder | None,
     progress: TuneProgress | None,
 ) -> Tuning:
-    if scheduler is not None and jobs is not None:
-        raise Error("jobs: is for processes on this machine; leave it out with a scheduler")
-    ready = ready_problem(problem)
     labels = [variant.label for variant in problem.spec.variants]
-    for label in labels:
-        _check_budget(problem, LawSearch(problem, label))
-    is_here = isinstance(problem.spec.reference, ObjectSpec)
-    if is_here and (scheduler is not None or jobs not in (None, 1)):
-        raise Error(
-            "reference: is an object of this program, which other processes do not have; leave out jobs"
-        )
-    seconds = _STEP * ready.searched.steps * problem.block.budget * len(labels)
+    seconds = _STEP * ready_problem(problem).searched.steps * problem.block.budget * len(labels)
     version = program()
     tasks = [
         LawTask(problem, label, i, version, kept.part(i) if kept and scheduler is None else None)
@@ -377,12 +368,28 @@ def _tuned(
     results: dict[int, LawResult] = {}
     report = progress or (lambda done, total: None)
     report(0, len(tasks))
-    with _workers(1 if is_here else jobs, scheduler, seconds, len(tasks)) as carry_out:
+    with _workers(1 if _is_here(problem) else jobs, scheduler, seconds, len(tasks)) as carry_out:
         for part, result in carry_out(tasks):
             results[part] = result
             report(len(results), len(tasks))
     tuned = [_judged(problem, results[i]) for i in range(len(labels))]
     return Tuning(problem, tuple(sorted(tuned, key=_place)))
+
+
+def _check(problem: TuneProblem, jobs: int | None, scheduler: str | None) -> None:
+    """Raise if something of a search does not fit, before anything is written or runs."""
+    if scheduler is not None and jobs is not None:
+        raise Error("jobs: is for processes on this machine; leave it out with a scheduler")
+    if _is_here(problem) and (scheduler is not None or jobs not in (None, 1)):
+        raise Error(
+            "reference: is an object of this program, which other processes do not have; leave out jobs"
+        )
+    for variant in problem.spec.variants:
+        _check_budget(problem, LawSearch(problem, variant.label))
+
+
+def _is_here(problem: TuneProblem) -> bool:
+    return isinstance(problem.spec.reference, ObjectSpec)
 
 
 def _check_budget(problem: TuneProblem, search: LawSearch) -> None:

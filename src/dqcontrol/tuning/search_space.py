@@ -71,7 +71,7 @@ class SearchSpace:
     def _defaults(self) -> dict[str, SearchRange | None]:
         if not self.law.gain_powers:
             raise ShapeError(
-                f"law {self.label}: its loop gain is unknown; say in tune.free.{self.label} which of its keys are free"
+                f"tune.free.{self.label}: the law's loop gain is unknown; say which of its keys are free"
             )
         found: dict[str, SearchRange | None] = {LOOP_GAIN: None}
         if getattr(self.law, _INTEGRAL, 0.0):
@@ -102,16 +102,17 @@ class SearchSpace:
         corners = [np.zeros(size), *(np.eye(size)), np.ones(size), np.full(size, 0.5)]
         if any(self.slack(self.law_at(corner)).share >= 1 - _TRUE for corner in corners):
             return
-        found = self.slack(self.law_at(corners[0]))
-        span = self.ranges.get(LOOP_GAIN)
-        if span is not None and found.product:
-            limit = found.share * found.product
-            raise ValueRangeError(
-                f"{self._field(LOOP_GAIN)}: no law in {span.low:g} … {span.high:g} keeps the margin that is asked "
-                f"for; it ends at kT = {limit:.3g}"
-            )
+        slowest = self.slack(self.law_at(corners[0]))
+        spans = [
+            f"{key} in {span.low:g} … {span.high:g}" for key, span in self.ranges.items() if span is not None
+        ]
+        at = (
+            f"; it ends at kT = {slowest.share * slowest.product:.3g}, and the slowest law has "
+            f"{slowest.product:.3g}"
+        )
         raise ValueRangeError(
-            f"law {self.label}: no parameters in its range keep the margin that is asked for"
+            f"tune.free.{self.label}: no law with {' and '.join(spans) or 'any loop_gain'} keeps the margin that is "
+            f"asked for{at if slowest.product else ''}"
         )
 
     def slack(self, law: Law) -> Slack:

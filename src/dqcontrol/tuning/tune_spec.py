@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, unknown_name
-from dqcontrol.experiments.spec import Spec, as_spec, read_data
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, error_prefix, unknown_name
+from dqcontrol.experiments.spec import as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.experiments.spec.reference_spec import AnyReference
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.yaml_file import convert
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
 from dqcontrol.measures.run_numbers import NUMBERS
 from dqcontrol.tuning.plant_family import Robustness, identified_file
+from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
 DEFAULT_OBJECTIVES = {"position.settled_rms": 1.0, "orientation.settled_rms": 10.0, "command_jerk": 5e-4}
 
@@ -164,6 +165,12 @@ class TuneBlock(Part, frozen=True, kw_only=True):
             for name in names:
                 if name not in NUMBERS:
                     raise unknown_name(f"tune.{field}", name, NUMBERS)
+        for name in LARGE_IS_GOOD:
+            if (weight := self.objectives.get(name, 0.0)) > 0:
+                raise ValueRangeError(
+                    f"tune.objectives.{name}: a weight of {weight:g} asks for as little of it as can be; "
+                    f"give {-weight:g} for as much"
+                )
         if not any(self.objectives.values()):
             raise ValueRangeError("tune.objectives: all weights are 0; nothing would be searched for")
         for name, bounds in self.constraints.items():
@@ -182,30 +189,8 @@ class _WithTune(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
 
 
-@dataclass(frozen=True)
-class TuneProblem:
-    """A spec with its block ``tune``.
-
-    Attributes
-    ----------
-    where
-        Name for messages.
-    data
-        The spec as plain data with absolute file names, without ``tune``.
-    folder
-        Where its relative file names start.
-    spec, block
-        The same, typed.
-    identified
-        The plant file that the spec names, if it names one.
-    """
-
-    where: str
-    data: dict[str, Any]
-    folder: Path
-    spec: Spec
-    block: TuneBlock
-    identified: Path | None
+class TuneProblem(SpecWithBlock[TuneBlock]):
+    """A spec with its block ``tune``."""
 
 
 def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProblem:
@@ -251,11 +236,7 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
 
 
 def _block(where: str, data: Any) -> TuneBlock:
-    try:
+    with error_prefix(where):
         block = convert(where, data, _WithTune).tune
         block.check()
-    except FileFormatError:
-        raise
-    except Error as error:
-        raise type(error)(f"{where}: {error}") from None
     return block

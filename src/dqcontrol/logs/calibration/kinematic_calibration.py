@@ -241,10 +241,8 @@ class Calibration:
 
         Parameters
         ----------
-        folder
-            A new folder.
-        force
-            Write into an existing one and replace these two files.
+        folder, force
+            A new folder; with ``force`` one whose ``calibration.json`` and ``robot.yaml`` are replaced.
 
         Raises
         ------

@@ -194,10 +194,8 @@ class Identification:
 
         Parameters
         ----------
-        folder
-            A new folder.
-        force
-            Write into an existing one and replace these two files.
+        folder, force
+            A new folder; with ``force`` one whose ``identification.json`` and ``plant.yaml`` are replaced.
 
         Raises
         ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,12 +9,13 @@ import msgspec
 from msgspec import Meta
 
 from dqcontrol.errors import FileFormatError
-from dqcontrol.experiments.spec import AnyPlant, Spec, as_spec, read_data
+from dqcontrol.experiments.spec import AnyPlant, as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.tuning.plant_family import Robustness, identified_file
+from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
 
 class Tracker(Part, frozen=True, kw_only=True):
@@ -79,30 +79,8 @@ class _WithLearn(msgspec.Struct):
     learn: LearnBlock = LearnBlock()
 
 
-@dataclass(frozen=True)
-class LearnProblem:
-    """A spec with its block ``learn``.
-
-    Attributes
-    ----------
-    where
-        Name for messages.
-    data
-        The spec as plain data with absolute file names, without ``learn``.
-    folder
-        Where its relative file names start.
-    spec, block
-        The same, typed.
-    identified
-        The plant file that the model is from, if it is from one.
-    """
-
-    where: str
-    data: dict[str, Any]
-    folder: Path
-    spec: Spec
-    block: LearnBlock
-    identified: Path | None
+class LearnProblem(SpecWithBlock[LearnBlock]):
+    """A spec with its block ``learn``."""
 
 
 def read_learn(source: str | Path | dict[str, Any], **changes: Any) -> LearnProblem:

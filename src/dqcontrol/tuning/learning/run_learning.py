@@ -348,6 +348,7 @@ class _Session:
         shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start)
         self.margin = self._margin(models, uncertain)
         self.convergence = self._convergence(shape, models, uncertain)
+        self._warn_near_limit(uncertain)
         self._delay = problem.block.sensor_delay / problem.spec.period
         self.kept: WorkingFolder | None = None
 
@@ -390,22 +391,26 @@ class _Session:
         return models, _with(family.lag, family.delay)
 
     def _margin(self, models: Sequence[LinearModel], uncertain: str) -> float:
-        """Return by how much the law's gain could be multiplied; raise if its loop is unstable, warn if nearly so."""
-        where, period = self.problem.where, self.problem.spec.period
+        """Return by how much the law's gain could be multiplied; raise if its loop is unstable."""
+        period = self.problem.spec.period
         margin = min(gain_margin(gain, each, period) for gain in self.case.gains or () for each in models)
         if margin <= 1:
             raise ValueRangeError(
-                f"{where}: law: its loop is unstable with the model{uncertain}: only {margin:.3g} × its gain is "
-                "stable, and nothing can be said of how it answers a shift; choose less"
+                f"{self.problem.where}: law: its loop is unstable with the model{uncertain}: only {margin:.3g} × its "
+                "gain is stable, and nothing can be said of how it answers a shift; choose less"
             )
-        if margin < _GOOD_MARGIN:
+        return margin
+
+    def _warn_near_limit(self, uncertain: str) -> None:
+        """Say so if the loop is nearly unstable."""
+        if self.margin < _GOOD_MARGIN:
             warnings.warn(
-                f"{where}: law: {margin:.3g} × its gain makes the loop unstable, as the model says{uncertain}, and "
-                f"what is learnt may make it swing; {margin / _GOOD_MARGIN:.2g} × its gain, or less, is well within",
+                f"{self.problem.where}: law: {self.margin:.3g} × its gain makes the loop unstable, as the model says"
+                f"{uncertain}, and what is learnt may make it swing; {self.margin / _GOOD_MARGIN:.2g} × its gain, or "
+                "less, is well within",
                 NoteWarning,
                 stacklevel=2,
             )
-        return margin
 
     def _convergence(self, shape: LoopShape, models: Sequence[LinearModel], uncertain: str) -> Convergence:
         """Return the learning operator, or raise if it does not converge."""
