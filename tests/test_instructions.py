@@ -2,6 +2,7 @@
 
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -27,9 +28,8 @@ def instructions(steps, environment):
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_a_step_takes_no_more_instructions_than_it_did(tmp_path):
-    # Valgrind knows no AVX-512 and not all of AVX, so kernels are compiled for a processor without, and outside of it.
-    plain = {"NUMBA_CPU_NAME": "x86-64-v2", "NUMBA_CPU_FEATURES": "", "PYTHONHASHSEED": "0"}
-    environment = dict(os.environ, DQCONTROL_CACHE=str(tmp_path), **plain)
+    environment = {**os.environ, **runpy.run_path(str(SCRIPT))["PLAIN"], "DQCONTROL_CACHE": str(tmp_path)}
+    # Kernels are compiled outside of valgrind.
     subprocess.run([sys.executable, str(SCRIPT), "10"], env=environment, check=True)
     few, many = (instructions(steps, environment) for steps in STEPS)
     count = (many - few) / (STEPS[1] - STEPS[0])

@@ -31,6 +31,7 @@ class Given(NamedTuple):
 
 
 inner, outer, given = MemoryLayout(Inner, "k"), MemoryLayout(Outer, "n"), Bundle(Given)
+unchecked = MemoryLayout(Outer, "n", unchecked=True)
 N = 2
 MEMORY = np.arange(22.0)
 
@@ -44,6 +45,10 @@ def weighed(arrays, values):
     arrays.out[1] = kept.first + 10.0 * kept.rest[2]
     arrays.out[2] = parts.table[1, 0]
     arrays.out[3] = parts.drives[parts.drives.shape[0] - 1, 2]
+    same = unchecked(values, 2)
+    arrays.out[4] = same.inner[3] + 10.0 * same.table[1, 0]
+    arrays.out[5] = same.drives[same.drives.shape[0] - 1, 2]
+    same.inner[0] = -2.0
     return OK
 
 
@@ -52,13 +57,14 @@ def test_kernels_and_python_see_the_same_parts_and_share_the_memory(monkeypatch)
     monkeypatch.setattr(kernel_cache, "announce", lambda function: None)
     found = []
     for function in (weighed, Kernel(weighed, STATUS(given.type, WRITE))):
-        memory, out = MEMORY.copy(), np.zeros(4)
+        memory, out = MEMORY.copy(), np.zeros(6)
         constant = np.array([100.0])
         constant.flags.writeable = False
         assert function(given(values=constant, out=out), memory) == OK
         assert memory[0] == -1.0
+        assert memory[2] == -2.0
         found.append(out.tolist())
-    assert found == 2 * [[101.0, 52.0, 8.0, 21.0]]
+    assert found == 2 * [[101.0, 52.0, 8.0, 21.0, 85.0, 21.0]]
 
 
 def test_sizes_places_and_rows_of_layouts():

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.intrinsics import as_matrix, as_row
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
@@ -33,6 +33,9 @@ class MemoryLayout(Generic[Fields]):
         may have ``...`` as size or number of rows, and is then what is left.
     sizes
         Names of the sizes that are not known before.
+    unchecked
+        Kernels take the parts without a comparison with the array's size, which costs a dozen instructions for each.
+        LLVM may then take sums over parts in another order: compare results when a layout gets it.
 
     Examples
     --------
@@ -49,7 +52,7 @@ class MemoryLayout(Generic[Fields]):
     array([1., 2.])
     """
 
-    def __init__(self, fields: type[Fields], *sizes: str) -> None:
+    def __init__(self, fields: type[Fields], *sizes: str, unchecked: bool = False) -> None:
         self.fields = fields
         self.sizes: tuple[str, ...] = sizes
         self.__name__: str = fields.__name__
@@ -60,7 +63,7 @@ class MemoryLayout(Generic[Fields]):
         }
         listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
         self._known_shapes = eval(f"lambda {', '.join([*sizes, _REST])}: ({listed},)")
-        inline(self._taken_apart(), called=self)
+        inline(self._taken_apart(unchecked), called=self)
 
     def __call__(self, memory: Array, *sizes: int) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
@@ -108,7 +111,7 @@ class MemoryLayout(Generic[Fields]):
             place += part.shape[-1]
         return whole
 
-    def _taken_apart(self) -> Any:
+    def _taken_apart(self, unchecked: bool) -> Any:
         """Write the function that takes an array apart in kernels, which cannot loop over fields."""
         lines, parts, place = [f"def taken_apart({', '.join(['memory', *self.sizes])}):"], [], "0"
         for k, shape in enumerate(self._shapes.values()):
@@ -118,12 +121,15 @@ class MemoryLayout(Generic[Fields]):
             if not shape:
                 parts.append(f"memory[{place}]")
             else:
-                row = f"memory[{place} : {place} + {_product(shape)}]"
+                size = _product(shape)
+                row = (
+                    f"as_row(memory, {place}, {size})" if unchecked else f"memory[{place} : {place} + {size}]"
+                )
                 parts.append(row if len(shape) == 1 else f"as_matrix({row}, {', '.join(map(str, shape))})")
             lines.append(f"    place{k} = {place} + {_product(shape)}")
             place = f"place{k}"
         lines.append(f"    return fields({', '.join(parts)})")
-        names = {"fields": self.fields, "as_matrix": as_matrix}
+        names = {"fields": self.fields, "as_matrix": as_matrix, "as_row": as_row}
         exec("\n".join(lines), names)
         return names["taken_apart"]
 

@@ -89,3 +89,11 @@ def define_as_matrix(as_matrix: Callable[..., Any]) -> None:
     @overload(as_matrix)
     def _(array, rows, columns):
         return lambda array, rows, columns: array.reshape(rows, columns)
+
+
+def define_as_row(as_row: Callable[..., Any]) -> None:
+    """Let kernels call this function."""
+
+    @overload(as_row)
+    def _(array, start, count):
+        return lambda array, start, count: array[start : start + count]

@@ -16,7 +16,6 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Schedule, gain_rows
-from dqcontrol.laws.hand_twist import weigh
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
@@ -38,7 +37,7 @@ class RotationWork(NamedTuple):
     omega: Annotated[Array, 3]
 
 
-rotation_work: MemoryLayout[RotationWork] = MemoryLayout(RotationWork)
+rotation_work: MemoryLayout[RotationWork] = MemoryLayout(RotationWork, unchecked=True)
 
 
 class DecoupledWork(NamedTuple):
@@ -80,8 +79,8 @@ class PartialWork(NamedTuple):
 
 
 decoupled_work: MemoryLayout[DecoupledWork] = MemoryLayout(DecoupledWork, "m")
-partial_parameters: MemoryLayout[PartialParameters] = MemoryLayout(PartialParameters)
-partial_work: MemoryLayout[PartialWork] = MemoryLayout(PartialWork, "m")
+partial_parameters: MemoryLayout[PartialParameters] = MemoryLayout(PartialParameters, unchecked=True)
+partial_work: MemoryLayout[PartialWork] = MemoryLayout(PartialWork, "m", unchecked=True)
 
 
 @inline
@@ -203,9 +202,10 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(4):
         rotation.error[i] *= given.gain
     _angular_velocity(pose, rotation)
-    for i in range(3):
-        for c in range(n):
+    for c in range(n):
+        for i in range(3):
             matrix[i, c] = length * twist_jacobian[i, c]
+    for i in range(3):
         omega[i] *= length
     return solve(matrix, omega, own.preferred, given.inverse, own.solver, out)
 
@@ -238,15 +238,16 @@ def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters
     rotate(sample, given.axis, own.there)
     rotate(pose, given.spare, own.spare)
     _turn(axis, own.there, own.spare, target)
+    length = inverse_parameters(given.inverse).length
     for i in range(3):
         target[i] *= given.gain
     for c in range(n):
         x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-        matrix[0, c] = y * axis[2] - z * axis[1]
-        matrix[1, c] = z * axis[0] - x * axis[2]
-        matrix[2, c] = x * axis[1] - y * axis[0]
+        matrix[0, c] = length * (y * axis[2] - z * axis[1])
+        matrix[1, c] = length * (z * axis[0] - x * axis[2])
+        matrix[2, c] = length * (x * axis[1] - y * axis[0])
     for i in range(3):
-        weigh(matrix[i], target, i, inverse_parameters(given.inverse).length)
+        target[i] *= length
     return solve(matrix, target, own.preferred, given.inverse, own.solver, out)
 
 

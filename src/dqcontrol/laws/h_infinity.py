@@ -55,8 +55,8 @@ class HInfinityWork(NamedTuple):
     solver: Annotated[Array, twist_work.sized("m")]
 
 
-h_infinity_parameters: MemoryLayout[HInfinityParameters] = MemoryLayout(HInfinityParameters)
-h_infinity_work: MemoryLayout[HInfinityWork] = MemoryLayout(HInfinityWork, "m")
+h_infinity_parameters: MemoryLayout[HInfinityParameters] = MemoryLayout(HInfinityParameters, unchecked=True)
+h_infinity_work: MemoryLayout[HInfinityWork] = MemoryLayout(HInfinityWork, "m", unchecked=True)
 
 
 @kernel(LAW)

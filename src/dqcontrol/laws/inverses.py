@@ -51,7 +51,7 @@ class SolverWork(NamedTuple):
     column: Annotated[Array, _MOST_ROWS]
 
 
-solver_work: MemoryLayout[SolverWork] = MemoryLayout(SolverWork)
+solver_work: MemoryLayout[SolverWork] = MemoryLayout(SolverWork, unchecked=True)
 
 _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 

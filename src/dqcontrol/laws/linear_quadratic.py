@@ -75,8 +75,10 @@ class LinearQuadraticWork(NamedTuple):
 
 
 pose_feedback: MemoryLayout[PoseFeedback] = MemoryLayout(PoseFeedback)
-twist_feedback: MemoryLayout[TwistFeedback] = MemoryLayout(TwistFeedback)
-linear_quadratic_work: MemoryLayout[LinearQuadraticWork] = MemoryLayout(LinearQuadraticWork, "m")
+twist_feedback: MemoryLayout[TwistFeedback] = MemoryLayout(TwistFeedback, unchecked=True)
+linear_quadratic_work: MemoryLayout[LinearQuadraticWork] = MemoryLayout(
+    LinearQuadraticWork, "m", unchecked=True
+)
 # In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
 _HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
 _BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)

@@ -72,7 +72,7 @@ def gravity_torque(chain, bodies, q, gravity, out, work):
             lx, ly, lz = zy * gz - zz * gy, zz * gx - zx * gz, zx * gy - zy * gx
             out[i] = -(lx * (sx + mass * px) + ly * (sy + mass * py) + lz * (sz + mass * pz))
         levers[i, 0], levers[i, 1], levers[i, 2] = lx, ly, lz
-        sine, cosine = work[i], work[cosines + i]
+        sine, cosine = work[i], cosines[i]
         w, x, y, z, px, py, pz = move_joint(
             w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
         )

@@ -29,7 +29,7 @@ from dqcontrol.compiled.compile import (
     inline,
     kernel,
 )
-from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, caller
+from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix, as_row, caller
 from dqcontrol.robots.sin_cos import FARTHEST, sine_cosine, sines_cosines
 
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
@@ -92,11 +92,11 @@ def move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine):
 
 @inline
 def halves(q, workspace):
-    """Write sines, then cosines, of all half angles; return where the cosines begin, and NaN unless q is finite."""
+    """Write sines, then cosines, of all half angles; return the cosines, and NaN unless q is finite."""
     n = q.shape[0]
     padded = (n + 3) // 4 * 4 if n > 3 else n  # three times this fits into a pose Jacobian
     check, farthest = 0.0, 0.0
-    half = workspace[2 * padded : 3 * padded]
+    cosines, half = as_row(workspace, padded, padded), as_row(workspace, 2 * padded, padded)
     for i in range(n):
         half[i] = 0.5 * q[i]
         check += 0.0 * q[i]
@@ -107,8 +107,8 @@ def halves(q, workspace):
         sines_cosines(half, padded, workspace)
     else:
         for i in range(n):
-            workspace[i], workspace[padded + i] = math.sin(half[i]), math.cos(half[i])
-    return padded, check
+            workspace[i], cosines[i] = math.sin(half[i]), math.cos(half[i])
+    return cosines, check
 
 
 @inline
@@ -192,7 +192,7 @@ def _twist_kinematics(chain, q, pose, twist_jacobian, workspace):
             elif kind == SIDEWAYS:
                 j -= 1  # the column of φ takes its place
         j += 1
-        sine, cosine = workspace[i], workspace[cosines + i]
+        sine, cosine = workspace[i], cosines[i]
         w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, q[i], sine, cosine)
     w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
     store_pose(w, x, y, z, px, py, pz, pose)
@@ -232,7 +232,11 @@ def all_kinematics(chain, q, pose, pose_jacobian, twist_jacobian):
 def split(out):
     """Return the parts of a row as `kinematics` writes it: pose (8), pose Jacobian (8 × m), twist Jacobian (6 × m)."""
     m = (out.shape[0] - 8) // 14
-    return out[0:8], as_matrix(out[8 : 8 + 8 * m], 8, m), as_matrix(out[8 + 8 * m :], 6, m)
+    return (
+        as_row(out, 0, 8),
+        as_matrix(as_row(out, 8, 8 * m), 8, m),
+        as_matrix(as_row(out, 8 + 8 * m, 6 * m), 6, m),
+    )
 
 
 @kernel(CHAIN)
