@@ -59,7 +59,7 @@ def test_zones_angles_and_sights_are_kept_in_two_hundred_runs():
     print(
         f"limits of acceleration exceeded in {(excess > 1e-6).sum()} of 200 runs, by {excess.max():.2g} at most"
     )
-    assert (excess > 1e-6).mean() < 0.1  # several narrow cones at once: angles are kept rather
+    assert excess.max() < 1e-6
 
 
 def gantry():
