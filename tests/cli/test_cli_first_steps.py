@@ -127,7 +127,9 @@ def test_joint_angles_for_a_pose(capsys):
     assert (code, err.startswith("dqcontrol: start: unreachable: the position is 3")) == (2, True)
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize(
+    "shell", ["bash", *(pytest.param(each, marks=pytest.mark.slow) for each in ("zsh", "fish"))]
+)
 def test_shells_complete_commands_and_options(shell):
     script = cli.app.generate_completion(shell=shell)
     for word in ("reproduce", "robots", "solve", "scheduler", "install-completion"):

@@ -67,6 +67,7 @@ def filled(tmp_path_factory):
     return cache, call(cache)
 
 
+@pytest.mark.slow
 def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
     cache, first = filled
     assert first == (0.0, 0, "[]", ANNOUNCED)

@@ -63,7 +63,7 @@ SLOW = {  # parts of commands and of Python
     "painting.md": ("dqcontrol paint",),
     "pereira2016.md": ("--repeats 2", "--plant servo"),
     "physics.md": ("run examples/",),
-    "real-time.md": ("run examples/",),
+    "real-time.md": EVERYTHING,
     "reports.md": ("results/demo", "figures results", "write_report", "column_width"),
     "silva2017.md": ("reproduce",),
     "sweeps.md": EVERYTHING,

@@ -258,6 +258,7 @@ except dqc.Error as error:
 """
 
 
+@pytest.mark.slow
 def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
     (tmp_path / "someones_package.py").write_text(PACKAGE)
     information = tmp_path / "someones_package-1.0.dist-info"

@@ -127,14 +127,8 @@ class Watching(Clock):
         self.is_running = False
 
 
-@pytest.mark.parametrize(
-    "plant",
-    [
-        "servo",
-        pytest.param("compliant", marks=pytest.mark.slow),
-        pytest.param("mobile", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("plant", ["servo", "compliant", "mobile"])
 def test_nothing_is_compiled_or_loaded_while_the_robot_moves(tmp_path, monkeypatch, plant):
     """As in a process that has used no kernel yet; compiling one takes a second, even loading one is several ms."""
     for kernel in [thing for thing in gc.get_objects() if type(thing) is compile.Kernel]:

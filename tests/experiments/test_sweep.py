@@ -59,6 +59,7 @@ def test_files_are_the_same_however_many_processes(tmp_path, small_parts):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["grid", "random", "halton"])
 def test_other_methods(tmp_path, method):
     keys = {"method": method, "points": 4}

@@ -195,6 +195,7 @@ def test_everybody_can_tell_the_colours_apart(sight):
     assert min(np.linalg.norm(a - b) for a, b in itertools.combinations(places, 2)) > 15  # 2 is just seen
 
 
+@pytest.mark.slow
 def test_files_for_papers_have_no_type_3_fonts_and_no_text_that_needs_a_font(tmp_path):
     figure = errors(gallery.run())
     pdf, svg, png = (

@@ -154,6 +154,7 @@ def test_the_loop_in_real_time_does_what_it_does_without(arm):
     assert (timing.idle >= 0).all()
 
 
+@pytest.mark.slow
 def test_a_loop_that_ends_early(arm):
     samples = SetPoint(arm.fkm(Q0)).samples(0.001 * np.arange(1000))
     clock = Clock()
@@ -231,6 +232,7 @@ def test_clocks_that_are_not_allowed(options, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_real_time_scheduling_is_asked_for_and_refusal_is_told(monkeypatch):
     calls = []
     monkeypatch.setattr(os, "sched_getscheduler", lambda pid: 0, raising=False)

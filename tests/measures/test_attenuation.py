@@ -197,6 +197,7 @@ def test_levels_that_are_none(levels, message):
         Gammas(orientation=levels, translation=(1.0, 1.0))
 
 
+@pytest.mark.slow
 def test_random_cases_hold_and_the_worst_case_is_tight():
     print(f"seed {SEED}")
     rows = verify_attenuation(cases=40, seed=SEED)

@@ -189,7 +189,9 @@ def errors_at_both_ends(arm, law, plant, steps, part="all"):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize(
+    "plant", [pytest.param(name, marks=pytest.mark.slow if name[-1] in "14" else ()) for name in PLANTS]
+)
 def test_loops_settle_below_the_limit_and_not_above(arm, law, plant):
     limit = limits_of(PLANTS[plant]).stable
     for share, stable in ((0.95, True), (1.05, False)):

@@ -126,6 +126,7 @@ def test_commands_move_the_target_from_where_it_was_or_from_the_measured_angle()
         np.testing.assert_allclose(live.target, start + T * u, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("accurate", [False, True])
 def test_same_seed_gives_the_same_bits(accurate):
     plant = CompliantPlant(hand=True, encoder_noise=1e-4, accurate=accurate)

@@ -224,6 +224,7 @@ def test_what_is_written_is_read_again(drawn):
     assert list(r.parse_drawing(written(drawn)).strokes) == drawn
 
 
+@pytest.mark.slow
 @given(strokes(), st.booleans())
 def test_any_drawing_is_continuous_and_ends_where_it_says(drawn, follow):
     drawing = r.Drawing(np.eye(8)[0], drawn, plane="xy", orientation="path" if follow else "fixed")

@@ -77,6 +77,7 @@ def test_the_line_of_a_run_gives_it_again(run, tmp_path, monkeypatch):
     assert "<td>numpy</td>" in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("plain")
 def test_the_line_of_a_study_gives_it_again_and_its_page_leads_to_the_runs(tmp_path, monkeypatch):
     spec = {key: value for key, value in SPEC.items() if key != "law"}

@@ -322,6 +322,7 @@ def test_a_base_rolls_on_without_messages_for_as_long_as_somebody_says(spec, nod
     assert "measurement stale" in following.control.reason
 
 
+@pytest.mark.slow
 def test_odometry_that_drifts_says_how_much(spec, node):
     robot = RobotNode(load(spec(**DRIVEN)))
     node.host(robot)
@@ -344,6 +345,7 @@ def test_odometry_that_drifts_says_how_much(spec, node):
     assert 0.0 < off < 6 * 0.05 * np.sqrt(way)
 
 
+@pytest.mark.slow
 def test_a_base_brakes_before_a_keep_out_zone(pair, node):
     """The hand is asked for what stands behind a column; the robot's own limits know nothing of it."""
     ahead = {"kind": "set-point", "offset": {"translation": [0.9, 0.35, 0.0]}}

@@ -75,6 +75,7 @@ def test_a_folder_holds_the_winners_and_a_spec_that_runs(problem, tmp_path):
         tune_to(problem, tmp_path / "out", jobs=1)
 
 
+@pytest.mark.slow
 def test_an_interrupted_search_is_resumed_without_running_anything_again(problem, tmp_path, monkeypatch):
     del problem["laws"]["K"]
     whole = tune_to(problem, tmp_path / "whole", jobs=1)
