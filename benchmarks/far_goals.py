@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
 ARM = [0, -0.9, 0.9, 0.9, 0]
 PERIOD, SEED, COUNT, REACH = 0.05, 2017, 100, 1.5
 REACHED, NEAR = 1e-3, 0.01
-BASE = {"acceleration": BASE_ACCELERATION, "turn_acceleration": BASE_TURN_ACCELERATION}
+BASE: dict[str, Any] = {"acceleration": BASE_ACCELERATION, "turn_acceleration": BASE_TURN_ACCELERATION}
 LAW = laws.GuidedProportional(gain=1.0, constraints=ALL_LIMITS)
 
 
