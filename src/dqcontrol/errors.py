@@ -183,6 +183,8 @@ def as_array(
 
 def as_each(field: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
     """Return so many finite numbers, given one for all of them or one each, as a new array (size,)."""
+    if type(value) is float and -math.inf < value < math.inf:  # each run begins with several of them
+        return np.full(size, value)
     array = as_array(field, value)
     if array.shape not in ((), (size,)):
         raise ShapeError(f"{field}: expected one number or {size}, got shape {array.shape}")

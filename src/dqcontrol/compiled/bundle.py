@@ -30,8 +30,12 @@ class Bundle(Generic[Fields]):
 
     def __init__(self, fields: type[Fields]) -> None:
         hints = get_type_hints(fields, include_extras=True)
-        self._types = {name: hint.__metadata__[0] for name, hint in hints.items()}
-        of_each = tuple(self._types.values())
+        of_each = tuple(hint.__metadata__[0] for hint in hints.values())
+        self._only_read = [
+            name
+            for name, kind in zip(hints, of_each, strict=True)
+            if isinstance(kind, types.Array) and not kind.mutable
+        ]
         is_uniform = len(set(of_each)) == 1
         self.type: Any = (
             types.NamedUniTuple(of_each[0], len(of_each), fields)
@@ -42,12 +46,12 @@ class Bundle(Generic[Fields]):
 
     def __call__(self, **values: Any) -> Fields:
         """Return the tuple of these values."""
-        return self._fields(**{name: _marked(value, self._types[name]) for name, value in values.items()})
+        for name in self._only_read:
+            values[name] = _only_read(values[name])
+        return self._fields(**values)
 
 
-def _marked(value: Any, kind: Any) -> Any:
-    if not isinstance(kind, types.Array) or kind.mutable:
-        return value
+def _only_read(value: Any) -> Any:
     view = np.ascontiguousarray(value).view()
     view.flags.writeable = False
     return view

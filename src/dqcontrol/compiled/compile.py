@@ -42,19 +42,27 @@ def inline(
     *,
     everywhere: bool = True,
     apart: bool = False,
-    called: Any = None,
 ) -> Any:
-    """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python.
+    """Mark a small function that kernels call; it becomes part of each of them, and stays plain Python in Python."""
+    written_by(function, lambda: function, fastmath, everywhere=everywhere, apart=apart)
+    return function
 
-    Kernels call what is ``called``, any object with a name, the function itself if it is omitted.
-    """
+
+def written_by(
+    called: Any,
+    write: Callable[[], Callable[..., Any]],
+    fastmath: set[str] | bool = FAST,
+    *,
+    everywhere: bool = True,
+    apart: bool = False,
+) -> None:
+    """Let kernels call an object that has a name: the function that they call is written when they are compiled."""
     options: Any = {
         "fastmath": fastmath,
         "error_model": "numpy",
         **numba_used.part_options(everywhere=everywhere, apart=apart),
     }
-    overload(called or function, jit_options=options, strict=False)(lambda *arguments, **named: function)
-    return function
+    overload(called, jit_options=options, strict=False)(lambda *arguments, **named: write())
 
 
 def shared(function: Callable[..., Any]) -> Any:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import cached_property
 from math import prod
 from typing import Annotated, Any, Generic, TypeVar, get_type_hints  # noqa: F401 — Annotated for the example
 
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.compile import written_by
 from dqcontrol.compiled.intrinsics import as_matrix, as_row
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
@@ -56,14 +58,22 @@ class MemoryLayout(Generic[Fields]):
         self.fields = fields
         self.sizes: tuple[str, ...] = sizes
         self.__name__: str = fields.__name__
-        hints = get_type_hints(fields, include_extras=True)
-        self._shapes = {
+        self._unchecked = unchecked
+        written_by(self, lambda: self._taken_apart)
+
+    @cached_property
+    def _shapes(self) -> dict[str, tuple[int | str, ...]]:
+        """Of the fields by name; found on first use, as all else of a layout: most programs need few of them."""
+        hints = get_type_hints(self.fields, include_extras=True)
+        return {
             name: tuple(_REST if size is ... else size for size in getattr(hint, "__metadata__", ()))
             for name, hint in hints.items()
         }
+
+    @cached_property
+    def _known_shapes(self) -> Callable[..., tuple[tuple[int, ...], ...]]:
         listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
-        self._known_shapes = eval(f"lambda {', '.join([*sizes, _REST])}: ({listed},)")
-        inline(self._taken_apart(unchecked), called=self)
+        return eval(f"lambda {', '.join([*self.sizes, _REST])}: ({listed},)")
 
     def __call__(self, memory: Array, *sizes: int) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
@@ -111,7 +121,8 @@ class MemoryLayout(Generic[Fields]):
             place += part.shape[-1]
         return whole
 
-    def _taken_apart(self, unchecked: bool) -> Any:
+    @cached_property
+    def _taken_apart(self) -> Any:
         """Write the function that takes an array apart in kernels, which cannot loop over fields."""
         lines, parts, place = [f"def taken_apart({', '.join(['memory', *self.sizes])}):"], [], "0"
         for k, shape in enumerate(self._shapes.values()):
@@ -123,7 +134,9 @@ class MemoryLayout(Generic[Fields]):
             else:
                 size = _product(shape)
                 row = (
-                    f"as_row(memory, {place}, {size})" if unchecked else f"memory[{place} : {place} + {size}]"
+                    f"as_row(memory, {place}, {size})"
+                    if self._unchecked
+                    else f"memory[{place} : {place} + {size}]"
                 )
                 parts.append(row if len(shape) == 1 else f"as_matrix({row}, {', '.join(map(str, shape))})")
             lines.append(f"    place{k} = {place} + {_product(shape)}")

@@ -270,10 +270,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     def _each(self, field: str, n: int, *, zero_allowed: bool = True) -> Array:
         """Return a parameter of each of n joints, checked."""
         values = as_each(f"plant.{field}", getattr(self, field), n)
-        if (values < 0).any() or (not zero_allowed and (values == 0).any()):
-            raise ValueRangeError(
-                f"plant.{field}: must be {'≥' if zero_allowed else '>'} 0, got {values.min():g}"
-            )
+        least = values.min(initial=np.inf)
+        if least < 0 or (least == 0 and not zero_allowed):
+            raise ValueRangeError(f"plant.{field}: must be {'≥' if zero_allowed else '>'} 0, got {least:g}")
         return values
 
     def _answers(self, n: int, dt: float) -> list[_Answer]:
