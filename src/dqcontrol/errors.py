@@ -183,12 +183,10 @@ def as_array(
 
 def as_each(field: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
     """Return so many finite numbers, given one for all of them or one each, as a new array (size,)."""
-    if type(value) is float and -math.inf < value < math.inf:  # each run begins with several of them
-        return np.full(size, value)
     array = as_array(field, value)
     if array.shape not in ((), (size,)):
         raise ShapeError(f"{field}: expected one number or {size}, got shape {array.shape}")
-    return np.broadcast_to(array, (size,)).copy()
+    return np.full(size, array)
 
 
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
