@@ -4,6 +4,7 @@ Pages stay plain Markdown, good to read on GitHub too; what only the site can sh
 """
 
 import inspect
+import itertools
 import re
 
 from pygments.lexers.special import TextLexer
@@ -75,6 +76,20 @@ def commands():
     return re.sub(r"docs/([\w-]+\.md)", r"[](\1)", text[text.index("## dqcontrol ") :])
 
 
+def attributes(app, what, name, obj, options, lines):
+    """Give each of several attributes that share a text their own: napoleon takes the first for the other's type."""
+    start = lines.index("Attributes") + 2 if "Attributes" in lines else len(lines)
+    found = lines[:start]
+    for i, line in enumerate(lines[start:], start):
+        if re.fullmatch(r"\w+(, \w+)+", line):
+            text = list(itertools.takewhile(lambda each: each.startswith(" "), lines[i + 1 :]))
+            first, *others = line.split(", ")
+            found += [part for each in others for part in (each, *text)] + [first]
+        else:
+            found.append(line)
+    lines[:] = found
+
+
 def formulas(app, what, name, obj, options, lines):
     """Make `name` a link, and keep signs of formulas, as in x*x_d and |ω|, from being read as markup."""
     if what in ("attribute", "data", "property"):
@@ -99,6 +114,7 @@ def short_types(app, what, name, obj, options, lines):
 def setup(app):
     """Register what changes pages before napoleon reads docstrings, and after."""
     app.connect("source-read", fill)
+    app.connect("autodoc-process-docstring", attributes, priority=300)
     app.connect("autodoc-process-docstring", formulas, priority=400)
     app.connect("autodoc-process-docstring", short_types, priority=600)
     app.add_lexer("csv", TextLexer)

@@ -40,7 +40,9 @@ def test_modules_that_are_gone(old, new):
     pytest.importorskip("rclpy" if "ros2" in old else "numpy")
     home = importlib.import_module(new)
     name = next(
-        name for name, value in vars(home).items() if getattr(value, "__module__", "").startswith("dqcontrol")
+        name
+        for name in getattr(home, "__all__", vars(home))
+        if getattr(getattr(home, name), "__module__", "").startswith("dqcontrol")
     )
     with pytest.warns(DeprecationWarning, match=f"{old}.{name} is now {new}.{name}"):
         assert getattr(importlib.import_module(old), name) is getattr(home, name)

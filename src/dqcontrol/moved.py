@@ -107,9 +107,15 @@ def names_at(module: str, new: str) -> Sequence[str]:
     return _NAMES[module][new] or import_module(new).__all__
 
 
-def names_moved_from(module: str) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a module where names have left or changed."""
-    return lambda name: find_moved(module, name)
+def names_moved_from(module: str, offered: Callable[[str], Any] | None = None) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module where names have left or changed, or of a package, given its own."""
+
+    def get(name: str) -> Any:
+        if offered is not None and name in sys.modules[module].__all__:
+            return offered(name)
+        return find_moved(module, name)
+
+    return get
 
 
 def renamed_parameters(**new_names: str) -> Callable[[T], T]:

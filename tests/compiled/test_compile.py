@@ -207,17 +207,17 @@ def test_old_versions_of_a_modules_kernels_are_removed_and_nothing_else(tmp_path
 
 @pytest.mark.slow
 def test_an_edit_recompiles_only_what_it_can_change(tmp_path):
-    """A figure's source is none of the kernel's business; one that it imports by three detours is."""
+    """A figure's source is none of the kernel's business, nor another law's; what it imports by three detours is."""
     copy = tmp_path / "source" / "dqcontrol"
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     cache = tmp_path / "cache"
     assert call(cache, copy.parent)[:2] == (0.0, 0)
-    for path in (copy / "figures" / "style.py", copy / "cli" / "screen.py", copy / "__init__.py"):
+    for path in (copy / "figures" / "style.py", copy / "laws" / "cascade.py", copy / "__init__.py"):
         path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
     assert call(cache, copy.parent)[:2] == (0.0, 1)
-    path = copy / "compiled" / "intrinsics.py"
-    path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
-    assert call(cache, copy.parent)[:2] == (0.0, 0)
+    for path in (copy / "compiled" / "intrinsics.py", copy / "references" / "reference.py"):
+        path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
+        assert call(cache, copy.parent)[:2] == (0.0, 0)
 
 
 def test_import_compiles_nothing_and_loads_nothing_heavy(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError
 from dqcontrol.laws import JointCentring, LimitAvoidance, ManipulabilityAscent, Posture, Proportional
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 SEED = 20261121
 REST = np.array([0.3, -0.4, 0.2, 0.1, -0.5, 0.6, 0.3, -0.2])

@@ -12,7 +12,7 @@ from dqcontrol.geometry import FloorMap
 from dqcontrol.limits import CircularZone, KeepOutZones, MapZone, PolygonalZone, Supervisor
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
 from dqcontrol.limits.supervisor.keep_out_step import clearance
-from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, RESET, STOP
+from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
 
 T = 0.02
 BASES = {

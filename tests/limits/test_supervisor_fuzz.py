@@ -10,7 +10,7 @@ from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.limits import Supervisor, WorkspaceBox
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
-from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, RESET, STOP
+from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
 from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR, supervise
 from dqcontrol.robots import kinematics_kernels as kernels
 

@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.laws import Proportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, Supervisor, WeightedLeastNorm
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
-from dqcontrol.limits.supervisor.prepared_supervisor import GO, RESET, STOP
+from dqcontrol.limits.supervisor.supervisor_layout import GO, RESET, STOP
 
 SEED = 20261122
 RIM = 0.8  # m/s

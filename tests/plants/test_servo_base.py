@@ -8,7 +8,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.laws import Proportional
 from dqcontrol.plants import Camera, Servo
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 SEED = 20261123
 T = 0.01

@@ -24,7 +24,7 @@ _GHOST = 0.35  # opacity of all but the first of runs in one place
 
 
 class Page(ServedPage):
-    """A browser page that shows runs; `serve` keeps it going.
+    """A browser page that shows runs; ``serve`` keeps it going.
 
     Parameters
     ----------

@@ -24,7 +24,8 @@ from dqcontrol.robots.description import foot_below, joint_range, rod_radii
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.whole_body import Drive, Mover, base_coordinates, parts_with_offsets
+from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.whole_body import Drive, Mover, parts_with_offsets
 
 Colour = tuple[int, int, int]
 

@@ -25,7 +25,7 @@ _FREE = {"revolute": math.pi, "prismatic": 1.0}  # rad, m: ends of sliders where
 
 
 class RobotPage(ServedPage):
-    """A browser page that shows a robot; `serve` keeps it going.
+    """A browser page that shows a robot; ``serve`` keeps it going.
 
     Parameters
     ----------

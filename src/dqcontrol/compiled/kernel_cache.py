@@ -34,6 +34,7 @@ _OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
 _IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
+_OFFER = re.compile(r"^from +\.([\w.]*) +import +(\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 
 @functools.cache
@@ -44,21 +45,36 @@ def _file(module: str) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
+def _names(imported: str) -> list[str]:
+    return re.findall(r"(\w+)(?: +as +\w+)?", re.sub("#.*", "", imported))
+
+
+@functools.cache
+def _offers(package: str) -> dict[str, str]:
+    """Return the modules of what a package offers in its stub, by name; empty of a module."""
+    path = _file(package)
+    stub = path.with_suffix(".pyi") if path else None
+    if stub is None or not stub.is_file():
+        return {}
+    found = _OFFER.findall(stub.read_text(encoding="utf-8"))
+    return {name: f"{package}.{module or name}" for module, imported in found for name in _names(imported)}
+
+
 @functools.cache
 def _imports(module: str, lazily: bool) -> frozenset[str]:
     """Return the modules of ours that a module names in imports, in those inside functions too if ``lazily``."""
     path = _file(module)
     assert path is not None
-    found = set()
+    found = set(_offers(module).values())
     for origin, names, whole in (_ANYWHERE if lazily else _AT_IMPORT).findall(
         path.read_text(encoding="utf-8")
     ):
         if whole:
             found.add(whole)
             continue
-        for name in re.findall(r"(\w+)(?: +as +\w+)?", re.sub("#.*", "", names)):
+        for name in _names(names):
             submodule = f"{origin}.{name}"
-            found.add(submodule if _file(submodule) else origin)
+            found.add(submodule if _file(submodule) else _offers(origin).get(name, origin))
     return frozenset(found)
 
 

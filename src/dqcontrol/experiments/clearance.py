@@ -16,7 +16,7 @@ from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 
 def hand_clearance(robot: Robot, q: Array, position: Array) -> Array:

@@ -30,7 +30,7 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away

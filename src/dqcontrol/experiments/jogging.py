@@ -24,7 +24,7 @@ from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.recording import load_record
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _STEPS = 100_000  # of noise drawn; then it repeats
 _TRIES = 500

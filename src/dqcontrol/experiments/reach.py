@@ -12,7 +12,8 @@ from dqcontrol.errors import LimitWarning, ReachError
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, TreeRobot, WholeBody, describe
-from dqcontrol.robots.whole_body import base_coordinates, parts_with_offsets
+from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.whole_body import parts_with_offsets
 
 _POSES = 200  # of the reference, evenly spaced
 _RESTARTS = 100

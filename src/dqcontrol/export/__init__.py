@@ -1,6 +1,5 @@
 """Controllers as libraries in C: a prepared law, its supervisor and its reference for a robot's own computer."""
 
-from dqcontrol.export.compiled_run import run_compiled_in_real_time
-from dqcontrol.export.controller_folder import ExportSummary, export_controller
+import lazy_loader
 
-__all__ = ["ExportSummary", "export_controller", "run_compiled_in_real_time"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

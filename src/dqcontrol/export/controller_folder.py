@@ -87,7 +87,7 @@ def export_controller(
     law
         Label of the law, for specs with several.
     target
-        Processor: one of `dqcontrol.compiled.object_code.TARGETS`.
+        Processor: one of ``dqcontrol.compiled.object_code.TARGETS``.
     force
         Replace the folder, if it holds an earlier export.
 

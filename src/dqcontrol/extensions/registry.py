@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, TypeVar, Union
 
@@ -15,21 +16,24 @@ T = TypeVar("T")
 S = TypeVar("S", bound=msgspec.Struct)
 
 
-def registered(base: type[T], group: str) -> list[type[T]]:
-    """Return all subclasses of a class that have been imported, after those of installed packages were.
+def registered(base: type[T], group: str = "") -> list[type[T]]:
+    """Return all subclasses of a class: those of a package of ours, and those that installed packages offer.
 
     Parameters
     ----------
     base
         The class.
     group
-        Entry points of this name give the subclasses that other packages offer.
+        Name of our package, and of the entry points by which other packages offer theirs; without it the subclasses
+        that have been imported.
 
     Raises
     ------
     FileFormatError
         If an entry point cannot be loaded or is no such subclass.
     """
+    for name in import_module(group).__all__ if group else ():
+        getattr(import_module(group), name)
     for point in entry_points(group=group):
         try:
             offered = point.load()

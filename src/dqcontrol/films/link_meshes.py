@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.robot_bodies import arm_meshes, chain_rows, smoothed
 from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
 from dqcontrol.robots import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _FLAT = 1e-9  # m²; MuJoCo refuses meshes without area
 

@@ -1,35 +1,5 @@
 """Shapes in space: their signed distances, with points, normals and Jacobians; and capsules around points."""
 
-from dqcontrol.geometry.bounding_capsule import bounding_capsule
-from dqcontrol.geometry.floor_map import FloorMap, load_map
-from dqcontrol.geometry.shapes import (
-    Box,
-    Capsule,
-    Cylinder,
-    HalfSpace,
-    Line,
-    Plane,
-    Point,
-    Shape,
-    Sphere,
-)
-from dqcontrol.geometry.signed_distance import Distance, distance, distance_jacobian, distance_rate
+import lazy_loader
 
-__all__ = [
-    "Box",
-    "Capsule",
-    "Cylinder",
-    "Distance",
-    "FloorMap",
-    "HalfSpace",
-    "Line",
-    "Plane",
-    "Point",
-    "Shape",
-    "Sphere",
-    "bounding_capsule",
-    "distance",
-    "distance_jacobian",
-    "distance_rate",
-    "load_map",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -67,7 +67,7 @@ class Shape:
 
     @cached_property
     def row(self) -> Array:
-        """The numbers that compiled code takes, shape (16,): `geometry.distance_kernels` says which."""
+        """The numbers that compiled code takes, shape (16,): ``geometry.distance_kernels`` says which."""
         row = np.zeros(kernels.SHAPE)
         self._fill(row)
         row.flags.writeable = False

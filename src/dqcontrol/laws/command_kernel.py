@@ -12,9 +12,8 @@ from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
 from dqcontrol.compiled.intrinsics import caller
-from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.constrained.constrained_step import CONSTRAINT
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.laws.task_levels import TASKS
 from dqcontrol.limits.position_limit import POSITION_LIMIT

@@ -26,9 +26,7 @@ from dqcontrol.laws.command_kernel import (
     sent,
     step,
 )
-from dqcontrol.laws.constrained.constrained_step import keep_constraints
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
-from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
@@ -41,6 +39,7 @@ from dqcontrol.robots.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
+    from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
     from dqcontrol.references import Reference
 
 CommandMode = Literal["integrated", "measured"]
@@ -195,7 +194,7 @@ class PreparedLaw:
     constraints
         What is kept, made ready; None without.
     report
-        What became of that at the last command, see `Report`; empty without constraints.
+        What became of that at the last command, see ``Report``; empty without constraints.
     """
 
     work: Array
@@ -236,7 +235,7 @@ class PreparedLaw:
                 raise ShapeError(
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
-            self.constraints = PreparedConstraints(law.constraints, robot, dt, command_mode, lag)
+            self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -321,10 +320,10 @@ class PreparedLaw:
 
     @property
     def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
-        """What compiled code calls, by its name in `Plan`; None where nothing is to be done."""
+        """What compiled code calls, by its name in ``Plan``; None where nothing is to be done."""
         kinematics = self.robot.kernels.twist_kinematics
         tasks = self.tasks.kernel if self.tasks else None
-        kept = keep_constraints if self.constraints else None
+        kept = self.constraints.kernel if self.constraints else None
         stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept
         return dict(zip(Plan._fields, stages, strict=False))
 
@@ -469,7 +468,7 @@ class PreparedLaw:
             table, address = self.robot.table, self.robot.kernels.twist_kinematics.pointer
             metric = parts.tasking_work[max(len(parts.tasking_work) - len(out) ** 2, 0) :]
             given = q, sample, row, twist_jacobian, metric, state
-            status = keep_constraints(address, table, *given, *own, out)
+            status = self.constraints.kernel(address, table, *given, *own, out)
             if status:
                 return LAW_FAILED + status
         self._note_sent(None, None, state, out)

@@ -19,8 +19,7 @@ from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.driving import DRIVE_COLUMNS
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import Robot, base_coordinates
 
 # q, twist jacobian, parameters, work, preferred motion z
 PREFERENCE = STATUS(INPUT, READ2, READ, WRITE, WRITE)

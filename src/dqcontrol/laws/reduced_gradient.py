@@ -120,8 +120,8 @@ class ReducedGradient(PoseLaw, frozen=True, kw_only=True, tag="reduced-gradient"
     """K that spends its freedom along the reduced gradient. [De Luca and Oriolo 1991; for drives De Luca et al. 2006]
 
     The inputs are parted into u_a, as many as the task needs, and the others, u_b, whose gradient of an objective H is
-    that of H along the motions that keep the task. With the motion z = −α∇H that `null_space` prefers and y the hand's
-    twist that `Proportional` asks for:
+    that of H along the motions that keep the task. With the motion z = −α∇H that ``null_space`` prefers and y the twist
+    of the hand that `Proportional` asks for:
 
     u_b = z_b − Aᵀ z_a,   u_a = J_a⁻¹ y − A u_b,   A = J_a⁻¹ J_b.
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,11 +50,12 @@ from dqcontrol.errors import (
 )
 from dqcontrol.references import Reference
 from dqcontrol.references.sample import SAMPLE_SIZE
-from dqcontrol.robots.joined_chains import chain_as_tree
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
 from dqcontrol.robots.pose_task_kernels import COLUMNS, task_twist_kinematics
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.tree_robot import PoseTask, TreeRobot
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.tree_robot import PoseTask, TreeRobot
 
 TaskPart = Literal["pose", "position", "orientation", "axis", "line"]
 POSTURE = "posture"
@@ -386,8 +387,9 @@ class PreparedTasks:
     kernel = do_tasks
 
     def __init__(self, robot: Robot, tasks: list[FurtherTask], start: Array, times: Array) -> None:
-        tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
-        self.robot: TreeRobot = tree
+        from dqcontrol.robots.joined_chains import chain_as_tree  # most laws have no further tasks
+
+        self.robot: TreeRobot = chain_as_tree(robot)
         self.tasks: list[PoseTask | None] = []  # None: a posture
         self.labels: list[str] = []
         rows, blocks, at = [], [], _ROW * len(tasks)
@@ -395,9 +397,9 @@ class PreparedTasks:
         self.parts: list[str] = [each.part for each in tasks]
         for i, each in enumerate(tasks):
             with error_prefix(f"tasks[{i}]"):
-                task, table, samples = _made_ready(each, tree, start, times)
+                task, table, samples = _made_ready(each, self.robot, start, times)
                 rows.append(_checked_row(each, at, table, samples))
-            if task is not None and task == tree.task:
+            if task is not None and task == self.robot.task:
                 raise ValueRangeError(
                     f"tasks[{i}]: {task.label} is what the law drives; give it another task"
                 )

@@ -1,19 +1,5 @@
 """Users' own logs of joints: read, and measured against a reference."""
 
-from dqcontrol.logs.calibration import Calibration, calibrate
-from dqcontrol.logs.evaluation import evaluate_log
-from dqcontrol.logs.joint_log import JointLog, read_joint_log
-from dqcontrol.logs.servos import Excitation, Identification, JointIdentification, excite, identify
+import lazy_loader
 
-__all__ = [
-    "Calibration",
-    "Excitation",
-    "Identification",
-    "JointIdentification",
-    "JointLog",
-    "calibrate",
-    "evaluate_log",
-    "excite",
-    "identify",
-    "read_joint_log",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

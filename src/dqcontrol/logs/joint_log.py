@@ -75,7 +75,7 @@ def read_joint_log(
     behind a name, as ``time [ms]`` (s, ms, us, ns), ``q1 [deg]`` (rad, deg; m, mm for sliding joints), ``q1_deg`` or
     ``u1 [deg/s]``. Other columns, empty lines and lines that begin with ``#`` are left out; a ``#`` before the
     names themselves is allowed. Time without a unit whose steps are 0.5 or longer is taken for ms, µs or ns; angles
-    without a unit that leave the robot's limits by turns are taken for degrees; `JointLog.notes` says so.
+    without a unit that leave the robot's limits by turns are taken for degrees; ``JointLog.notes`` says so.
 
     In recordings, positions come from a topic of type sensor_msgs/JointState at the times in the headers (at the
     times of recording, where the headers have none); messages that name no joint of the robot are left out.

@@ -13,9 +13,7 @@ from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.supervisor.prepared_supervisor import GO
-from dqcontrol.limits.supervisor.supervisor_layout import moment_layout
-from dqcontrol.limits.supervisor.supervisor_step import supervise
+from dqcontrol.limits.supervisor.supervisor_layout import GO, moment_layout
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
@@ -106,7 +104,7 @@ def close_loop(
                 f"disturbance: was started for {len(disturbance.rows)} periods, got {len(samples)} samples"
             )
     if supervision is not None:
-        _ = supervise.pointer  # compiled now, not while the robot moves
+        _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
     steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
@@ -142,7 +140,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     status = compiled.rollout(
         compiled.stages(
             kinematics=law.robot.kernels.twist_kinematics.pointer,
-            supervisor=supervise.pointer if supervision else 0,
+            supervisor=supervision.supervisor.kernel.pointer if supervision else 0,
             disturbance=disturbance.kernel.pointer if disturbance else 0,
             plant=plant_pointer,
             settled=compiled.settled.pointer if stop else 0,

@@ -13,7 +13,7 @@ from dqcontrol.laws import PreparedLaw
 from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import EMERGENCY, SOFT_STOP, stop_category
-from dqcontrol.limits.supervisor.prepared_supervisor import END, GO, STOP
+from dqcontrol.limits.supervisor.supervisor_layout import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target

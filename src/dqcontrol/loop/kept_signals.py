@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.laws.constrained.constraint_layout import NUMBERS
 from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 
@@ -49,11 +48,12 @@ def kept_signals(law: PreparedLaw, q: Array, times: Array, reports: Array | None
         room[:, owner] = np.minimum(room[:, owner], values[:, i] - kept.asked[i])
         units[owner] = "rad" if kept.is_angle[i] else "m"
     rates = tuple(f"{unit}/s" for unit in units)
-    pressure, slack = (reports[:, NUMBERS + k * count : NUMBERS + (k + 1) * count] for k in (1, 2))
+    numbers = kept.report - 3 * count
+    pressure, slack = (reports[:, numbers + k * count : numbers + (k + 1) * count] for k in (1, 2))
     return {
         DISTANCE: Signal(DISTANCE, names, tuple(units), distance),
         ROOM: Signal(ROOM, names, tuple(units), room),
         PRESSURE: Signal(PRESSURE, names, ("",) * count, pressure),
         SLACK: Signal(SLACK, names, rates, slack),
-        EFFECT: Signal(EFFECT, _PARTS, _UNITS, reports[:, :NUMBERS]),
+        EFFECT: Signal(EFFECT, _PARTS, _UNITS, reports[:, :numbers]),
     }

@@ -11,8 +11,7 @@ from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, NOW
-from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR
+from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
 

@@ -11,7 +11,6 @@ from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import WholeBody
 
 ACTUATORS = "actuator_command"
 TASK = "task."  # before the names of further tasks
@@ -90,7 +89,11 @@ def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.f
     q, command
         Configurations and inputs, shapes (N, n) and (N, m); u_f is NaN where one is not finite.
     """
-    if not isinstance(robot, WholeBody) or not len(robot.drives):
+    if not len(robot.drives):
+        return {}
+    from dqcontrol.robots.whole_body import WholeBody  # what has drives has imported it
+
+    if not isinstance(robot, WholeBody):
         return {}
     driven = robot.in_form("constrained")
     finite = np.isfinite(q).all(axis=1) & np.isfinite(command).all(axis=1)

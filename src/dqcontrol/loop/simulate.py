@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law, PreparedLaw
 from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
-from dqcontrol.limits import CommandLimits, Supervisor
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
@@ -26,6 +27,9 @@ from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.limits import Supervisor
 
 _MOST_STEPS = 10_000_000
 

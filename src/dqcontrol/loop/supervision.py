@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +12,13 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
-from dqcontrol.limits.supervisor.prepared_supervisor import END, FINISH, GO, STOP, PreparedSupervisor
+from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.live_plant import MovedPlant, live_plant
+
+if TYPE_CHECKING:
+    from dqcontrol.limits import PreparedSupervisor
 
 Watch = Callable[[float, tuple[str, ...]], None]
 

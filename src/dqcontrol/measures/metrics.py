@@ -147,7 +147,7 @@ class Metrics:
         From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
     task
         Whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
-        `task_result`.
+        ``task_result``.
     peak_velocity_share
         Largest command over the velocity limit of its input, 1 at the limit; NaN without limits or commands, and where
         commands count from the measured joints.
@@ -250,9 +250,9 @@ def evaluate(
     law
         What drove the hand: of one that controls a part of the pose only that part's task is judged.
     robot
-        That of the run, to tell whether a singularity is in the way of its task; see `task_result`.
+        That of the run, to tell whether a singularity is in the way of its task; see ``task_result``.
     low_pass
-        Cut-off of the filter (`low_passed`) behind joint steps and path, speed and acceleration of the hand, Hz: the
+        Cut-off of the filter (``low_passed``) behind joint steps and path, speed and acceleration of the hand, Hz: the
         noise of encoders is most of the differences of what was measured. Default: none.
 
     Raises

@@ -36,7 +36,7 @@ class ControllerSettings(NamedTuple):
 
 
 class MovedPlant(Protocol):
-    """The least that a plant at work has; `live_plant` adds the defaults of `LivePlant`.
+    """The least that a plant at work has; ``live_plant`` adds the defaults of `LivePlant`.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class MovedPlant(Protocol):
 
 
 class LivePlant:
-    """A plant at work, at one configuration: `q`, `measured` and `step`, and as much of the rest as it has.
+    """A plant at work, at one configuration: `q`, ``measured`` and `step`, and as much of the rest as it has.
 
     Attributes
     ----------

@@ -20,8 +20,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import Robot, base_coordinates
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)

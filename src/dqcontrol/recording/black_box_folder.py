@@ -13,7 +13,7 @@ FOLDER = "black-box"  # its name in a folder of results
 
 
 def save_black_box(black_box: BlackBox, folder: str | Path, spec: str, stopped: str) -> Path:
-    """Write it as a folder that `dqcontrol figures` and `view` read; a number is added if there is one already.
+    """Write it as a folder that `dqcontrol figures` and ``view`` read; a number is added if there is one already.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ class RecordStream:
     def take(
         self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
     ) -> None:
-        """Hand over one sample, as `SampleSink.take` says; returns at once."""
+        """Hand over one sample, as ``SampleSink.take`` says; returns at once."""
         self._waiting.append((sample.copy(), q.copy(), measured.copy(), command.copy(), interventions))
 
     def close(self, stopped: str = "") -> None:

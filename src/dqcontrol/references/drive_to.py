@@ -31,7 +31,7 @@ from dqcontrol.references.ways_around import WaysAround, across, folded_posture,
 from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ValueRangeError, as_array, as_count, as_positive
 from dqcontrol.robots import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _MOST_DRAWS = 1000  # for each goal
 

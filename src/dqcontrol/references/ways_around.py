@@ -14,7 +14,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, FloorMap, Sphere
 from dqcontrol.robots import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 _CELL = 0.05  # m
 _MOST_CELLS = 100_000

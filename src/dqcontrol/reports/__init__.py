@@ -1,9 +1,5 @@
 """Pages of runs, studies and parameter studies."""
 
-from dqcontrol.reports.report import write_report
-from dqcontrol.reports.rewritten import rewrite_reports
+import lazy_loader
 
-__all__ = [
-    "rewrite_reports",
-    "write_report",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -88,7 +88,7 @@ class HolonomicBase:
     turn_rate
         Largest |φ̇|, rad/s.
     acceleration, turn_acceleration
-        With which its speed and its turning change at most, m/s² and rad/s²; plants with motors keep them: `servo`.
+        With which its speed and its turning change at most, m/s² and rad/s²; plants with motors keep them: ``servo``.
     size
         Length, width and height of the box that stands for it among the robot's shapes, m; it stands on the floor, its
         middle at (x, y). Without it the base has no shape.
@@ -150,7 +150,7 @@ class DifferentialDrive:
         Largest speed of the wheels' rims, m/s. It limits |v| + b |ω|; so the limits of the inputs, each alone, are
         rim_speed and rim_speed / b.
     acceleration, turn_acceleration
-        Largest |v̇| and |ω̇|, m/s² and rad/s²; plants with motors keep them: `servo` and `mobile`.
+        Largest |v̇| and |ω̇|, m/s² and rad/s²; plants with motors keep them: ``servo`` and ``mobile``.
     chassis
         Its body, for physics.
 

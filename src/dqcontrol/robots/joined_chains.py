@@ -18,8 +18,10 @@ _HAND = "hand"
 def chain_as_tree(robot: Robot) -> TreeRobot:
     """Return a chain as a tree of one branch, whose frames are ``hand`` and, by its name, that of each joint.
 
-    q, inputs and limits are the same.
+    q, inputs and limits are the same. A tree is returned as it is.
     """
+    if isinstance(robot, TreeRobot):
+        return robot
     joints, frames = joined_chains({_HAND: robot})
     own = {name: NamedFrame(i, shift()) for i, name in enumerate(robot.joint_names) if name != _HAND}
     tree = TreeRobot(

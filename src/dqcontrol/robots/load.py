@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dqcontrol.errors import (
     MissingExtraError,
@@ -16,20 +16,16 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.files.yaml_file import parse_yaml, read_text
-from dqcontrol.robots.found_base import DriveKind
-from dqcontrol.robots.link_tree import LinkTree
-from dqcontrol.robots.mjcf import mjcf_tree
-from dqcontrol.robots.mobile_robot_file import MJCF, mobile_robot_from
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.robot_file import arm_from
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_file import tree_from
-from dqcontrol.robots.tree_robot import TreeRobot
-from dqcontrol.robots.two_arms_file import two_arms_from
-from dqcontrol.robots.urdf import load_urdf, urdf_tree
-from dqcontrol.robots.urdf_xml import XACRO
-from dqcontrol.robots.whole_body import WholeBody
-from dqcontrol.robots.whole_body_file import whole_body_from
+from dqcontrol.robots.suffixes import MJCF, URDF, XACRO
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.found_base import DriveKind
+    from dqcontrol.robots.link_tree import LinkTree
+    from dqcontrol.robots.tree_robot import TreeRobot
+    from dqcontrol.robots.whole_body import WholeBody
 
 EXAMPLES = "example-robot-data"
 _SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
@@ -191,6 +187,8 @@ def load_mobile(
     >>> dqc.load_mobile(path).parts[0].half_track
     0.2
     """
+    from dqcontrol.robots.mobile_robot_file import mobile_robot_from  # as other readers: when a file needs it
+
     return mobile_robot_from(
         file_of(source),
         tip_link,
@@ -212,7 +210,7 @@ def file_of(source: str | Path) -> Path:
     text = str(source)
     package, colon, inner = text.partition(":")
     path = _example(inner) if package == EXAMPLES and colon else Path(text)
-    if path.suffix.lower() not in (".urdf", XACRO, MJCF):
+    if path.suffix.lower() not in (URDF, XACRO, MJCF):
         raise UnknownNameError(
             f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, which could have wheels"
         )
@@ -223,24 +221,37 @@ def _links(source: str | Path) -> LinkTree:
     text = str(source)
     package, colon, inner = text.partition(":")
     suffix = Path(text).suffix.lower()
-    if package == EXAMPLES and colon:
-        return urdf_tree(_example(inner))
+    is_example = package == EXAMPLES and colon
+    if is_example or suffix in (URDF, XACRO):
+        from dqcontrol.robots.urdf import urdf_tree
+
+        return urdf_tree(_example(inner) if is_example else text)
     if suffix == MJCF:
-        return mjcf_tree(text)
-    if suffix in (".urdf", XACRO):
-        return urdf_tree(text)
+        return _mjcf_tree(text)
     raise UnknownNameError(
         f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, whose links form a tree"
     )
 
 
+def _mjcf_tree(path: str) -> LinkTree:
+    from dqcontrol.robots.mjcf import mjcf_tree
+
+    return mjcf_tree(path)
+
+
 def robot_from(path: str | Path, data: Any) -> Robot:
     """Make a robot of the plain data of one of our files; ``path`` is for the messages and the places of others."""
     if isinstance(data, dict) and "parts" in data:
+        from dqcontrol.robots.whole_body_file import whole_body_from
+
         return whole_body_from(path, data, _load_arm, load_mobile)
     if isinstance(data, dict) and "frames" in data:
+        from dqcontrol.robots.tree_file import tree_from
+
         return tree_from(path, data)
     if isinstance(data, dict) and ("left" in data or "right" in data):
+        from dqcontrol.robots.two_arms_file import two_arms_from
+
         return two_arms_from(path, data, load_robot)
     return arm_from(path, data)
 
@@ -259,12 +270,13 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
     text = str(source)
     package, colon, inner = text.partition(":")
     suffix = Path(text).suffix.lower()
-    if package == EXAMPLES and colon:
-        return load_urdf(_example(inner), base_link, tip_link)
-    if suffix in (".urdf", XACRO):
-        return load_urdf(text, base_link, tip_link)
+    is_example = package == EXAMPLES and colon
+    if is_example or suffix in (URDF, XACRO):
+        from dqcontrol.robots.urdf import load_urdf
+
+        return load_urdf(_example(inner) if is_example else text, base_link, tip_link)
     if suffix == MJCF:
-        return mjcf_tree(text).chain(base_link, tip_link)
+        return _mjcf_tree(text).chain(base_link, tip_link)
     if suffix not in (".yaml", ".yml") and text not in robot_names():
         raise UnknownNameError(
             f"{unknown_name('robot', text, robot_names())}; or give the path of a "

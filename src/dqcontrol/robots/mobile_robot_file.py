@@ -18,11 +18,10 @@ from dqcontrol.robots.mesh_files import mesh_file
 from dqcontrol.robots.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.suffixes import MJCF
 from dqcontrol.robots.urdf import GRIPPER, UrdfTree, load_urdf, origin_matrix, urdf_tree
 from dqcontrol.robots.urdf_xml import CheckedXml
 from dqcontrol.robots.whole_body import WholeBody
-
-MJCF = ".xml"
 
 
 def mobile_robot_from(

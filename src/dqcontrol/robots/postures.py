@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ReachError, ShapeError
 from dqcontrol.robots.inverse_kinematics import ranges
 from dqcontrol.robots.poses import unit_poses
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -87,7 +87,7 @@ class Robot(InverseKinematics):
 
     @property
     def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of `drives`."""
+        """The bases that cannot move sideways, in the order of ``drives``."""
         return ()
 
     def in_form(self, form: Form) -> Robot:
@@ -96,7 +96,7 @@ class Robot(InverseKinematics):
 
     @property
     def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see `dqcontrol.robots.driving`."""
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``dqcontrol.robots.driving``."""
         return np.zeros((0, driving.ROLLER_COLUMNS))
 
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -132,37 +132,37 @@ class Robot(InverseKinematics):
 
     @property
     def parents(self) -> NDArray[np.intp]:
-        """For each row of `chain` and `frames` the row that carries it, −1 for the base."""
+        """For each row of ``chain`` and `frames` the row that carries it, −1 for the base."""
         return np.arange(-1, len(self.chain) - 1)
 
     @property
     def row_coordinates(self) -> NDArray[np.intp]:
-        """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
+        """Index of the coordinate that moves each joint, in the order of the rows of ``chain``."""
         return np.arange(self.configuration_size)
 
     @property
     def row_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of the rows of `chain`."""
+        """Names of the joints in the order of the rows of ``chain``."""
         return self.joint_names
 
     @property
     def joint_factors(self) -> Array:
-        """What the coordinate of each joint is multiplied by for its screw, in the order of `chain`."""
+        """What the coordinate of each joint is multiplied by for its screw, in the order of ``chain``."""
         return np.ones(self.configuration_size)
 
     @property
     def joint_offsets(self) -> Array:
-        """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
+        """What is added to the coordinate of each joint for its screw, rad or m, in the order of ``chain``."""
         return np.zeros(self.configuration_size)
 
     @property
     def weighed_table(self) -> Array:
-        """The table of all joints by which `gravity` knows where the bodies are: the chain, or all of a tree."""
+        """The table of all joints by which ``gravity`` knows where the bodies are: the chain, or all of a tree."""
         return self.chain
 
     @property
     def ends(self) -> tuple[int, ...]:
-        """Rows of `chain` and `frames` that are hands."""
+        """Rows of ``chain`` and `frames` that are hands."""
         return (len(self.chain) - 1,)
 
     @property
@@ -286,3 +286,11 @@ def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Ar
         for values in (q, other)
     )
     return batch_shape, first, second
+
+
+def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
+    """Return which coordinates are x, y and φ of mobile bases, shape (n,)."""
+    found = np.zeros(robot.configuration_size, dtype=bool)
+    for first, _ in robot.bases:
+        found[first : first + 3] = True
+    return found

@@ -219,7 +219,7 @@ class SerialArm(Robot):
         return chains.join(SerialArm, parts, name)
 
     def up_to(self, joint: str | int) -> SerialArm:
-        """Return the arm that ends after a joint: its `fkm` and Jacobians are those of that joint's frame.
+        """Return the arm that ends after a joint: its pose and Jacobians are those of that joint's frame.
 
         Parameters
         ----------

@@ -97,7 +97,7 @@ class CarLikeBase(_SteeredBase):
     It is driven at the rear and steered in front, by Ackermann's linkage: ẋ = v cos φ, ẏ = v sin φ,
     φ̇ = ω = v tan δ / L, where δ is the angle of a wheel in the middle of the front axle. So the same kernels move it
     as differential drives; turns that the wheels cannot be steered to become as sharp as they can. It does not turn on
-    the spot. The steering angle follows the inputs at once, as speeds of wheels do; in `servo` it takes its time, if
+    the spot. The steering angle follows the inputs at once, as speeds of wheels do; in ``servo`` it takes its time, if
     there is a ``steering_rate``. [De Luca, Oriolo, Samson 1998]
 
     Parameters
@@ -115,9 +115,9 @@ class CarLikeBase(_SteeredBase):
     rim_speed
         Largest speed of the rear wheels' rims, |v| + b |ω|, m/s.
     steering_rate
-        Largest |δ̇|, rad/s; kept by `servo`.
+        Largest |δ̇|, rad/s; kept by ``servo``.
     acceleration, turn_acceleration
-        Largest |v̇| and |ω̇|, m/s² and rad/s²; kept by `servo`.
+        Largest |v̇| and |ω̇|, m/s² and rad/s²; kept by ``servo``.
 
     Raises
     ------
@@ -166,9 +166,9 @@ class SteeredTricycle(_SteeredBase):
     rim_speed
         Largest speed of the front wheel's rim, m/s.
     steering_rate
-        Largest |δ̇|, rad/s; kept by `servo`.
+        Largest |δ̇|, rad/s; kept by ``servo``.
     acceleration, turn_acceleration
-        Largest |v̇| and |ω̇|, m/s² and rad/s²; kept by `servo`.
+        Largest |v̇| and |ω̇|, m/s² and rad/s²; kept by ``servo``.
 
     Raises
     ------

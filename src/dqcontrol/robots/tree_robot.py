@@ -132,7 +132,7 @@ class TreeJoints(NamedTuple):
     fixed
         Pose (7,) of each joint's frame in its parent's, after that one's screw; quaternion first; shape (N, 7).
     kind
-        As in chains, see `kinematics_kernels`; shape (N,).
+        As in chains, see ``kinematics_kernels``; shape (N,).
     parent
         Row of the joint that carries it, −1 for the base.
     coordinate, column
@@ -165,7 +165,7 @@ class TreeRobot(Robot):
     """A tree of joints with named frames, of which a law drives one pose at a time: its task.
 
     `fkm`, the Jacobians and all else that robots have are those of the task. `with_task` returns the same robot with
-    another one; `frame_pose` and `frame_jacobian` give those of any frame.
+    another one; ``frame_pose`` and ``frame_jacobian`` give those of any frame.
 
     Parameters
     ----------
@@ -245,12 +245,12 @@ class TreeRobot(Robot):
 
     @property
     def parents(self) -> NDArray[np.intp]:
-        """For each row of `chain` and `frames` the row that carries it, −1 for the base: joints, then named frames."""
+        """For each row of ``chain`` and `frames` the row that carries it, −1 for the base: joints, then frames."""
         return self._tree[1:, PARENT].astype(np.intp)
 
     @property
     def joint_table(self) -> Array:
-        """The rows of all joints as compiled code reads them, after a first one; see `pose_task_kernels`."""
+        """The rows of all joints as compiled code reads them, after a first one; see ``pose_task_kernels``."""
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
@@ -266,12 +266,12 @@ class TreeRobot(Robot):
 
     @property
     def row_coordinates(self) -> NDArray[np.intp]:
-        """Index of the coordinate that moves each joint, in the order of the rows of `chain`."""
+        """Index of the coordinate that moves each joint, in the order of the rows of ``chain``."""
         return self.joints.coordinate
 
     @property
     def ends(self) -> tuple[int, ...]:
-        """Rows of `chain` and `frames` that are hands: frames of the task, and of joints that carry no other."""
+        """Rows of ``chain`` and `frames` that are hands: frames of the task, and of joints that carry no other."""
         count, names = len(self.joints.kind), list(self.named_frames)
         driven = {self.named_frames[name].joint for name in self.task.frames}
         last = {frame.joint: count + k for k, frame in enumerate(self.named_frames.values())}
@@ -288,17 +288,17 @@ class TreeRobot(Robot):
 
     @property
     def row_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of the rows of `chain`, those that follow others included."""
+        """Names of the joints in the order of the rows of ``chain``, those that follow others included."""
         return self.joints.names or self.joint_names
 
     @property
     def joint_factors(self) -> Array:
-        """What the coordinate of each joint is multiplied by for its screw, in the order of `chain`."""
+        """What the coordinate of each joint is multiplied by for its screw, in the order of ``chain``."""
         return self.joints.multiplier
 
     @property
     def joint_offsets(self) -> Array:
-        """What is added to the coordinate of each joint for its screw, rad or m, in the order of `chain`."""
+        """What is added to the coordinate of each joint for its screw, rad or m, in the order of ``chain``."""
         return self.joints.offset
 
     def with_task(self, task: PoseTask | str) -> TreeRobot:

@@ -146,7 +146,7 @@ class TwoArms(TreeRobot):
 
     @property
     def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of `drives`."""
+        """The bases that cannot move sideways, in the order of ``drives``."""
         return tuple(base for part in self.parts for base in part.driven_bases)
 
     def in_form(self, form: Form) -> TreeRobot:

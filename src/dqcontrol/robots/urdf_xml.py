@@ -8,9 +8,8 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, suggest
 from dqcontrol.files.input_file import read_whole
+from dqcontrol.robots.suffixes import XACRO
 from dqcontrol.robots.xacro_file import expand_xacro
-
-XACRO = ".xacro"  # files of this suffix are expanded first
 
 _DEEPEST = 50
 _LARGEST = 20_000_000  # bytes; the largest that robots come with have one million

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -126,12 +126,12 @@ class WholeBody(Robot):
 
     @property
     def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of `drives`."""
+        """The bases that cannot move sideways, in the order of ``drives``."""
         return tuple(part for part in self.parts if isinstance(part, Drive))
 
     @property
     def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see `dqcontrol.robots.driving`."""
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``dqcontrol.robots.driving``."""
         rows = [
             [np.searchsorted(self.input_coordinates, first), first + 2, *row]
             for first, part in parts_with_offsets(self.parts)
@@ -302,14 +302,6 @@ def _body_of_base(part: Mover) -> Capsule | Box | None:
         middle = np.array([0.0, 0.0, 0.5 * part.size[2]])
         return Box(algebra.pose(np.array([1.0, 0, 0, 0]), middle), np.array(part.size))
     return None
-
-
-def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
-    """Return which coordinates are x, y and φ of mobile bases, shape (n,)."""
-    found = np.zeros(robot.configuration_size, dtype=bool)
-    for first, _ in robot.bases:
-        found[first : first + 3] = True
-    return found
 
 
 def _flatten_parts(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:

@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
-from dqcontrol.limits.supervisor.prepared_supervisor import GO
+from dqcontrol.limits.supervisor.supervisor_layout import GO
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive

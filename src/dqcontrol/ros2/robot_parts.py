@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.robots import Robot, WholeBody
-from dqcontrol.robots.whole_body import Base, Drive, base_coordinates
+from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.whole_body import Base, Drive
 
 Indices = NDArray[np.intp]
 

@@ -1,23 +1,5 @@
 """The best that a law can do: search for its parameters over compiled runs, and learning from repetition."""
 
-from dqcontrol.tuning.front_search import hypervolume, nondominated, search_front
-from dqcontrol.tuning.learning import Convergence, LearnBlock, Learning, LearningRun, learn, learn_to
-from dqcontrol.tuning.run_tuning import TunedLaw, Tuning, tune, tune_to
-from dqcontrol.tuning.tune_spec import TuneBlock
+import lazy_loader
 
-__all__ = [
-    "Convergence",
-    "LearnBlock",
-    "Learning",
-    "LearningRun",
-    "TuneBlock",
-    "TunedLaw",
-    "Tuning",
-    "hypervolume",
-    "learn",
-    "learn_to",
-    "nondominated",
-    "search_front",
-    "tune",
-    "tune_to",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

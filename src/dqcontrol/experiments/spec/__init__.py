@@ -1,35 +1,5 @@
 """What an experiment's YAML says."""
 
-from dqcontrol.experiments.spec.spec import (
-    AnyLaw,
-    AnyPlant,
-    HandStart,
-    MetricsFrom,
-    RobotSpec,
-    Spec,
-    Start,
-    StartedRobotSpec,
-    as_spec,
-    quantities_at,
-    read_data,
-    read_spec,
-    spec_text,
-    start_configuration,
-)
+import lazy_loader
 
-__all__ = [
-    "AnyLaw",
-    "AnyPlant",
-    "HandStart",
-    "MetricsFrom",
-    "RobotSpec",
-    "Spec",
-    "Start",
-    "StartedRobotSpec",
-    "as_spec",
-    "quantities_at",
-    "read_data",
-    "read_spec",
-    "spec_text",
-    "start_configuration",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

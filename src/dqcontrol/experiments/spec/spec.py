@@ -145,7 +145,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
             if self.reference is not None:
                 raise ShapeError("reference: a posture has none; give 'posture', where the joints are to be")
         else:
-            tree = robot if isinstance(robot, TreeRobot) else chain_as_tree(robot)
+            tree = chain_as_tree(robot)
             own = tree.for_start(own, start)
             is_mass = own.kind == "center_of_mass"
             part = "position" if is_mass and part == "pose" else part

@@ -25,12 +25,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import (
-    INPUT,
     NOT_FINITE,
     OK,
     READ,
@@ -42,7 +40,8 @@ from dqcontrol.compiled.compile import (
     kernel,
     shared,
 )
-from dqcontrol.compiled.intrinsics import ADDRESS, as_matrix
+from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.law_signature import CONSTRAINT
 from dqcontrol.laws.constrained.active_set import (
     INDEFINITE,
     SOLVED,
@@ -118,10 +117,6 @@ _HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8
-
-# kinematics, chain, q, sample, its number, twist Jacobian, what further tasks add to H (m × m numbers, or none), state
-# (its end is the memory), parameters, work, command
-CONSTRAINT = STATUS(ADDRESS, READ2, INPUT, READ, types.intp, READ2, READ, WRITE, READ, WRITE, WRITE)
 
 
 class _Step(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -14,6 +14,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
 from dqcontrol.named_fields import NamedFields
+
+if TYPE_CHECKING:
+    from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+    from dqcontrol.laws.law import CommandMode
+    from dqcontrol.robots.robot import Robot
 
 HAND = "hand"  # the name of the hand's point among shapes
 
@@ -415,6 +420,20 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             if found.count(name) > 1:
                 raise ValueRangeError(f"constraints: two of them have the name '{name}'")
         return tuple(found)
+
+    def prepare(
+        self, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+    ) -> PreparedConstraints:
+        """Return all that is kept, made ready for one robot and period; see `Law.prepare`.
+
+        Raises
+        ------
+        Error
+            If something cannot be kept with this robot, or names what it has not.
+        """
+        from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints  # most laws need none
+
+        return PreparedConstraints(self, robot, dt, command_mode, lag)
 
 
 def unit(field: str, vector: Sequence[float]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
 from dqcontrol.geometry.distance_kernels import KIND, PLANE, RADIUS, ROUND
-from dqcontrol.laws.constrained.constrained_step import constraint_values
+from dqcontrol.laws.constrained.constrained_step import constraint_values, keep_constraints
 from dqcontrol.laws.constrained.constraint_layout import (
     APART,
     AT_LEAST,
@@ -53,6 +53,9 @@ from dqcontrol.laws.constrained.moving_frames import HandFrame, moving_frames
 from dqcontrol.laws.constrained.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.laws.law import CommandMode
 
 _FASTEST_RATE = 10.0  # 1/s
 _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
@@ -105,8 +108,10 @@ class PreparedConstraints:
         For compiled code.
     """
 
+    kernel = keep_constraints
+
     def __init__(
-        self, given: Constraints, robot: Robot, dt: float, command_mode: str, lag: Lag = AT_ONCE
+        self, given: Constraints, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> None:
         self.given = given
         self.robot = robot

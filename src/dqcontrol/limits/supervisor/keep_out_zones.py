@@ -23,7 +23,7 @@ class KeepOutZone(NamedFields, frozen=True, kw_only=True, tag_field="kind", forb
     """A zone on the floor, inertial frame; subclasses say which."""
 
     def rows(self) -> Array:
-        """Return it as `keep_out_step.clearance` takes it, shape (N, 6)."""
+        """Return it as ``keep_out_step.clearance`` takes it, shape (N, 6)."""
         raise NotImplementedError
 
 
@@ -99,7 +99,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     margin: Annotated[float, Meta(ge=0, description="m")] = 0.05
 
     def rows(self) -> Array:
-        """Return all zones as `keep_out_step.clearance` takes them, shape (N, 6)."""
+        """Return all zones as ``keep_out_step.clearance`` takes them, shape (N, 6)."""
         found = []
         for name, each in self.zones.items():
             with error_prefix(f"supervisor.keep_out.zones.{name}"):

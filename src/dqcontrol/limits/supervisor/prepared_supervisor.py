@@ -15,8 +15,6 @@ from dqcontrol.robots.pose_task_kernels import COLUMNS
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import TreeRobot
 
-GO, END, STOP, RESET, FINISH = layout.GO, layout.END, layout.STOP_NOW, layout.RESET, layout.FINISH
-
 START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
 _NOTHING: Array = np.zeros(0)
 
@@ -34,7 +32,7 @@ class PreparedSupervisor:
     robot
         Whose commands it bounds.
     bounds
-        See `supervisor_layout.Bounds`.
+        See ``supervisor_layout.Bounds``.
 
     Attributes
     ----------
@@ -43,6 +41,8 @@ class PreparedSupervisor:
     bounds
         Its parameters by name; writing to them changes them.
     """
+
+    kernel = supervise
 
     def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
@@ -162,7 +162,7 @@ class PreparedSupervisor:
         *,
         age: float = 0.0,
         elapsed: float | None = None,
-        request: int = GO,
+        request: int = layout.GO,
         effort: Array = _NOTHING,
         wrench: Array = _NOTHING,
         out: Array | None = None,

@@ -15,9 +15,8 @@ from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.tree_robot import TreeRobot
-from dqcontrol.robots.whole_body import base_coordinates
 
 _LONGEST_WINDOW = 10_000  # samples
 _STALE_PERIODS = 1.5

@@ -5,14 +5,18 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import inline
+from dqcontrol.compiled.compile import READ, STATUS, WRITE, inline
+from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.robots.driving import DRIVE_COLUMNS, ROLLER_COLUMNS
 from dqcontrol.robots.pose_task_kernels import COLUMNS
 
+# kinematics, memory, moment, measured, wanted, measured effort and wrench (empty: not measured), state, out
+SUPERVISOR = STATUS(ADDRESS, WRITE, READ, READ, READ, READ, READ, WRITE, WRITE)
+
 AT_REST = 50  # status: stopped, and no longer moving
 OUTSIDE_BOX, IN_ZONE = 51, 52  # what a start is refused for
-GO, END, STOP_NOW, RESET, FINISH = range(5)  # requests
+GO, END, STOP, RESET, FINISH = range(5)  # requests
 RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
 
 # head of the parameters: single numbers, those of limits inf where there is none

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel
-from dqcontrol.compiled.intrinsics import ADDRESS
+from dqcontrol.compiled.compile import OK, STATUS, WRITE, WRONG_SIZE, inline, kernel
 from dqcontrol.limits.supervisor.braking import braking_share, fastest_stoppable, surely_stops
 from dqcontrol.limits.supervisor.interventions import (
     ACCELERATION,
@@ -49,6 +48,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     SLOW,
     STARTED,
     STOPPED,
+    SUPERVISOR,
     WINDOW,
     ZONES,
     moment_layout,
@@ -61,8 +61,6 @@ from dqcontrol.robots.driving import RIM_LEVER, drive_speeds, rim_load, steer
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
 _ROUNDING = 1e-9  # relative
 
-# kinematics, memory, moment, measured, wanted, measured effort and wrench (empty: not measured), state, out
-SUPERVISOR = STATUS(ADDRESS, WRITE, READ, READ, READ, READ, READ, WRITE, WRITE)
 # memory, state
 START = STATUS(WRITE, WRITE)
 

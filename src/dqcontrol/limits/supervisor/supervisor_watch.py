@@ -48,7 +48,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     SCALE,
     SILENT,
     STALE,
-    STOP_NOW,
+    STOP,
     STOPPED,
     taken_apart,
 )
@@ -213,7 +213,7 @@ def judge(memory, state, parts, moment, measured, wanted, effort, wrench, at_res
             near = near and distance <= 0.5 * bounds.tracking[i]
     if seen and far and numbers[MODE] == RUNNING:
         fault |= TRACKING
-    if request == STOP_NOW:
+    if request == STOP:
         fault |= EMERGENCY
     elif request == END:
         numbers[ENDING] = 1.0
@@ -223,7 +223,7 @@ def judge(memory, state, parts, moment, measured, wanted, effort, wrench, at_res
         fault |= SOFT_STOP
     if fault:
         if (
-            numbers[MODE] != STOPPED or not at_rest or request == STOP_NOW
+            numbers[MODE] != STOPPED or not at_rest or request == STOP
         ):  # what happens to one at rest is no reason
             numbers[FAULT] = float(int(numbers[FAULT]) | fault)
         numbers[MODE] = STOPPED

@@ -1,13 +1,5 @@
 """The geometry of an arm, found from measured poses of its hand."""
 
-from dqcontrol.logs.calibration.kinematic_calibration import Calibration, Correction, HandErrors, calibrate
-from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses
+import lazy_loader
 
-__all__ = [
-    "Calibration",
-    "Correction",
-    "HandErrors",
-    "MeasuredPoses",
-    "calibrate",
-    "read_measured_poses",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -298,13 +298,13 @@ def calibrate(
     Parameters
     ----------
     log
-        See `dqcontrol.logs.calibration.read_measured_poses`.
+        See ``dqcontrol.logs.calibration.read_measured_poses``.
     robot
         As for `load_robot`, or an arm; without mobile base.
     base_link, tip_link
         Ends of the chain in a URDF file.
     joints, angles, joint_topic, pose_topic
-        As for `read_measured_poses`.
+        As for ``read_measured_poses``.
 
     Raises
     ------

@@ -1,13 +1,5 @@
 """What servos a robot has, found from logs of commands and measured positions."""
 
-from dqcontrol.logs.servos.excitation import Excitation, excite
-from dqcontrol.logs.servos.identification import Identification, identify
-from dqcontrol.logs.servos.joint_gates import JointIdentification
+import lazy_loader
 
-__all__ = [
-    "Excitation",
-    "Identification",
-    "JointIdentification",
-    "excite",
-    "identify",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Arms with elastic joints and joint controllers, in MuJoCo."""
 
-from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
+import lazy_loader
 
-__all__ = [
-    "CompliantPlant",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,5 @@
 """Mobile manipulators on wheels in MuJoCo."""
 
-from dqcontrol.plants.mobile.mobile_plant import MobilePlant
+import lazy_loader
 
-__all__ = [
-    "MobilePlant",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -46,11 +46,11 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
     friction and are turned by speed controllers, which get ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, or what
-    `RollerBase.wheel_speeds` says, all scaled down where the rims would be too fast. The arm's joints have
+    ``RollerBase.wheel_speeds`` says, all scaled down where the rims would be too fast. The arm's joints have
     the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
     cubes, baskets and the floor. A base that does not stand under its arm in all postures within the joint limits is
-    refused; a run ends as toppled when the base tilts by more than `TOPPLED`, and as slipping when a wheel has slid
-    faster than `SLIDING` for `SLIDES_FOR`.
+    refused; a run ends as toppled when the base tilts by more than ``TOPPLED``, and as slipping when a wheel has slid
+    faster than ``SLIDING`` for ``SLIDES_FOR``.
 
     Configuration x, y and φ are those of the point of the floor below the middle of the axle, or of all wheels; the
     whole pose of the base is recorded beside it.

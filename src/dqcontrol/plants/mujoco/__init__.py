@@ -1,7 +1,5 @@
 """Rigid arms in MuJoCo."""
 
-from dqcontrol.plants.mujoco.mujoco_plant import MujocoPlant
+import lazy_loader
 
-__all__ = [
-    "MujocoPlant",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -15,7 +15,7 @@ from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
 from dqcontrol.plants.plant import MovingBox, plants_that_drive, start_within_limits
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -1,9 +1,5 @@
 """Position servos, of arms and of whole bodies."""
 
-from dqcontrol.plants.servo.servo_file import load_servo
-from dqcontrol.plants.servo.servo_plant import Servo
+import lazy_loader
 
-__all__ = [
-    "Servo",
-    "load_servo",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -21,10 +21,9 @@ from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.steered_bases import SteeredTricycle
-from dqcontrol.robots.whole_body import base_coordinates
 
 if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo

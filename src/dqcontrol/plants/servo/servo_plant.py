@@ -32,8 +32,7 @@ from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.robots.gravity import WORK, body_table
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.whole_body import base_coordinates
+from dqcontrol.robots.robot import Robot, base_coordinates
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 _HORIZON = 2.0  # s in which what matters of a joint is seen

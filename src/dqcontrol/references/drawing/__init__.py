@@ -1,11 +1,5 @@
 """Drawings as references."""
 
-from dqcontrol.references.drawing.drawing import Drawing
-from dqcontrol.references.drawing.drawing_file import DrawingFile, load_drawing, parse_drawing
+import lazy_loader
 
-__all__ = [
-    "Drawing",
-    "DrawingFile",
-    "load_drawing",
-    "parse_drawing",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

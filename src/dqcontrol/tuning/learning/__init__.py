@@ -1,7 +1,5 @@
 """Learning from repetition: the reference is shifted from repeat to repeat until the hand goes where it should."""
 
-from dqcontrol.tuning.learning.convergence import Convergence
-from dqcontrol.tuning.learning.learn_spec import LearnBlock
-from dqcontrol.tuning.learning.run_learning import Learning, LearningRun, learn, learn_to
+import lazy_loader
 
-__all__ = ["Convergence", "LearnBlock", "Learning", "LearningRun", "learn", "learn_to"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -275,7 +275,7 @@ def learn(
     real_time
         True: each run on the clock.
     runner
-        What runs motions in place of the spec's plant, as `dqcontrol.ros2.repeated_motion.RobotBehindTopics`.
+        What runs motions in place of the spec's plant, as ``dqcontrol.ros2.repeated_motion.RobotBehindTopics``.
     progress
         Called with runs done, and at most.
     journal

@@ -1,0 +1,12 @@
+from .live import (
+    GrowingRecording as GrowingRecording,
+)
+from .live import (
+    LiveRun as LiveRun,
+)
+from .live import (
+    growing_recording as growing_recording,
+)
+from .page import Page as Page
+from .robot_page import RobotPage as RobotPage
+from .run_view_model import Track as Track

@@ -1,0 +1,17 @@
+from .clock import (
+    Clock as Clock,
+)
+from .clock import (
+    Timing as Timing,
+)
+from .closed_loop import close_loop as close_loop
+from .record import Record as Record
+from .signals import Signal as Signal
+from .simulate import simulate as simulate
+from .supervision import Supervision as Supervision
+from .trace import (
+    Stop as Stop,
+)
+from .trace import (
+    Trace as Trace,
+)

@@ -1,0 +1,1 @@
+from .compliant_plant import CompliantPlant as CompliantPlant

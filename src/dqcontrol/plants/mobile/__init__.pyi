@@ -1,0 +1,1 @@
+from .mobile_plant import MobilePlant as MobilePlant

@@ -1,0 +1,1 @@
+from .mujoco_plant import MujocoPlant as MujocoPlant
