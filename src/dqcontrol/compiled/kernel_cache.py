@@ -74,7 +74,8 @@ def _imports(module: str, lazily: bool) -> frozenset[str]:
             continue
         for name in _names(names):
             submodule = f"{origin}.{name}"
-            found.add(submodule if _file(submodule) else _offers(origin).get(name, origin))
+            offered = _offers(origin).get(name)
+            found.add(submodule if _file(submodule) else offered or origin)
     return frozenset(found)
 
 

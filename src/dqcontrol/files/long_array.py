@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import mmap
 import os
 import tempfile
@@ -38,7 +39,7 @@ def long_array(*shape: int) -> Array:
     >>> long_array(4, 8).shape
     (4, 8)
     """
-    size = 8 * int(np.prod(shape))
+    size = 8 * math.prod(shape)
     if size <= _IN_MEMORY or not hasattr(os, "posix_fallocate"):
         return np.empty(shape)
     try:

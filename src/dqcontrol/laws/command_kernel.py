@@ -10,7 +10,18 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRONG_SIZE, inline, kernel, types
+from dqcontrol.compiled.compile import (
+    INPUT,
+    OK,
+    READ,
+    STATUS,
+    WRITE,
+    WRONG_SIZE,
+    inline,
+    kernel,
+    shared,
+    types,
+)
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
@@ -213,7 +224,7 @@ def note_sent(prepared, state, command):
             state[sent + i] = command[i]
 
 
-@inline
+@shared
 def note_delivered(pose, twist_jacobian, command, out):
     """Write the hand's twist [ω ; ṗ] under a command."""
     for k in range(6):

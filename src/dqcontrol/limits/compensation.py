@@ -14,10 +14,10 @@ from dqcontrol.compiled.compile import OK, Kernel, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive, as_positive
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.gravity import WORK, body_table, robot_gravity_torque
+from dqcontrol.robots.gravity import WORK, robot_gravity_torque
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -242,7 +242,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         """Return the robot's bodies that sag, and the table of the joints that carry them."""
         if robot.inertia is None or not np.any(self.compliance):
             return np.zeros((0, 4)), np.zeros((1, 8))
-        return body_table(robot.inertia), robot.weighed_table
+        return robot.inertia.table, robot.weighed_table
 
     def _late(self, n: int, dt: float) -> int:
         delays, _ = self._model(n)
@@ -257,10 +257,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return self._each("delay", n), self._each("lag", n)
 
     def _each(self, field: str, n: int) -> Array:
-        values = as_each(f"limits.compensation.{field}", getattr(self, field), n)
-        if (values < 0).any():
-            raise ValueRangeError(f"limits.compensation.{field}: must be ≥ 0, got {values.min():g}")
-        return values
+        return as_each_positive(f"limits.compensation.{field}", getattr(self, field), n, zero_allowed=True)
 
     @staticmethod
     def _answer(delay: float, lag: float, dt: float) -> tuple[float, float, float]:

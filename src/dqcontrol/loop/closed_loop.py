@@ -168,9 +168,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             measured=plant.measured,
         ),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
-        compiled.records(
-            **dict(zip(compiled.Records._fields, (each[:count] for each in steps.records), strict=True))
-        ),
+        compiled.Records(*(each[:count] for each in steps.records)),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"

@@ -6,9 +6,6 @@ joint's frame after its screw.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dqcontrol.compiled.compile import (
     NOT_FINITE,
     OK,
@@ -31,17 +28,11 @@ from dqcontrol.robots.kinematics_kernels import (
     move_joint,
     z_axis,
 )
-from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.pose_task_kernels import COLUMNS, COORDINATE, MULTIPLIER, OFFSET, PARENT
 
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)
 
 WORK = 18  # numbers for each joint; trees need 11
-
-
-def body_table(inertia: Inertia) -> NDArray[np.float64]:
-    """Return the body table of an arm or tree, one row a joint, shape (N, 4)."""
-    return np.column_stack([inertia.mass, inertia.center])
 
 
 @inline

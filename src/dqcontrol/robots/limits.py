@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,6 +99,13 @@ class Inertia:
         object.__setattr__(self, "mass", mass)
         object.__setattr__(self, "center", as_array("inertia.center", self.center, (n, 3)))
         object.__setattr__(self, "tensor", as_array("inertia.tensor", self.tensor, (n, 3, 3)))
+
+    @cached_property
+    def table(self) -> NDArray[np.float64]:
+        """The body table that `gravity` takes, one row ``[mass, center]`` a joint, shape (n, 4); not to be written."""
+        rows = np.column_stack([self.mass, self.center])
+        rows.flags.writeable = False
+        return rows
 
     def __repr__(self) -> str:
         return f"Inertia({len(self.mass)} bodies, {self.mass.sum():.3g} kg)"

@@ -14,7 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots import driving
 from dqcontrol.robots.description import chain_reach, describe
-from dqcontrol.robots.gravity import WORK, body_table, gravity_torques
+from dqcontrol.robots.gravity import WORK, gravity_torques
 from dqcontrol.robots.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
@@ -252,7 +252,7 @@ class Robot(InverseKinematics):
         if fall.ndim != 1:
             raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
         rows = np.ascontiguousarray(values.reshape(-1, n))
-        out, bodies = np.empty_like(rows), body_table(self.inertia)
+        out, bodies = np.empty_like(rows), self.inertia.table
         gravity_torques(
             self.weighed_table, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * len(bodies))
         )

@@ -14,7 +14,6 @@ from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.controller_file import ControllerFile
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, Hand
 from dqcontrol.plants.compliant.filters import butterworth
-from dqcontrol.robots.gravity import body_table
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -90,7 +89,7 @@ def gravity_bodies(robot: Robot, hand: Hand | None) -> Array:
     """Return the body table of the controllers' model, the hand in the last body, shape (n, 4)."""
     if robot.inertia is None:
         raise ValueRangeError(f"inertia: {robot.name} has none, so its gravity torque is unknown")
-    bodies = body_table(robot.inertia)
+    bodies = robot.inertia.table
     if hand is not None:
         mass, center = bodies[-1, 0], bodies[-1, 1:].copy()
         w, v, position = robot.chain[-1, 0], robot.chain[-1, 1:4], robot.chain[-1, 4:7]

@@ -12,7 +12,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.constrained.constraints import Lag
 from dqcontrol.plants.camera import Camera
@@ -30,7 +30,7 @@ from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.free_response import free_response
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
-from dqcontrol.robots.gravity import WORK, body_table
+from dqcontrol.robots.gravity import WORK
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
 
@@ -173,11 +173,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         joint[:, layout.NOISE] = self._each("encoder_noise", n)
         bodies, table = np.zeros((0, 4)), np.zeros((1, 8))
         if sag and robot.inertia:
-            bodies, table = body_table(robot.inertia), robot.weighed_table
+            bodies, table = robot.inertia.table, robot.weighed_table
         head[layout.BODIES], head[layout.TABLE_COLUMNS] = len(bodies), table.shape[1]
         parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), table.ravel()])
         scratch = np.zeros(WORK * len(bodies) + n)
-        state = np.concatenate([target, np.zeros(n), np.tile(target, oldest + 1), scratch, q0])
+        state = np.concatenate([target, np.zeros(n), *[target] * (oldest + 1), scratch, q0])
         noise = (
             np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
             if joint[:, layout.NOISE].any()
@@ -268,11 +268,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
     def _each(self, field: str, n: int, *, zero_allowed: bool = True) -> Array:
         """Return a parameter of each of n joints, checked."""
-        values = as_each(f"plant.{field}", getattr(self, field), n)
-        least = values.min(initial=np.inf)
-        if least < 0 or (least == 0 and not zero_allowed):
-            raise ValueRangeError(f"plant.{field}: must be {'≥' if zero_allowed else '>'} 0, got {least:g}")
-        return values
+        return as_each_positive(f"plant.{field}", getattr(self, field), n, zero_allowed=zero_allowed)
 
     def _answers(self, n: int, dt: float) -> list[_Answer]:
         """Return how each of n joints follows its targets."""
