@@ -211,15 +211,18 @@ class Record:
         one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
         return _locked(row_by_row(lambda error: row_norms(one - error), self._pose_error))
 
-    @property
+    @cached_property
     def position_error(self) -> Array:
         """Distance |p_d − p|, shape (N,), m."""
-        return row_by_row(lambda desired, is_: row_norms(desired - is_), self.desired_position, self.position)
+        distances = row_by_row(
+            lambda wanted, is_: row_norms(wanted - is_), self.desired_position, self.position
+        )
+        return _locked(distances)
 
-    @property
+    @cached_property
     def orientation_error(self) -> Array:
         """Angle of the rotation from the hand to its desired orientation, 0 … π, shape (N,), rad."""
-        return row_norms(self.rotation_error)
+        return _locked(row_norms(self.rotation_error))
 
     @cached_property
     def rotation_error(self) -> Array:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
@@ -95,6 +98,87 @@ class TaskResult:
         return f"errs by {', '.join(parts)} RMS"
 
 
+class _Asked(NamedTuple):
+    """What a desired motion asks for, see `_measure_asked`.
+
+    Attributes
+    ----------
+    last_step, largest_step
+        Of its eight numbers from one sample to the next, Euclidean norm.
+    distance, angle
+        From its own mean, RMS, m and rad.
+    farthest, widest
+        From its end, the largest, m and rad.
+    """
+
+    last_step: float
+    largest_step: float
+    distance: float
+    angle: float
+    farthest: float
+    widest: float
+
+    @property
+    def ends_at_rest(self) -> bool:
+        """Whether it has all but stopped at its last step: samples beyond its end rest whatever it did."""
+        return self.last_step <= _SLOW * self.largest_step + _SAME
+
+
+@inline
+def _angle_between(rotation, other):
+    """Return the angle, rad, between a rotation and the one whose quaternion the other four numbers are."""
+    real = rotation[0] * other[0] + rotation[1] * other[1] + rotation[2] * other[2] + rotation[3] * other[3]
+    return 2.0 * math.acos(min(abs(real), 1.0))
+
+
+@kernel(STATUS(READ2, WRITE, WRITE))
+def _measure_asked(desired, mean, out):
+    """Write the numbers of `_Asked`; ``mean`` (7,) is scratch: mean rotation and position."""
+    count = desired.shape[0]
+    last_step, largest_step = 0.0, 0.0
+    mean[:] = 0.0
+    for i in range(count):
+        row, real, square = desired[i], 0.0, 0.0
+        for k in range(4):
+            real += row[k] * desired[0, k]
+        sign = 1.0 if real > 0.0 else (-1.0 if real < 0.0 else 0.0)
+        for k in range(4):
+            mean[k] += sign * row[k]
+        x, y, z = position(row)
+        mean[4] += x
+        mean[5] += y
+        mean[6] += z
+        if i > 0:
+            for k in range(8):
+                square += (row[k] - desired[i - 1, k]) ** 2
+            last_step = math.sqrt(square)
+            largest_step = max(largest_step, last_step)
+    size = math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2 + mean[3] ** 2)
+    for k in range(4):
+        mean[k] /= size
+    for k in range(4, 7):
+        mean[k] /= count
+    end = desired[count - 1]
+    ex, ey, ez = position(end)
+    distances, angles, farthest, widest = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        x, y, z = position(desired[i])
+        distances += (x - mean[4]) ** 2 + (y - mean[5]) ** 2 + (z - mean[6]) ** 2
+        farthest = max(farthest, (x - ex) ** 2 + (y - ey) ** 2 + (z - ez) ** 2)
+        angles += _angle_between(desired[i], mean) ** 2
+        widest = max(widest, _angle_between(desired[i], end))
+    out[0], out[1] = last_step, largest_step
+    out[2], out[3] = math.sqrt(distances / count), math.sqrt(angles / count)
+    out[4], out[5] = math.sqrt(farthest), widest
+    return OK
+
+
+def _asked(record: Record) -> _Asked:
+    numbers = np.empty(len(_Asked._fields))
+    _measure_asked(record.desired, np.empty(7), numbers)
+    return _Asked(*numbers.tolist())
+
+
 @renamed_parameters(settle="skip_initial")
 def task_result(
     record: Record, *, law: Law | None = None, skip_initial: float = 0.0, robot: Robot | None = None
@@ -131,18 +215,16 @@ def task_result(
     reached
     """
     part = law.part if isinstance(law, PartialProportional) else "pose"
-    desired = record.desired[:, POSE]
-    ends_at_rest = _ends_at_rest(desired)
+    desired, asked = record.desired[:, POSE], _asked(record)
+    ends_at_rest = asked.ends_at_rest
     judged = _resting(desired) if ends_at_rest else record.time >= record.time[0] + skip_initial * (1 - 1e-12)
-    position = record.position_error if part in ("pose", "position") else None
+    distance = record.position_error if part in ("pose", "position") else None
     orientation = _orientation_error(record, law)
     errors, tolerances = [], []
     share = SETTLED if ends_at_rest else FOLLOWED
-    for error, asked, least in (
-        (position, _asked_position(record, ends_at_rest), POSITION),
-        (orientation, _asked_orientation(record, ends_at_rest), ORIENTATION),
-    ):
-        tolerances.append(max(least, share * asked))
+    way, turn = _to_the_end(record, asked) if ends_at_rest else (asked.distance, asked.angle)
+    for error, size, least in ((distance, way, POSITION), (orientation, turn, ORIENTATION)):
+        tolerances.append(max(least, share * size))
         if error is None:
             errors.append(np.nan)
         elif ends_at_rest:
@@ -171,10 +253,11 @@ def task_result(
     return replace(found, is_singular=lost > _LOST)
 
 
-def _ends_at_rest(desired: Array) -> bool:
-    """Return whether a motion has all but stopped at its last step: samples beyond its end rest whatever it did."""
-    steps = row_by_row(lambda rows: row_norms(np.diff(rows, axis=0)), desired, ahead=1)
-    return not len(steps) or bool(steps[-1] <= _SLOW * steps.max() + _SAME)
+def _to_the_end(record: Record, asked: _Asked) -> tuple[float, float]:
+    """Return how far the hand had to go, and to turn, from where it started or from the farthest that was desired."""
+    way = np.linalg.norm(record.position[0] - record.desired_position[-1])
+    turn = 2 * np.arccos(min(abs(record.pose[0, :4] @ record.desired[-1, :4]), 1.0))
+    return float(np.maximum(way, asked.farthest)), float(np.maximum(turn, asked.widest))
 
 
 def _resting(desired: Array) -> NDArray[np.bool_]:
@@ -196,27 +279,6 @@ def _orientation_error(record: Record, law: Law | None) -> Array | None:
         algebra.matrix_from_pose(x)[..., :3, :3] @ direction for x in (record.pose, record.desired[:, POSE])
     )
     return np.arctan2(row_norms(np.cross(is_, wanted)), np.einsum("ij,ij->i", is_, wanted))
-
-
-def _asked_position(record: Record, ends_at_rest: bool) -> float:
-    points = record.desired_position
-    if not ends_at_rest:
-        middle = points.mean(axis=0)
-        return float(np.sqrt(np.mean(row_by_row(lambda rows: row_norms(rows - middle), points) ** 2)))
-    way = row_by_row(lambda rows: row_norms(rows - points[-1]), points)
-    return float(np.maximum(way.max(), row_norms(record.position[:1] - points[-1])[0]))
-
-
-def _asked_orientation(record: Record, ends_at_rest: bool) -> float:
-    turns = record.desired[:, :4]
-    if not ends_at_rest:
-        middle = row_by_row(lambda rows: rows * np.sign(rows @ turns[0])[:, None], turns).sum(axis=0)
-        return float(np.sqrt(np.mean(_angles(turns, middle / np.linalg.norm(middle)) ** 2)))
-    return float(np.maximum(_angles(turns, turns[-1]).max(), _angles(record.pose[:1, :4], turns[-1])[0]))
-
-
-def _angles(quaternions: Array, other: Array) -> Array:
-    return row_by_row(lambda rows: 2 * np.arccos(np.minimum(np.abs(rows @ other), 1.0)), quaternions)
 
 
 def _speed(record: Record) -> float:

@@ -89,7 +89,7 @@ def gravity_bodies(robot: Robot, hand: Hand | None) -> Array:
     """Return the body table of the controllers' model, the hand in the last body, shape (n, 4)."""
     if robot.inertia is None:
         raise ValueRangeError(f"inertia: {robot.name} has none, so its gravity torque is unknown")
-    bodies = robot.inertia.table
+    bodies = robot.inertia.table.copy()
     if hand is not None:
         mass, center = bodies[-1, 0], bodies[-1, 1:].copy()
         w, v, position = robot.chain[-1, 0], robot.chain[-1, 1:4], robot.chain[-1, 4:7]
