@@ -59,7 +59,11 @@ app: App = App(
 )
 for _name, _help in COMMANDS.items():
     app.command(f"dqcontrol.cli.{_FILES.get(_name, _name)}_command:{_name}", name=_name, help=_help)
-app.register_install_completion_command(help="Let the shell (bash, zsh, fish) complete commands and options.")
+app.command(
+    "dqcontrol.cli.install_completion_command:install_completion",
+    name="--install-completion",
+    help="Let the shell (bash, zsh, fish) complete commands and options.",
+)
 
 
 def main() -> None:
