@@ -9,8 +9,7 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
-from dqcontrol.geometry import distance_kernels as geometry
+from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere, distance_kernels as geometry
 from dqcontrol.plants.mujoco.mujoco_model import skeleton
 
 PERIOD = 0.01  # s

@@ -21,8 +21,7 @@ from measure import Ratio, medians, table
 from msgspec import structs
 
 import dqcontrol as dqc
-from dqcontrol.geometry import Capsule
-from dqcontrol.geometry import distance_kernels as geometry
+from dqcontrol.geometry import Capsule, distance_kernels as geometry
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))

@@ -2,8 +2,7 @@
 
 import hypothesis.extra.numpy as hnp
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 SHAPES = st.sampled_from([(), (1,), (3,), (2, 2), (0,)])
 SPECIAL_ANGLES = [

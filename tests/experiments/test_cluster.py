@@ -10,8 +10,7 @@ import pytest
 from test_sweep import study
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments import cluster as cluster_room
-from dqcontrol.experiments import run_sweep_to, sweep
+from dqcontrol.experiments import cluster as cluster_room, run_sweep_to, sweep
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")

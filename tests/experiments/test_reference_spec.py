@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from dqcontrol import algebra
-from dqcontrol import references as shapes
+from dqcontrol import algebra, references as shapes
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text

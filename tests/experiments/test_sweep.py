@@ -10,8 +10,7 @@ from study_specs import AT_ONCE, FAR, spec
 import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments import load_study, rank, run_sweep_to, sweep
-from dqcontrol.experiments import run_sweep as conduct_sweep
+from dqcontrol.experiments import load_study, rank, run_sweep as conduct_sweep, run_sweep_to, sweep
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
 from dqcontrol.experiments.working_folder import working_folder
 from dqcontrol.figures import sweep_figure

@@ -4,8 +4,7 @@ import numpy as np
 from constraint_scenes import HOME, random_constraints, random_goal
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained import active_set
-from dqcontrol.laws.constrained import levels as levels_code
+from dqcontrol.laws.constrained import active_set, levels as levels_code
 from dqcontrol.laws.constrained.constraint_layout import box_of, head, objective_of, work_of
 
 

@@ -4,8 +4,7 @@ import functools
 
 import numpy as np
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 
 START = algebra.pose(
     np.array([0.5, 0.1, -0.7, 0.5]) / np.linalg.norm([0.5, 0.1, -0.7, 0.5]), [0.4, -0.2, 0.6]

@@ -6,8 +6,7 @@ import pytest
 import yaml
 from reference_samples import START
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.experiments.spec.reference_spec import AnyReference
 from dqcontrol.files.yaml_file import convert, parse_yaml
 

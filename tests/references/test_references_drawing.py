@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from reference_samples import START, STROKES, TILTED
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
 
 IDENTITY = np.eye(8)[0]

@@ -5,8 +5,7 @@ import pytest
 import ruckig
 from reference_samples import NAMES, QUARTER, START, STROKES, TILTED, references
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.references.rigid_motion import motion_samples, point_motion
 from dqcontrol.references.s_curve import MotionLimits, progress_at, s_curve

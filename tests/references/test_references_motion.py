@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from reference_samples import NAMES, differentiated_twist, references, times_inside
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 
 STEP = 1e-5

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from reference_samples import QUARTER, START
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import FileFormatError, ValueRangeError
 
 POSES = np.array([START, -QUARTER, -np.eye(8)[0]])  # the signs that do not jump

@@ -5,8 +5,7 @@ import pytest
 from reference_samples import NAMES, QUARTER, START, TILTED, references
 
 import dqcontrol as dqc
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
 
 IDENTITY = np.eye(8)[0]

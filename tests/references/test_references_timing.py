@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from reference_samples import START, STROKES
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ValueRangeError
 
 SQUARE = r.Square(START, side=0.1, duration=8.0)

@@ -3,8 +3,7 @@ import pytest
 from reference_samples import QUARTER, START, references
 from scipy.interpolate import CubicSpline
 
-from dqcontrol import algebra
-from dqcontrol import references as r
+from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 
 TIMES = np.array([2.0, 3.0, 5.0, 5.5, 7.0])

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol import algebra
-from dqcontrol import reproductions as published
+from dqcontrol import algebra, reproductions as published
 from dqcontrol.plants import Basket, Cube
 from dqcontrol.reproductions.silva2017 import pick_and_drop_experiment as published_pick_and_drop
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import (

@@ -7,8 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from dqcontrol import cli
-from dqcontrol import reproductions as published
+from dqcontrol import cli, reproductions as published
 from dqcontrol.errors import ExistsError, LimitWarning, UnknownNameError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure

@@ -6,9 +6,11 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import reproductions as published
 from dqcontrol.reproductions.catalogue import Conditions
-from dqcontrol.reproductions.silva2017 import EXPERIMENTS
-from dqcontrol.reproductions.silva2017 import clamping_experiment as clamping
-from dqcontrol.reproductions.silva2017 import comparison_experiment as comparison
+from dqcontrol.reproductions.silva2017 import (
+    EXPERIMENTS,
+    clamping_experiment as clamping,
+    comparison_experiment as comparison,
+)
 from dqcontrol.reproductions.silva2017.gains_experiment import damping_ratio
 from dqcontrol.reproductions.silva2017.race import matched_gain
 from dqcontrol.reproductions.silva2017.specs import FOLDER, printed, setting_of

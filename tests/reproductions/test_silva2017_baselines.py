@@ -7,8 +7,10 @@ import dqcontrol as dqc
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants import Integrator
 from dqcontrol.reproductions.catalogue import Conditions
-from dqcontrol.reproductions.silva2017 import baselines_experiment as baselines
-from dqcontrol.reproductions.silva2017 import far_goals_experiment as far_goals
+from dqcontrol.reproductions.silva2017 import (
+    baselines_experiment as baselines,
+    far_goals_experiment as far_goals,
+)
 from dqcontrol.reproductions.silva2017.parsimonious import parsimonious_law
 
 pytest.importorskip("scipy")

@@ -21,8 +21,7 @@ from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
 from dqcontrol.reproductions.silva2017.whole_body_graph import graph_spec
-from dqcontrol.ros2 import base_transform, controller_loop
-from dqcontrol.ros2 import localisation as localisation_module
+from dqcontrol.ros2 import base_transform, controller_loop, localisation as localisation_module
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import load

@@ -1,10 +1,6 @@
 from .live import (
     GrowingRecording as GrowingRecording,
-)
-from .live import (
     LiveRun as LiveRun,
-)
-from .live import (
     growing_recording as growing_recording,
 )
 from .page import Page as Page

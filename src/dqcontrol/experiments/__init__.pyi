@@ -1,49 +1,31 @@
 from .check import (
     Checks as Checks,
-)
-from .check import (
     LoopCheck as LoopCheck,
-)
-from .check import (
     check as check,
 )
 from .load_results import (
     load_rows as load_rows,
-)
-from .load_results import (
     load_run as load_run,
-)
-from .load_results import (
     load_runs as load_runs,
-)
-from .load_results import (
     load_study as load_study,
 )
 from .ranking import (
     Ranking as Ranking,
-)
-from .ranking import (
     rank as rank,
 )
 from .real_time import run_in_real_time as run_in_real_time
 from .run import (
     Run as Run,
-)
-from .run import (
     run as run,
 )
 from .run_comparison import summary as summary
 from .run_study import (
     run_study as run_study,
-)
-from .run_study import (
     run_study_to as run_study_to,
 )
 from .run_sweep import run_sweep_to as run_sweep_to
 from .spec import (
     Spec as Spec,
-)
-from .spec import (
     read_spec as read_spec,
 )
 from .study import Study as Study

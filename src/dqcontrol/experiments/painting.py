@@ -17,8 +17,7 @@ from dqcontrol.laws import LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
 from dqcontrol.plants import Servo
-from dqcontrol.references import Drawing, JerkLimited, Rest, StraightStroke
-from dqcontrol.references import Sequence as InSequence
+from dqcontrol.references import Drawing, JerkLimited, Rest, Sequence as InSequence, StraightStroke
 from dqcontrol.references.drawing.drawing_file import parse_drawing
 from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
 from dqcontrol.references.plane import Plane, plane_axes

@@ -1,7 +1,5 @@
 from .compiled_run import run_compiled_in_real_time as run_compiled_in_real_time
 from .controller_folder import (
     ExportSummary as ExportSummary,
-)
-from .controller_folder import (
     export_controller as export_controller,
 )

@@ -1,7 +1,5 @@
 from .clock import (
     Clock as Clock,
-)
-from .clock import (
     Timing as Timing,
 )
 from .closed_loop import close_loop as close_loop
@@ -11,7 +9,5 @@ from .simulate import simulate as simulate
 from .supervision import Supervision as Supervision
 from .trace import (
     Stop as Stop,
-)
-from .trace import (
     Trace as Trace,
 )

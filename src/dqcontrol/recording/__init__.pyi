@@ -2,11 +2,7 @@ from .black_box_folder import save_black_box as save_black_box
 from .export import export_record as export_record
 from .mcap import (
     load_metadata as load_metadata,
-)
-from .mcap import (
     load_record as load_record,
-)
-from .mcap import (
     save_record as save_record,
 )
 from .stream import RecordStream as RecordStream

@@ -1,18 +1,12 @@
 from .circle import (
     Circle as Circle,
-)
-from .circle import (
     Spiral as Spiral,
 )
 from .curve import Curve as Curve
 from .drawing import Drawing as Drawing
 from .drawing.drawing_file import (
     DrawingFile as DrawingFile,
-)
-from .drawing.drawing_file import (
     load_drawing as load_drawing,
-)
-from .drawing.drawing_file import (
     parse_drawing as parse_drawing,
 )
 from .drive_through import DriveThrough as DriveThrough
@@ -27,25 +21,17 @@ from .rigid_motion import motion_samples as motion_samples
 from .sample import Sample as Sample
 from .sequence import (
     Repeat as Repeat,
-)
-from .sequence import (
     Sequence as Sequence,
 )
 from .set_point import SetPoint as SetPoint
 from .square import Square as Square
 from .strokes import (
     Arc as Arc,
-)
-from .strokes import (
     Rest as Rest,
-)
-from .strokes import (
     StraightStroke as StraightStroke,
 )
 from .timing import (
     CornerStops as CornerStops,
-)
-from .timing import (
     StartRamp as StartRamp,
 )
 from .transformed import Transformed as Transformed

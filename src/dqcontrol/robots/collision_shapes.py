@@ -13,8 +13,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
-from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule
-from dqcontrol.geometry import distance_kernels as kernels
+from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule, distance_kernels as kernels
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
 from dqcontrol.robots.mesh_files import mesh_file, missing_note
 from dqcontrol.robots.mjcf_geometry import Geom, mjcf_geoms

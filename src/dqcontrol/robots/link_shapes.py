@@ -11,8 +11,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
-from dqcontrol.geometry import Box, Capsule, Shape, Sphere
-from dqcontrol.geometry import distance_kernels as kernels
+from dqcontrol.geometry import Box, Capsule, Shape, Sphere, distance_kernels as kernels
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.poses import inverse7
 

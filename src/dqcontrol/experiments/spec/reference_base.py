@@ -11,8 +11,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol import algebra
-from dqcontrol import references as shapes
+from dqcontrol import algebra, references as shapes
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.named_fields import NamedFields

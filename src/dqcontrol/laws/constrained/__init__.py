@@ -1,5 +1,1 @@
 """Constraints around laws; programs with constraints, and levels of rows that give way."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -37,10 +37,12 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     FROZEN_AFTER,
     HOLDING,
     JOINT_TOLERANCE,
+    JUMP as JUMP_LIMIT,
     LATENESS,
     LONGEST_BASE_JUMP,
     LONGEST_STEP,
     MODE,
+    OVERSPEED as OVERSPEED_SHARE,
     PAYLOAD_WEIGHT,
     RESET,
     RETURNING,
@@ -52,8 +54,6 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
     STOPPED,
     taken_apart,
 )
-from dqcontrol.limits.supervisor.supervisor_layout import JUMP as JUMP_LIMIT
-from dqcontrol.limits.supervisor.supervisor_layout import OVERSPEED as OVERSPEED_SHARE
 
 _FAR = 1e6  # rad or m: no measurement says so
 _LONG = 1e3  # s: no gap counts as more

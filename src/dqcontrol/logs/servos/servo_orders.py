@@ -7,8 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.logs.servos import lag_response as first
-from dqcontrol.logs.servos import second_order_response as second
+from dqcontrol.logs.servos import lag_response as first, second_order_response as second
 from dqcontrol.logs.servos.lag_response import PiecewiseLinear, lag_response
 from dqcontrol.logs.servos.second_order_response import second_order_response
 

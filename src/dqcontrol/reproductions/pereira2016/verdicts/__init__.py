@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dqcontrol.reproductions.judgement import Judgement
 from dqcontrol.reproductions.pereira2016.published_numbers import claims
-from dqcontrol.reproductions.pereira2016.verdicts import appendix_verdicts as appendices
-from dqcontrol.reproductions.pereira2016.verdicts import circle_verdicts as circle
-from dqcontrol.reproductions.pereira2016.verdicts import further_runs_verdicts as further_runs
-from dqcontrol.reproductions.pereira2016.verdicts import h_infinity_verdicts as h_infinity
-from dqcontrol.reproductions.pereira2016.verdicts import sampling_time_verdicts as sampling_time
-from dqcontrol.reproductions.pereira2016.verdicts import spiral_verdicts as spiral
+from dqcontrol.reproductions.pereira2016.verdicts import (
+    appendix_verdicts as appendices,
+    circle_verdicts as circle,
+    further_runs_verdicts as further_runs,
+    h_infinity_verdicts as h_infinity,
+    sampling_time_verdicts as sampling_time,
+    spiral_verdicts as spiral,
+)
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES, Evidence
 
 __all__ = ["Evidence", "judge"]
