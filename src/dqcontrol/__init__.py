@@ -1,13 +1,10 @@
 """Dual quaternion control laws for arms: compiled simulation, physics, experiments."""
 
-import lazy_loader
-
-from dqcontrol.moved import names_moved_from, register
+from dqcontrol.moved import offered, register
 
 __version__ = "0.1.0"
 
 # As in all rooms: what is offered stands in `__init__.pyi`, and is imported when it is first used.
-_offered, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = names_moved_from(__name__, _offered)
+__getattr__, __dir__, __all__ = offered(__name__, __file__)
 
 register()

@@ -204,7 +204,9 @@ def as_each_positive(
 
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
     """Return a finite number above zero (or not below it)."""
-    if type(value) is float and (0.0 < value < math.inf or (zero_allowed and value == 0.0)):  # the most
+    if type(value) is float and (
+        0.0 < value < math.inf or (zero_allowed and value == 0.0)
+    ):  # searches check thousands
         return value
     number = float(as_array(field, value, ()))
     if number < 0 or (number == 0 and not zero_allowed):

@@ -1,4 +1,4 @@
-"""Old names of what has moved or has another name: they work for one more release, and say where it is now."""
+"""The names of packages: those offered, imported when first used, and old ones, which work for one more release."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from functools import wraps
 from importlib import import_module
 from types import ModuleType
 from typing import Any, TypeVar
+
+import lazy_loader
 
 T = TypeVar("T")
 
@@ -107,15 +109,18 @@ def names_at(module: str, new: str) -> Sequence[str]:
     return _NAMES[module][new] or import_module(new).__all__
 
 
-def names_moved_from(module: str, offered: Callable[[str], Any] | None = None) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a module where names have left or changed, or of a package, given its own."""
+def names_moved_from(module: str) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a module where names have left or changed."""
+    return lambda name: find_moved(module, name)
 
-    def get(name: str) -> Any:
-        if offered is not None and name in sys.modules[module].__all__:
-            return offered(name)
-        return find_moved(module, name)
 
-    return get
+def offered(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package, given its name and the file of its code.
+
+    What stands in the stub beside that file, ``__init__.pyi``, is imported when it is first used; old names work too.
+    """
+    get, listing, names = lazy_loader.attach_stub(package, file)
+    return lambda name: get(name) if name in names else find_moved(package, name), listing, names
 
 
 def renamed_parameters(**new_names: str) -> Callable[[T], T]:

@@ -1,4 +1,4 @@
-"""``dqcontrol --install-completion``: a file of its own, as its imports take a twentieth of the time of ``--help``."""
+"""``dqcontrol --install-completion``: a file of its own, as its imports take a tenth of the time of ``--help``."""
 
 from __future__ import annotations
 

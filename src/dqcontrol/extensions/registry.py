@@ -32,8 +32,10 @@ def registered(base: type[T], group: str = "") -> list[type[T]]:
     FileFormatError
         If an entry point cannot be loaded or is no such subclass.
     """
-    for name in import_module(group).__all__ if group else ():
-        getattr(import_module(group), name)
+    if group:
+        ours = import_module(group)
+        for name in ours.__all__:
+            getattr(ours, name)
     for point in entry_points(group=group):
         try:
             offered = point.load()

@@ -1,5 +1,5 @@
 """Shapes in space: their signed distances, with points, normals and Jacobians; and capsules around points."""
 
-import lazy_loader
+from dqcontrol.moved import offered
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = offered(__name__, __file__)

@@ -1,5 +1,5 @@
 """Limits: what is done to a command before it leaves."""
 
-import lazy_loader
+from dqcontrol.moved import offered
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = offered(__name__, __file__)

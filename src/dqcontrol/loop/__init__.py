@@ -1,8 +1,5 @@
 """The closed loop, compiled and interpreted, and what it saw."""
 
-import lazy_loader
+from dqcontrol.moved import offered
 
-from dqcontrol.moved import names_moved_from
-
-_offered, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = names_moved_from(__name__, _offered)
+__getattr__, __dir__, __all__ = offered(__name__, __file__)

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
@@ -336,10 +336,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 def _each(field: str, value: float | list[float], m: int) -> Array:
     """Return a bound for each input."""
-    numbers = as_each(f"supervisor.{field}", value, m)
-    if (numbers <= 0).any():
-        raise ValueRangeError(f"supervisor.{field}: must be > 0, got {numbers.min():g}")
-    return numbers
+    return as_each_positive(f"supervisor.{field}", value, m)
 
 
 def _box(workspace: WorkspaceBox) -> Array:
