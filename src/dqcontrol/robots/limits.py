@@ -102,7 +102,7 @@ class Inertia:
 
     @cached_property
     def table(self) -> NDArray[np.float64]:
-        """The body table that ``gravity`` takes, one row ``[mass, center]`` a joint, shape (n, 4); not to be written."""
+        """The body table of ``gravity``, one row ``[mass, center]`` a joint, shape (n, 4); not to be written."""
         rows = np.column_stack([self.mass, self.center])
         rows.flags.writeable = False
         return rows
