@@ -134,3 +134,11 @@ def test_shells_complete_commands_and_options(shell):
     script = cli.app.generate_completion(shell=shell)
     for word in ("reproduce", "robots", "solve", "scheduler", "install-completion"):
         assert word in script
+
+
+def test_a_file_that_is_there_is_not_replaced_by_a_script(tmp_path, capsys):
+    mine = tmp_path / ".bashrc"
+    mine.write_text("mine\n")
+    code, _, err = call("--install-completion", "--shell", "bash", "--output", str(mine), capsys=capsys)
+    assert (code, err) == (2, f"dqcontrol: {mine}: exists already; choose another name or remove it\n")
+    assert mine.read_text() == "mine\n"
