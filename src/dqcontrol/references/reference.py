@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
+from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 from dqcontrol.references.yaml_form import SpecStart
 
 if TYPE_CHECKING:
@@ -168,8 +168,7 @@ class Reference(ABC):
 
     def at(self, time: float) -> Sample:
         """Return the sample at one time, s, ≥ 0."""
-        row = self.samples([float(as_array("time", time, ()))])[0]
-        return Sample(row[POSE], row[TWIST], row[TWIST_RATE], row[TIME])
+        return Sample.of_row(self.samples([float(as_array("time", time, ()))])[0])
 
     def snapped(self, times: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return the times (N,), s, put into [0, duration] and onto near corners, and which are corners.

@@ -51,11 +51,21 @@ class Sample:
         data[TWIST] = _six("twist", twist)
         data[TWIST_RATE] = _six("twist_rate", twist_rate)
         data[TIME] = as_array("time", time, ())
-        object.__setattr__(self, "numbers", data)
-        data = data.view()
+        self._keep(data)
+
+    @classmethod
+    def of_row(cls, row: Array) -> Sample:
+        """Return a row (21,) of `Reference.samples` to the last bit: its pose is not normalised once more."""
+        sample = cls.__new__(cls)
+        sample._keep(row)
+        return sample
+
+    def _keep(self, numbers: Array) -> None:
+        object.__setattr__(self, "numbers", numbers)
+        data = numbers.view()
         data.flags.writeable = False
         object.__setattr__(self, "data", data)
-        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "time", float(data[TIME]))
         for name, part in (("pose", POSE), ("twist", TWIST), ("twist_rate", TWIST_RATE)):
             object.__setattr__(self, name, data[part])
 
