@@ -332,8 +332,8 @@ import sys
 from dqcontrol.cli import COMMANDS, app
 for command in ("", *COMMANDS):
     app([*command.split(), "--help"], result_action="return_value")
-    loaded = {"numba", "matplotlib", "scipy", "mujoco", "pyarrow"} & set(sys.modules)
-    print(f"loaded by '{command}':", *loaded, *["numpy"] * (not command and "numpy" in sys.modules))
+    loaded = {"numpy", "numba", "matplotlib", "scipy", "mujoco", "pyarrow"} & set(sys.modules)
+    print(f"loaded by '{command}':", *loaded)
 """
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True

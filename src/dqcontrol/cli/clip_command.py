@@ -7,8 +7,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from dqcontrol.errors import ValueRangeError
-
 Replace = Annotated[bool, Parameter(name="--force", negative=(), help="Replace an existing file.")]
 
 
@@ -43,6 +41,7 @@ def clip(
         Direction of view, degrees; negative looks down.
     """
     from dqcontrol.cli.screen import progress_bar
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments import load_run
     from dqcontrol.films.clip import render_clip, render_whole
 

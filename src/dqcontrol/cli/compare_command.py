@@ -9,8 +9,6 @@ from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table
-from dqcontrol.errors import Error
-from dqcontrol.files.units import as_quantity
 
 
 def compare(
@@ -40,6 +38,7 @@ def compare(
     best_per
         List the best point for each value of this parameter or label, as plant.delay.
     """
+    from dqcontrol.errors import Error
     from dqcontrol.experiments import load_rows, load_runs, rank, summary
     from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
@@ -84,6 +83,9 @@ def compare(
 
 def _condition(text: str) -> tuple[str, float | str]:
     """Return the key and the value, in SI units, of what ``--where`` says."""
+    from dqcontrol.errors import Error
+    from dqcontrol.files.units import as_quantity
+
     key, equals, value = text.partition("=")
     if not (key and equals and value):
         raise Error(f"where: expected KEY=VALUE, as plant.delay=0.032, got '{text}'")

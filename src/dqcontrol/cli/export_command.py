@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.errors import ShapeError
 
 _SIGNALS = (".csv", ".parquet", ".mat")
 
@@ -38,6 +37,8 @@ def export(
     force
         Replace an existing file, or an earlier folder.
     """
+    from dqcontrol.errors import ShapeError
+
     if source.is_dir() or (path is not None and not source.exists()):
         _export_signals(source, path, is_controller=bool(law or target or out), force=force)
         return
@@ -59,6 +60,7 @@ def export(
 
 
 def _export_signals(run: Path, path: Path | None, *, is_controller: bool, force: bool) -> None:
+    from dqcontrol.errors import ShapeError
     from dqcontrol.experiments import load_run
 
     if is_controller:

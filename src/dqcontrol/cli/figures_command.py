@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.errors import Error
 
 Formats = Annotated[tuple[Literal["pdf", "png", "svg"], ...], Parameter(name=["--format"], negative=())]
 
@@ -35,6 +34,7 @@ def figures(
     force
         Replace an earlier folder of figures.
     """
+    from dqcontrol.errors import Error
     from dqcontrol.experiments.results_folder import check_new, new_folder
     from dqcontrol.figures import column_width, save_figures
     from dqcontrol.figures.figure_files import PAPER_DPI

@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
-from dqcontrol.errors import ValueRangeError
 
 
 def learn(
@@ -44,6 +43,7 @@ def learn(
     network
         With --ros2: do not keep to the loopback.
     """
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.tuning import learn_to
     from dqcontrol.tuning.learning.learn_spec import read_learn
 

@@ -9,7 +9,6 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import BaseLink, Force, TipLink
-from dqcontrol.errors import Error, ExistsError, suggest
 
 MOTIONS, PLANTS = ("circle", "square", "spiral", "set-point"), ("servo", "integrator", "mujoco")
 QUESTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -62,6 +61,8 @@ def new(
     force
         Replace the file.
     """
+    from dqcontrol.errors import ExistsError
+
     if file.exists() and not force:
         raise ExistsError(f"{file}: exists already; choose another name, or replace it with --force")
     given = {"robot": robot, "motion": motion, "period": period, "law": law, "plant": plant}
@@ -76,6 +77,8 @@ def new(
 
 def _answer(key: str, given: str | None, *, ask: bool) -> str:
     """Return what was given, or what a person types, or the default."""
+    from dqcontrol.errors import Error, suggest
+
     question, default, allowed = QUESTIONS[key]
     if given is None and ask:
         if not sys.stdin.isatty():

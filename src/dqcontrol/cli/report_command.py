@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.errors import Error
-
 
 def report(*folders: Path, jobs: int | None = None) -> None:
     """Write the reports of saved runs anew, with all figures, which studies leave out.
@@ -18,6 +16,7 @@ def report(*folders: Path, jobs: int | None = None) -> None:
         Processes that draw in parallel; default: as many as there are processors, if there is enough to do.
     """
     from dqcontrol.cli.screen import progress_bar
+    from dqcontrol.errors import Error
     from dqcontrol.reports import rewrite_reports
 
     if not folders:

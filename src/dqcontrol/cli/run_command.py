@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
-from dqcontrol.errors import ShapeError
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
@@ -53,6 +52,7 @@ def run(
     over
         With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
     """
+    from dqcontrol.errors import ShapeError
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.working_folder import working_folder
 

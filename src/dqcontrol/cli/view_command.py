@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.cli.options import Port
-from dqcontrol.errors import Error, ValueRangeError
 
 if TYPE_CHECKING:
     from dqcontrol.browser import GrowingRecording, LiveRun, Track
@@ -26,6 +25,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     """
     from dqcontrol.browser import LiveRun, Page, Track, growing_recording
     from dqcontrol.browser.served_page import import_viser
+    from dqcontrol.errors import Error
     from dqcontrol.experiments import load_runs
 
     if not runs and live is None:
@@ -53,6 +53,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
 def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a recording that may grow."""
     from dqcontrol.browser import GrowingRecording, Track
+    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.spec import RobotSpec
     from dqcontrol.files.yaml_file import convert
     from dqcontrol.logs.evaluation import about_log
@@ -74,6 +75,7 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
 def _follow_run(running: LiveRun, tracks: list[Track]) -> tuple[GrowingRecording, Track]:
     """Add the track of a run in progress here."""
     from dqcontrol.browser import GrowingRecording, Track
+    from dqcontrol.errors import Error
 
     growing = GrowingRecording(running.path, running.robot)
     try:

@@ -71,21 +71,28 @@ class MemoryLayout(Generic[Fields]):
         }
 
     @cached_property
+    def _has_rest(self) -> bool:
+        return any(_REST in shape for shape in self._shapes.values())
+
+    @cached_property
     def _known_shapes(self) -> Callable[..., tuple[tuple[int, ...], ...]]:
         listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
         return eval(f"lambda {', '.join([*self.sizes, _REST])}: ({listed},)")
 
     def __call__(self, memory: Array, *sizes: int) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
-        *_, last = self._known_shapes(*sizes, 1)
-        left = (memory.shape[-1] - self.size(*sizes)) // max(prod(last), 1)
+        *before, last = self._known_shapes(*sizes, 1)
+        if self._has_rest:
+            left = (memory.shape[-1] - sum(map(prod, before))) // max(prod(last), 1)
+            *before, last = self._known_shapes(*sizes, left)
         parts, place = [], 0
-        for shape in self._known_shapes(*sizes, left):
-            part = memory[..., place : place + prod(shape)]
+        for shape in (*before, last):
+            size = prod(shape)
+            part = memory[..., place : place + size]
             if len(shape) > 1:
                 part = part.reshape(*memory.shape[:-1], *shape)
             parts.append(part if shape else memory.T[place].T)
-            place += prod(shape)
+            place += size
         return self.fields(*parts)
 
     def size(self, *sizes: int) -> int:
@@ -107,13 +114,14 @@ class MemoryLayout(Generic[Fields]):
         """Return an array, or rows of arrays, shape (…, size), that have these values by name."""
         if values.keys() != self._shapes.keys():
             raise TypeError(f"{self.__name__}: expected {', '.join(self._shapes)}, got {', '.join(values)}")
-        parts = []
-        for name, shape in self._shapes.items():
-            value = np.asarray(values[name], dtype=np.float64)
-            rows = value.shape[: value.ndim - len(shape)]
-            parts.append(value.reshape(*rows, prod(value.shape[len(rows) :])))
-        if all(part.ndim == 1 for part in parts):
-            return np.concatenate(parts)
+        arrays = [np.asarray(values[name], dtype=np.float64) for name in self._shapes]
+        leads = [array.ndim - len(shape) for array, shape in zip(arrays, self._shapes.values(), strict=True)]
+        if not any(leads):
+            return np.concatenate([array.ravel() for array in arrays])
+        parts = [
+            array.reshape(*array.shape[:lead], prod(array.shape[lead:]))
+            for array, lead in zip(arrays, leads, strict=True)
+        ]
         rows = np.broadcast_shapes(*{part.shape[:-1] for part in parts})
         whole, place = np.empty((*rows, sum(part.shape[-1] for part in parts))), 0
         for part in parts:

@@ -104,6 +104,8 @@ class Combination:
 
     def prepare_law(self, spec: Spec) -> PreparedLaw:
         """Return the law ready to run, prepared when the spec was checked or now."""
+        if self.prepared is not None and not self.prepared.depends_on_mode:
+            return self.prepared
         scene, mode, lag = self.scene, lagging_mode(self.plant), self.plant.lag(self.scene.robot)
         if self.prepared is not None:
             return self.prepared.in_mode(mode, lag)

@@ -109,14 +109,16 @@ def admit(where: str, data: Any, folder: Path) -> None:
         If code is refused.
     """
     found = list(places(data))
+    if not found:
+        return
     for part in found:
         part["function"] = place_from(part["function"], folder)
     names = ", ".join(dict.fromkeys(part["function"] for part in found))
-    if names and os.environ.get(POLICY) == REFUSED:
+    if os.environ.get(POLICY) == REFUSED:
         raise ValueRangeError(f"{where}: runs code of {names}, which --no-code or {POLICY}={REFUSED} refuses")
     code = names, *(hashlib.sha256(content).hexdigest() for content in sources(data))
     # Commands read a spec several times, and their workers do again: what was said is said anew for other code only.
-    if names and code not in _announced and multiprocessing.parent_process() is None:
+    if code not in _announced and multiprocessing.parent_process() is None:
         _announced.add(code)
         print(f"dqcontrol: runs code of {names}", file=sys.stderr, flush=True)
 

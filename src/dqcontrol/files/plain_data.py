@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ import yaml
 
 
 def finite_or_none(value: Any) -> Any:
-    """Return plain data with None for NaN and infinity, which JSON has no words for."""
+    """Return plain data with None for NaN and infinity, which JSON has no words for; of dataclasses their fields."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     if isinstance(value, dict):
         return {key: finite_or_none(each) for key, each in value.items()}
     if isinstance(value, tuple | list):
         return [finite_or_none(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return finite_or_none(vars(value)) if is_dataclass(value) else value
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -308,11 +308,15 @@ class PreparedLaw:
             self._lag,
         )
 
+    @cached_property
+    def depends_on_mode(self) -> bool:
+        """Whether plants of another command mode or lag need another one."""
+        position = self._limits.position
+        return bool(self.constraints or (position and position.memory(self.robot, "integrated", self.dt)))
+
     def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
-        position = self._limits.position
-        depends = self.constraints or (position and position.memory(self.robot, "integrated", self.dt))
-        if (command_mode, lag) == (self._command_mode, self._lag) or not depends:
+        if (command_mode, lag) == (self._command_mode, self._lag) or not self.depends_on_mode:
             return self
         return PreparedLaw(
             self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks, lag

@@ -9,8 +9,8 @@ number of its threads.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -214,7 +214,7 @@ class Metrics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return nested dictionaries fit for JSON: ``None`` for NaN and infinity."""
-        plain = finite_or_none(asdict(self))
+        plain = finite_or_none(vars(self))
         if not self.tasks:
             del plain["tasks"]
         return plain
@@ -284,6 +284,7 @@ def evaluate(
     if tolerance is not None:
         as_positive("tolerance", tolerance)
     time, intervals = record.time, np.diff(record.time)
+    times = _Times(time, intervals)
     between = (intervals[1:] + intervals[:-1]) / 2
     moved, position = record.q, record.position
     if low_pass is not None:
@@ -302,15 +303,15 @@ def evaluate(
         return Metrics(
             duration=record.duration,
             samples=len(record),
-            error=_continuous(time, record.error),
-            settled_error=_continuous(time[start:], record.error[start:]),
+            error=_continuous(times, record.error),
+            settled_error=_continuous(times.since(start), record.error[start:]),
             final_error=float(record.error[-1]),
             control=_held(control, intervals),
             joint_step=_held(effect, intervals),
             hand_speed=_held(speed, intervals),
             hand_acceleration=_held(acceleration, between),
-            position=_deviation(time, 1e3 * record.position_error, start),
-            orientation=_deviation(time, np.degrees(record.orientation_error), start),
+            position=_deviation(times, 1e3 * record.position_error, start),
+            orientation=_deviation(times, np.degrees(record.orientation_error), start),
             joint_path_length=float(effect.sum()),
             effort=effort,
             settling_time=settling_time,
@@ -327,8 +328,8 @@ def evaluate(
             outside_range=outside_range(record),
             tasks={
                 name.removeprefix(TASK): TaskDeviation(
-                    _deviation(time, 1e3 * signal.values[:, 0], start),
-                    _deviation(time, np.degrees(signal.values[:, 1]), start),
+                    _deviation(times, 1e3 * signal.values[:, 0], start),
+                    _deviation(times, np.degrees(signal.values[:, 1]), start),
                 )
                 for name, signal in record.readings.items()
                 if name.startswith(TASK)
@@ -347,15 +348,26 @@ def _acceleration(position: Array, time: Array) -> Array:
     return row_norms(np.diff(_velocity(position, time), axis=0) / between[:, None])
 
 
-def _continuous(time: Array, value: Array) -> SignalNorms:
+class _Times(NamedTuple):
+    """Times of samples, shape (N,), and the intervals between them, shape (N − 1,), s."""
+
+    samples: Array
+    intervals: Array
+
+    def since(self, first: int) -> _Times:
+        """Return those from one sample on."""
+        return _Times(self.samples[first:], self.intervals[first:])
+
+
+def _continuous(times: _Times, value: Array) -> SignalNorms:
     """Summarise samples joined linearly."""
-    duration = float(time[-1] - time[0])
+    duration, intervals = float(times.samples[-1] - times.samples[0]), times.intervals
     if duration == 0:
         return SignalNorms(0.0, math.nan, math.nan, float(value.max()))
-    integral = float(np.trapezoid(value, time))
     a, b = value[:-1], value[1:]
+    integral = float((intervals * (b + a) / 2).sum())
     square = float(
-        np.sum(np.diff(time) * (a * a + a * b + b * b)) / 3
+        (intervals * (a * a + a * b + b * b)).sum() / 3
     )  # exact for the straight lines between samples
     return SignalNorms(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
 
@@ -370,8 +382,8 @@ def _held(value: Array, intervals: Array) -> SignalNorms:
     return SignalNorms(integral, integral / duration, rms, float(value.max()))
 
 
-def _deviation(time: Array, value: Array, start: int) -> Deviation:
-    whole, settled = _continuous(time, value), _continuous(time[start:], value[start:])
+def _deviation(times: _Times, value: Array, start: int) -> Deviation:
+    whole, settled = _continuous(times, value), _continuous(times.since(start), value[start:])
     return Deviation(
         whole.mean, whole.rms, whole.peak, float(value[-1]), settled.mean, settled.rms, settled.peak
     )
@@ -394,7 +406,7 @@ def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
     if limits is None or not len(command) or not np.isfinite(limits.velocity).any():
         return math.nan, math.nan
     velocity = limits.velocity
-    shares = row_by_row(lambda rows: np.max(np.abs(rows) / velocity, axis=1), command)
+    shares = row_by_row(lambda rows: np.ascontiguousarray((np.abs(rows) / velocity).T).max(axis=0), command)
     if not np.isfinite(shares).all():
         return math.nan, math.nan
     return float(shares.max()), float(np.mean(shares >= 1 - _ROUNDING))
