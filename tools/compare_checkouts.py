@@ -32,21 +32,23 @@ def commands(checkout: Path, *, reproduce: bool, only: str) -> Iterator[tuple[st
     """Yield a name for each thing that a checkout runs, and its command's arguments."""
     for path in sorted((checkout / "examples").glob("*.yaml")):
         if only in path.stem:
-            kind = "sweep" if "\nsweep:" in path.read_text(encoding="utf-8") else "run"
-            yield path.stem, [kind, str(path)]
+            text = path.read_text(encoding="utf-8")
+            own = (command for command in ("sweep", "learn", "tune") if f"\n{command}:" in text)
+            yield path.stem, [next(own, "run"), str(path)]
     for name, *options in REPRODUCTIONS if reproduce else ():
         label = "-".join([name, *options]).replace("--", "")
         if only in label:
             yield label, ["reproduce", name, *options]
 
 
-def run(checkout: Path, arguments: list[str], out: Path) -> None:
-    """Run one command of a checkout; its results go to a folder."""
+def run(checkout: Path, arguments: list[str], out: Path) -> bool:
+    """Run one command of a checkout, whose results go to a folder; return whether it ended well."""
     environment = {**os.environ, "PYTHONPATH": str(checkout / "src")}
     words = [sys.executable, "-m", "dqcontrol", *arguments, "--out", str(out)]
     done = subprocess.run(words, env=environment, cwd=checkout, capture_output=True, text=True, check=False)
     if done.returncode:
         print(f"  {shlex.join(arguments)} in {checkout} exits with {done.returncode}: {done.stderr[-300:]}")
+    return not done.returncode
 
 
 def messages(path: Path) -> list[tuple[str, int, bytes]]:
@@ -105,9 +107,11 @@ def main() -> int:
                 print(f"{name}: only before")
                 continue
             out = Path(folder) / name
-            run(sides[0], before[name], out / "before")
-            run(sides[1], after[name], out / "after")
-            found = list(differences(out / "before", out / "after"))
+            ran = [
+                run(side, words[name], out / label)
+                for side, words, label in zip(sides, (before, after), ("before", "after"), strict=True)
+            ]
+            found = list(differences(out / "before", out / "after")) if all(ran) else ["cannot be compared"]
             alike = alike and not found
             print(f"{name}: {'equal' if not found else '; '.join(found)}", flush=True)
     return 0 if alike else 1
