@@ -88,7 +88,7 @@ def _pairs() -> Iterator[tuple[Any, ...]]:
     inverse = _mean_inverse(
         circle["HIR"]["orientation_gain"], published_spec("circle")["reference"]["duration"]
     )
-    for label in sorted({where for law, where, _ in means if law == _KNOWN}, key=len):
+    for label in sorted(dict.fromkeys(where for law, where, _ in means if law == _KNOWN), key=len):
 
         def of_series(law: str, label: str = label) -> float:
             return means[law, label, "control"] / means[law, label, "error"]
