@@ -190,3 +190,14 @@ def test_parts_are_written_while_the_study_runs(tmp_path, monkeypatch):
     interrupt(spec(), tmp_path / "noise", 4)
     assert len(list(working_folder(tmp_path / "noise").glob("part-*.parquet"))) == 4
     assert run_study_to(spec(), tmp_path / "noise").taken_over == 4
+
+
+def test_processes_that_began_elsewhere_write_into_this_folder(tmp_path, monkeypatch):
+    """Processes are used again by later studies and stay in the folder that they began in."""
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        study = run_study_to(spec(record="all"), "noise", jobs=2)
+        assert study.taken_over == 0
+        saved = sorted((tmp_path / name).glob("noise/**/record.mcap"))
+        assert len(saved) == len(study.rows) == 6

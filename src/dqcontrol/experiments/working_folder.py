@@ -47,7 +47,8 @@ class WorkingFolder:
     def __init__(self, folder: Path, text: str, fingerprint: str, *, force: bool = False) -> None:
         import_pyarrow()
         self.folder = folder
-        self.recordings: Path = folder / "runs"
+        # Processes that are used again work in the folder that they began in.
+        self.recordings: Path = folder.absolute() / "runs"
         self._text, self._fingerprint = text, fingerprint
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
