@@ -9,6 +9,7 @@ import pty
 import select
 import signal
 import struct
+import sys
 import time
 import traceback
 from collections import Counter
@@ -75,6 +76,10 @@ def drive(kind, pipe, terminal, parts, folder):
         return
     for stream in (0, 1, 2):
         os.dup2(terminal, stream)
+    sys.stdin, sys.stdout = (
+        os.fdopen(0, closefd=False),
+        os.fdopen(1, "w", closefd=False),
+    )  # pytest's are others
     driven, keyboard = Jog(jogging, guard, robot, None, Speeds(2 * SPEED, 0.5)), Keyboard()
     with keyboard, first_interrupt(driven.end), real_time(priority) if priority else nullcontext():
         _drive(driven, keyboard, folder)
