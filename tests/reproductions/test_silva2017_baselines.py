@@ -99,7 +99,7 @@ def test_far_goals_are_counted_without_and_with_limits():
     for table in done.tables[:2]:
         by_law = {str(row[0]): row for row in table.rows}
         assert [by_law["remedy: guided K along a planned way"][k] for k in (1, 2)] == ["2, 2, 2"] * 2
-        in_physics = [column.name for column in table.columns].index(
+        in_physics = [column.title for column in table.columns].index(
             "Of the first 1, with limits, in physics"
         )
         assert by_law["S17"][in_physics]
