@@ -76,10 +76,8 @@ def drive(kind, pipe, terminal, parts, folder):
         return
     for stream in (0, 1, 2):
         os.dup2(terminal, stream)
-    sys.stdin, sys.stdout = (
-        os.fdopen(0, closefd=False),
-        os.fdopen(1, "w", closefd=False),
-    )  # pytest's are others
+    # Those of pytest are no terminal.
+    sys.stdin, sys.stdout = os.fdopen(0, closefd=False), os.fdopen(1, "w", closefd=False)
     driven, keyboard = Jog(jogging, guard, robot, None, Speeds(2 * SPEED, 0.5)), Keyboard()
     with keyboard, first_interrupt(driven.end), real_time(priority) if priority else nullcontext():
         _drive(driven, keyboard, folder)

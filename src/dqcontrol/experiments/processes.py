@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import TypeVar, cast
 
 from dqcontrol.errors import Error, ValueRangeError
@@ -32,7 +33,8 @@ def checked_jobs(jobs: int | None) -> int | None:
 def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:
     """Give the function's result of each item as soon as it is there, in any order.
 
-    Only a few items more than there are processes are taken at once.
+    Only a few items more than there are processes are taken at once. Processes are used again by later calls, and work
+    in the folder that this one is in then.
 
     Raises
     ------
@@ -48,12 +50,18 @@ def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> I
         initializer=_depend_on,
         initargs=(os.getpid(),),
     )
+    work = function if jobs == 1 else partial(_in_folder, os.getcwd(), function)
     try:
-        yield from cast(Iterator[R], pool(delayed(function)(item) for item in items))
+        yield from cast(Iterator[R], pool(delayed(work)(item) for item in items))
     except BrokenProcessPool:
         raise Error(
             "a process of the study was killed, possibly out of memory; try fewer jobs (--jobs)"
         ) from None
+
+
+def _in_folder(folder: str, function: Callable[[T], R], item: T) -> R:
+    os.chdir(folder)
+    return function(item)
 
 
 def _depend_on(parent: int) -> None:

@@ -47,8 +47,7 @@ class WorkingFolder:
     def __init__(self, folder: Path, text: str, fingerprint: str, *, force: bool = False) -> None:
         import_pyarrow()
         self.folder = folder
-        # Processes that are used again work in the folder that they began in.
-        self.recordings: Path = folder.absolute() / "runs"
+        self.recordings: Path = folder / "runs"
         self._text, self._fingerprint = text, fingerprint
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
