@@ -343,8 +343,9 @@ def test_when_the_robot_dies_on_a_busy_machine_commands_come_to_rest_within_a_te
     before = [np.zeros(7)]
 
     def hear(message, info):
-        if interface == "position":
-            rate, before[0] = np.abs(np.array(message.data) - before[0]), np.array(message.data)
+        if interface in ("position", "humanoid"):
+            position = np.array(message.data if interface == "position" else message.points[0].positions)
+            rate, before[0] = np.abs(position - before[0]), position
         else:
             rate = np.abs(message.data if interface == "velocity" else message.points[0].velocities)
         if rate.max() > 0:
@@ -378,3 +379,48 @@ def test_the_graph_of_pereira_ends_with_its_launcher_even_if_that_is_killed(star
     log = launch.stdout.read()  # until both have ended, whose output it is too
     assert "robot_controlling_node]: stopping" in log
     assert "Traceback" not in log
+
+
+LAUNCHED = """
+import os, sys, time
+from dqcontrol.loop.interrupts import counted_interrupts
+
+launcher = os.getppid()
+with counted_interrupts() as interrupts:
+    interrupts.only_count()
+    print("runs", file=sys.stderr, flush=True)
+    while not interrupts.count:
+        time.sleep(0.01)
+    print("was told", file=sys.stderr, flush=True)
+    while os.getppid() == launcher:
+        time.sleep(0.01)
+    print("stop requests:", interrupts.count)
+"""
+LAUNCHER = f"""
+import subprocess, sys, threading, time
+from dqcontrol.ros2.launch import end_with_parent
+
+def launch():
+    global launched
+    launched = subprocess.Popen(
+        [sys.executable, "-c", {LAUNCHED!r}], stderr=subprocess.PIPE, text=True,
+        start_new_session=True, preexec_fn=end_with_parent,
+    )
+    print(launched.stderr.readline(), end="", flush=True)
+
+thread = threading.Thread(target=launch)
+thread.start()
+thread.join()
+print(launched.stderr.readline(), end="", flush=True)
+time.sleep(1000)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems tell no child that its parent was killed")
+def test_a_launcher_that_is_killed_is_one_stop_request_however_many_threads_it_had(start):
+    """The kernel tells a child when the thread that started it ends, and each time that its next parent does."""
+    launcher = start(
+        program=[sys.executable, "-c", LAUNCHER], until="was told"
+    )  # as its first thread has ended
+    launcher.kill()
+    assert launcher.stdout.read() == "stop requests: 1\n"

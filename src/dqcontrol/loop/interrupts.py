@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+_HANG_UP = getattr(signal, "SIGHUP", None)
 
 
 class Interrupts:
@@ -90,12 +91,26 @@ def first_interrupt(stop: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Let a function handle the signals meanwhile."""
+    """Let a function handle the signals meanwhile, the first SIGHUP only.
+
+    That a terminal has gone is said by the kernel and again by its shell, that a launching process was killed once for
+    each of its threads: one stop request all the same.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    hung_up = False
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal hung_up
+        if number == _HANG_UP:
+            if hung_up:
+                return
+            hung_up = True
+        handler(number, frame)
+
     wanted = [number for number in _SIGNALS if not _outlives(number)]
-    before = {number: signal.signal(number, handler) for number in wanted}
+    before = {number: signal.signal(number, handle) for number in wanted}
     try:
         yield
     finally:
@@ -105,4 +120,4 @@ def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 
 def _outlives(number: signal.Signals) -> bool:
     """Return whether this is the end of a terminal, which a program started with ``nohup`` is to outlive."""
-    return number.name == "SIGHUP" and signal.getsignal(number) == signal.SIG_IGN
+    return number == _HANG_UP and signal.getsignal(number) == signal.SIG_IGN

@@ -83,7 +83,12 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
 
 
 def end_with_parent() -> None:
-    """Ask for SIGTERM when the launching process is killed, on Linux: no robot moves on with nobody to stop it."""
+    """Ask for SIGHUP when the launching process is killed, on Linux: no robot moves on with nobody to stop it.
+
+    Not for SIGTERM: it comes once for each thread of that process, and a second SIGTERM breaks off what the first stops
+    softly. The process needs a session of its own, which no terminal hangs up, as a launcher under ``nohup`` ignores.
+    """
     if sys.platform == "linux":
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
         with suppress(OSError, AttributeError):  # a C library without it
-            ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
+            ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGHUP)

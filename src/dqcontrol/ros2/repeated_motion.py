@@ -135,6 +135,7 @@ class RobotBehindTopics:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
+            start_new_session=True,  # as in `launch_pair`: with Ctrl-C beside our SIGTERM it would not stop softly
             preexec_fn=end_with_parent,
         )
         try:
