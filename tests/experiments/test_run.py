@@ -197,3 +197,12 @@ def test_a_null_space_of_the_spec_is_that_of_every_law_without_one():
     assert own == other
     alone = run({**BASE, "law": {**FEEDFORWARD, "null_space": posture}})
     assert same(run({**BASE, "null_space": posture}), alone)
+
+
+@pytest.mark.parametrize("text", ["", "- a\n- b\n", "just text", "'a\n\nevaluation:\nb'\n"])
+def test_a_saved_run_whose_spec_is_no_mapping_is_refused_in_a_line(tmp_path, text):
+    folder = run(BASE | {"duration": 0.1}).save(tmp_path / "run", figures=False)
+    (folder / "spec.yaml").write_text(text)
+    with pytest.raises(Error, match=r"spec\.yaml: .*mapping") as raised:
+        dqc.experiments.load_run(folder)
+    assert "\n" not in str(raised.value)

@@ -69,8 +69,13 @@ def copy_inputs(data: dict[str, Any], folder: Path) -> None:
                 shutil.copyfile(path, folder / INPUTS / name)
 
 
-def use_copies(data: dict[str, Any], folder: Path) -> None:
-    """Replace the absolute names of files that are not there, as on another machine, by their copies in a folder."""
+def use_copies(data: Any, folder: Path) -> None:
+    """Replace the absolute names of files that are not there, as on another machine, by their copies in a folder.
+
+    What is no mapping stays as it is, for whoever reads it as a spec to refuse.
+    """
+    if not isinstance(data, dict):
+        return
     for part, key in _named(data):
         source, colon, name = part[key].rpartition(":") if key == "function" else (part[key], "", "")
         path = Path(source)
