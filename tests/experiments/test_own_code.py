@@ -82,8 +82,19 @@ def test_grid_over_a_parameter_and_files_named_from_elsewhere(folder):
 
 def test_a_key_of_a_grid_that_is_not_there(folder):
     (folder / "spec.yaml").write_text(SPEC + "grids:\n  mine: {parameters.gian: [2.0]}\n")
-    with pytest.raises(FileFormatError, match=r"grids.mine: the law has no 'parameters.gian' to change"):
+    with pytest.raises(
+        FileFormatError, match=r"grids.mine: the law has no 'parameters.gian' to change; did you mean 'gain'?"
+    ):
         prepare(folder / "spec.yaml")
+
+
+def test_a_parameter_to_sweep_over_that_is_not_there(folder):
+    """It would be one more number that no function reads, and all points of the sweep the same."""
+    (folder / "spec.yaml").write_text(SPEC + "sweep:\n  over: {laws.mine.parameters.gian: [1.0, 2.0]}\n")
+    with pytest.raises(
+        FileFormatError, match=r"no 'laws\.mine\.parameters\.gian' to vary; did you mean 'gain'\?"
+    ):
+        list(read_sweep(folder / "spec.yaml").rows(range(2)))
 
 
 def test_sweep_over_a_parameter(folder):

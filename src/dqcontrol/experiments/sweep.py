@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 import yaml
 
-from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
@@ -262,21 +262,31 @@ def _put(data: dict[str, Any], key: str, value: Any) -> None:
     names = key.split(".")
     places: list[Any] = [data]
     for i, name in enumerate(names):
+        last = i == len(names) - 1
         for inner in places:
-            if not _has(inner, name, i == len(names) - 1):
+            if not _has(inner, name, last=last, named=names[i - 1 : i] == ["parameters"]):
+                near = suggest(name, inner) if isinstance(inner, dict) else ""
                 raise FileFormatError(
-                    f"sweep.over.{key}: the spec has no '{'.'.join(names[: i + 1])}' to vary"
+                    f"sweep.over.{key}: the spec has no '{'.'.join(names[: i + 1])}' to vary{near}"
                 )
-        if i < len(names) - 1:
+        if not last:
             places = [each for inner in places for each in _inside(inner, name)]
     for inner in places:
         inner[int(names[-1]) if isinstance(inner, list) else names[-1]] = copy.deepcopy(value)
 
 
-def _has(inner: Any, name: str, last: bool) -> bool:
+def _has(inner: Any, name: str, *, last: bool, named: bool) -> bool:
+    """Return whether a part of a spec has a key: any last one, which may be one that is left out of the spec.
+
+    The parameters of own code have to be ``named`` there: they have no defaults, and any further one would be allowed.
+    """
     if isinstance(inner, list):
         return name.isdecimal() and int(name) < len(inner)
-    return isinstance(inner, dict) and (name != "*" if last else name == "*" or name in inner)
+    if not isinstance(inner, dict):
+        return False
+    if last:
+        return name in inner if named else name != "*"
+    return name == "*" or name in inner
 
 
 def _inside(inner: Any, name: str) -> list[Any]:

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Generic, TypeVar
 import msgspec
 from msgspec import Meta
 
-from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest, unknown_name
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.laws import Law
 
@@ -111,7 +111,8 @@ def _changed(where: str, law: L, changes: Changes) -> L:
         for name in names[:-1]:
             inner = inner.get(name) if isinstance(inner, dict) else None
         if not isinstance(inner, dict) or (len(names) > 1 and names[-1] not in inner):
-            raise FileFormatError(f"{where}: the law has no '{key}' to change")
+            near = suggest(names[-1], inner) if isinstance(inner, dict) else ""
+            raise FileFormatError(f"{where}: the law has no '{key}' to change{near}")
         inner[names[-1]] = value
     return convert(where, data, type(law))
 
