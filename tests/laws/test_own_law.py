@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.compiled.compile import InterpretedKernel, Kernel
-from dqcontrol.errors import Error, InterpretedWarning
+from dqcontrol.errors import Error, InterpretedWarning, ShapeError
 from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.plants import Integrator, OwnPlant
 
@@ -128,6 +128,37 @@ def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
     record = run(arm, OwnLaw(function=stopping), Integrator(), interpreted)
     assert record.stopped == "diverged at 0.51 s: your own function raised an exception"
     assert len(record) == 51
+
+
+def stopping_not_compilable(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    stopping(*map(np.asarray, (q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work)), out)
+
+
+@pytest.mark.filterwarnings("ignore:.*does not compile")
+def test_an_exception_in_an_interpreted_law_ends_the_run_as_that_of_a_compiled_one_and_is_told(arm):
+    with pytest.warns(
+        InterpretedWarning, match=r"raised ValueError: safety stop \(test_own_law\.py, line \d+\)"
+    ):
+        record = run(arm, OwnLaw(function=stopping_not_compilable), Integrator())
+    assert record.stopped == "diverged at 0.51 s: your own function raised an exception"
+    assert len(record) == 51
+
+
+def four_arguments(q, pose, sample, out):
+    out[:] = 0.0
+
+
+def test_a_function_with_other_arguments_is_refused_in_a_line(arm):
+    expected = (
+        r"four_arguments\(q, pose, sample, out\) has to take 9 arguments: q, pose, pose_jacobian, .*, out$"
+    )
+    with pytest.raises(ShapeError, match=expected):
+        OwnLaw(function=four_arguments).prepare(arm, None, 0.01)
+    with pytest.raises(
+        ShapeError, match=r"has to take 6 arguments: command, parameters, noise, state, q, measured$"
+    ):
+        OwnPlant(function=four_arguments).start(arm, np.array(START), 0.01, 1, 0)
+    OwnLaw(function=lambda *whatever: whatever[-1].fill(0.0)).prepare(arm, None, 0.01)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,13 @@ interpreted loop runs the very same machine code. Small functions that kernels s
 from __future__ import annotations
 
 import gc
+import inspect
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import numba
@@ -21,7 +24,7 @@ from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import numba_used
-from dqcontrol.errors import InterpretedWarning
+from dqcontrol.errors import InterpretedWarning, ShapeError
 from dqcontrol.moved import names_moved_from
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
@@ -204,14 +207,24 @@ class InterpretedKernel:
         Why it does not compile.
     """
 
-    def __init__(self, function: Callable[..., Any], reason: str) -> None:
+    def __init__(self, function: Callable[..., Any], reason: str, name: str) -> None:
         self.function = function
         self.reason = reason
-        self.__name__: str = function.__name__
+        self.__name__: str = name
 
     def __call__(self, *arguments: Any) -> int:
-        """Call the function and return the status."""
-        return self.function(*arguments)
+        """Call the function and return the status; where it raises, warn and return that of a compiled one."""
+        try:
+            return self.function(*arguments)
+        except Exception as error:
+            last = extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}, line {last.lineno}"
+            warnings.warn(
+                f"{self.__name__}: raised {type(error).__name__}: {error} ({place})",
+                InterpretedWarning,
+                stacklevel=2,
+            )
+            return RAISED
 
 
 def compile_own(
@@ -233,7 +246,14 @@ def compile_own(
         through compiled loops.
     signature
         What to compile for.
+
+    Raises
+    ------
+    ShapeError
+        If it takes other arguments.
     """
+    name = str(getattr(function, "__name__", function))
+    _check_arguments(function, name, list(inspect.signature(checked(function)).parameters))
     try:
         part = numba_used.part_options(everywhere=False, ours=False)
         compiled = numba.njit(**part)(checked(numba.njit(error_model="numpy", **part)(function)))
@@ -243,13 +263,26 @@ def compile_own(
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if "Failed in nopython" not in line), type(error).__name__)
         warnings.warn(
-            f"{getattr(function, '__name__', function)}: does not compile ({reason[:160]}); "
-            "the loop runs it interpreted",
+            f"{name}: does not compile ({reason[:160]}); the loop runs it interpreted",
             InterpretedWarning,
             stacklevel=4,
         )
-        return InterpretedKernel(checked(function), reason)
+        return InterpretedKernel(checked(function), reason, name)
     return compiled_kernel
+
+
+def _check_arguments(function: Callable[..., Any], name: str, expected: list[str]) -> None:
+    """Raise if a user's function cannot be called with these arguments."""
+    try:
+        taken = inspect.signature(function)
+    except (TypeError, ValueError):  # of C code, which does not tell
+        return
+    try:
+        taken.bind(*expected)
+    except TypeError:
+        raise ShapeError(
+            f"function: {name}{taken} has to take {len(expected)} arguments: {', '.join(expected)}"
+        ) from None
 
 
 __getattr__: Callable[[str], Any] = names_moved_from(__name__)
