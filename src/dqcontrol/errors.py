@@ -97,7 +97,7 @@ class StabilityWarning(UserWarning):
 
 
 class InterpretedWarning(UserWarning):
-    """A user's own function does not compile and is interpreted, or raised while it was."""
+    """A user's own function does not compile and is interpreted."""
 
 
 class NoteWarning(UserWarning):

@@ -14,8 +14,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from pathlib import Path
-from traceback import extract_tb
 from typing import Any
 
 import numba
@@ -213,18 +211,8 @@ class InterpretedKernel:
         self.__name__: str = name
 
     def __call__(self, *arguments: Any) -> int:
-        """Call the function and return the status; where it raises, warn and return that of a compiled one."""
-        try:
-            return self.function(*arguments)
-        except Exception as error:
-            last = extract_tb(error.__traceback__)[-1]
-            place = f"{Path(last.filename).name}, line {last.lineno}"
-            warnings.warn(
-                f"{self.__name__}: raised {type(error).__name__}: {error} ({place})",
-                InterpretedWarning,
-                stacklevel=2,
-            )
-            return RAISED
+        """Call the function and return the status."""
+        return self.function(*arguments)
 
 
 def compile_own(
@@ -256,7 +244,9 @@ def compile_own(
     _check_arguments(function, name, list(inspect.signature(checked(function)).parameters))
     try:
         part = numba_used.part_options(everywhere=False, ours=False)
-        compiled = numba.njit(**part)(checked(numba.njit(error_model="numpy", **part)(function)))
+        compiled = numba.njit(**part)(
+            checked(numba.njit(error_model="numpy", boundscheck=True, **part)(function))
+        )
         compiled_kernel = Kernel(guarded(compiled), signature, strict=True, cached=False)
         _ = compiled_kernel.compiled
     except Exception as error:  # of bytecode that Numba does not know it raises what is no NumbaError
