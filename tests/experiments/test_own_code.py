@@ -308,3 +308,19 @@ def test_two_kinds_of_one_name_are_refused():
     with pytest.raises(Error, match="kind 'same': offered by"):
         union_of(Base)
     assert One is not Two
+
+
+@pytest.mark.parametrize("command", [["run", "--out", "results"], ["check"]])
+def test_what_an_interpreted_function_raises_is_told_in_a_line(folder, command):
+    """What does not compile is called from Python; there is no traceback for a mistake in it."""
+    (folder / "wrong.py").write_text(
+        "import statistics\n\n"
+        "def law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):\n"
+        "    out[:] = statistics.fmean(q) / 0\n"
+    )
+    (folder / "spec.yaml").write_text(SPEC.replace("mine.py:transpose", "wrong.py:law"))
+    words = [sys.executable, "-m", "dqcontrol", command[0], "spec.yaml", *command[1:]]
+    ended = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert "Traceback" not in ended.stderr
+    assert "law raised ZeroDivisionError: float division by zero (wrong.py, line 4)" in ended.stderr

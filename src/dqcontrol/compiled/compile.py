@@ -14,6 +14,8 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cached_property
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 import numba
@@ -22,7 +24,7 @@ from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import numba_used
-from dqcontrol.errors import InterpretedWarning, ShapeError
+from dqcontrol.errors import Error, InterpretedWarning, ShapeError, ValueRangeError
 from dqcontrol.moved import names_moved_from
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
@@ -203,16 +205,34 @@ class InterpretedKernel:
     ----------
     reason
         Why it does not compile.
+    of_spec
+        Whether a spec named it: what it raises is then a user's mistake, told in a line, else that of a program.
     """
 
-    def __init__(self, function: Callable[..., Any], reason: str, name: str) -> None:
+    def __init__(self, function: Callable[..., Any], reason: str, name: str, *, of_spec: bool) -> None:
         self.function = function
         self.reason = reason
+        self.of_spec = of_spec
         self.__name__: str = name
 
     def __call__(self, *arguments: Any) -> int:
-        """Call the function and return the status."""
-        return self.function(*arguments)
+        """Call the function and return the status.
+
+        Raises
+        ------
+        ValueRangeError
+            If one that a spec named raises.
+        """
+        try:
+            return self.function(*arguments)
+        except Exception as error:
+            if not self.of_spec or isinstance(error, Error):
+                raise
+            last = extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}, line {last.lineno}"
+            raise ValueRangeError(
+                f"function: {self.__name__} raised {type(error).__name__}: {error} ({place})"
+            ) from error
 
 
 def compile_own(
@@ -220,6 +240,8 @@ def compile_own(
     checked: Callable[[Callable[..., Any]], Callable[..., int]],
     guarded: Callable[[Callable[..., int]], Callable[..., int]],
     signature: Any,
+    *,
+    of_spec: bool,
 ) -> Kernel | InterpretedKernel:
     """Compile a user's function, or warn and wrap it to be interpreted.
 
@@ -234,6 +256,8 @@ def compile_own(
         through compiled loops.
     signature
         What to compile for.
+    of_spec
+        Whether a spec named it.
 
     Raises
     ------
@@ -257,7 +281,7 @@ def compile_own(
             InterpretedWarning,
             stacklevel=4,
         )
-        return InterpretedKernel(checked(function), reason, name)
+        return InterpretedKernel(checked(function), reason, name, of_spec=of_spec)
     return compiled_kernel
 
 

@@ -42,8 +42,8 @@ def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
 
 
 @lru_cache(maxsize=64)
-def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
-    return compile_own(function, finite_checked, _guarded, LAW)
+def _kernel(function: Callable[..., Any], *, of_spec: bool) -> Kernel | InterpretedKernel:
+    return compile_own(function, finite_checked, _guarded, LAW, of_spec=of_spec)
 
 
 class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
@@ -91,7 +91,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     @property
     def kernel(self) -> Kernel | InterpretedKernel:  # type: ignore[override]
         """The compiled function, or one that calls the Python function."""
-        return _kernel(function_at("function", self.function))
+        return _kernel(function_at("function", self.function), of_spec=isinstance(self.function, str))
 
     def state_size(self, robot: Robot) -> int:
         """Return the length of the state."""

@@ -43,8 +43,8 @@ def _guarded(checked: Callable[..., int]) -> Callable[..., int]:
 
 
 @lru_cache(maxsize=64)
-def _kernel(function: Callable[..., Any]) -> Kernel | InterpretedKernel:
-    return compile_own(function, _checked, _guarded, PLANT)
+def _kernel(function: Callable[..., Any], *, of_spec: bool) -> Kernel | InterpretedKernel:
+    return compile_own(function, _checked, _guarded, PLANT, of_spec=of_spec)
 
 
 class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
@@ -97,7 +97,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
         parameters = np.array([dt, *as_array("parameters", given, (None,))])
         state = as_array("state", self.state if len(self.state) else [0.0], (None,))
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
-        kernel = _kernel(function_at("function", self.function))
+        kernel = _kernel(function_at("function", self.function), of_spec=isinstance(self.function, str))
         return CompiledPlant(kernel, parameters, state, q0, noise)
 
     def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
