@@ -150,7 +150,7 @@ class Kernel:
 
     def _portable(self) -> tuple[bytes, str]:
         fastmath = False if self._strict else FAST
-        with numba_used.scalar_code():
+        with numba_used.scalar_code(), numba_used.quick_compilation():
             dispatcher = numba_used.jit(self.function, fastmath, ours=self._cached, kept=False)
             dispatcher.compile(self.signature)
             return numba_used.bitcode_of(dispatcher, self.signature)
@@ -180,7 +180,7 @@ def _compiled(
     function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
 ) -> Any:
     dispatcher = numba_used.jit(function, fastmath, ours=cached)
-    with _without_collector():
+    with _without_collector(), numba_used.quick_compilation():
         dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
