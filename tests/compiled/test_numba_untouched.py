@@ -64,7 +64,12 @@ def test_numba_is_restored_when_a_compilation_fails():
     from dqcontrol.compiled.numba_internals import quick_compilation
 
     before = TargetConfig.values, BaseFunction.get_call_type
-    with pytest.raises(ZeroDivisionError), quick_compilation():
-        assert TargetConfig.values is not before[0]
-        raise ZeroDivisionError
+
+    def fail():
+        with quick_compilation():
+            assert TargetConfig.values is not before[0]
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert (TargetConfig.values, BaseFunction.get_call_type) == before

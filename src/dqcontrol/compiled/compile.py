@@ -25,7 +25,6 @@ from numba.extending import overload
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import numba_used
 from dqcontrol.errors import Error, InterpretedWarning, ShapeError, ValueRangeError
-from dqcontrol.moved import names_moved_from
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 
@@ -297,6 +296,3 @@ def _check_arguments(function: Callable[..., Any], name: str, expected: list[str
         raise ShapeError(
             f"function: {name}{taken} has to take {len(expected)} arguments: {', '.join(expected)}"
         ) from None
-
-
-__getattr__: Callable[[str], Any] = names_moved_from(__name__)
