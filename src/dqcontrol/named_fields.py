@@ -1,31 +1,43 @@
-"""A `msgspec.Struct` whose fields are given by name, and that says in plain words when they are not."""
+"""A `msgspec.Struct` that checks what it is made of, and whose fields are given by name.
+
+msgspec checks types and bounds only of what it reads; a constructor takes anything. These check the same declarations
+in Python, with the messages that a spec gets.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import functools
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 import msgspec
+import numpy as np
 
-from dqcontrol.errors import suggest
+from dqcontrol.errors import ValueRangeError, suggest
 
 if TYPE_CHECKING:
-    from msgspec import Struct as NamedFields
+    from msgspec import Struct as CheckedFields, Struct as NamedFields
 else:
 
-    class _NamedFieldsType(type(msgspec.Struct)):
+    class _CheckedFieldsType(type(msgspec.Struct)):
+        def __call__(cls, *positional: Any, **named: Any) -> Any:
+            """Make an object; a value of another type or beyond its bounds is a `ValueRangeError` that names it."""
+            check_fields(cls, dict(zip(cls.__struct_fields__, positional, strict=False)) | named)
+            return super().__call__(*positional, **named)
+
+    class _NamedFieldsType(_CheckedFieldsType):
         def __call__(cls, *positional: Any, **named: Any) -> Any:
             """Make an object; a wrong, missing or nameless field is a `TypeError` that lists those there are."""
-            try:
-                return super().__call__(*positional, **named)
-            except TypeError:
-                if fault := _fault(cls, positional, named):
-                    raise TypeError(fault) from None
-                raise
+            if fault := _fault(cls, positional, named):
+                raise TypeError(fault)
+            return super().__call__(*positional, **named)
 
     def _fault(cls: Any, positional: tuple[Any, ...], named: dict[str, Any]) -> str:
         """Say what is wrong with how fields are given; nothing if that is not it."""
-        required = [each.name for each in msgspec.structs.fields(cls) if each.required]
-        names = sorted(cls.__struct_fields__, key=required.__contains__, reverse=True)
+        names, required = _names(cls)
+        if not positional and named.keys() <= set(names) and all(name in named for name in required):
+            return ""
         listed = f" ({cls.__name__} has: {', '.join(names) or 'none'})"
         if positional:
             given = f"{cls.__name__}({names[0]}={positional[0]!r:.40})" if names else f"{cls.__name__}()"
@@ -34,7 +46,51 @@ else:
             if name not in names:
                 return f"{cls.__name__}: unknown parameter '{name}'{suggest(name, names)}{listed}"
         missing = [name for name in required if name not in named]
-        return f"{cls.__name__}: give {' and '.join(missing)}{listed}" if missing else ""
+        return f"{cls.__name__}: give {' and '.join(missing)}{listed}"
+
+    @functools.cache
+    def _names(cls: Any) -> tuple[list[str], list[str]]:
+        """Return the names of all fields, required ones first, and of those."""
+        required = [each.name for each in msgspec.structs.fields(cls) if each.required]
+        return sorted(cls.__struct_fields__, key=required.__contains__, reverse=True), required
+
+    class CheckedFields(msgspec.Struct, metaclass=_CheckedFieldsType):
+        """Base of the public data classes whose fields may be given by place."""
 
     class NamedFields(msgspec.Struct, metaclass=_NamedFieldsType):
         """Base of the public data classes whose fields have names only."""
+
+
+_hints = functools.cache(functools.partial(get_type_hints, include_extras=True))
+
+
+def check_fields(cls: Any, values: Mapping[str, Any]) -> None:
+    """Raise unless values fit the types and bounds that a class declares for them.
+
+    Raises
+    ------
+    ValueRangeError
+        With the field, the value and what is allowed.
+    """
+    hints = _hints(cls)
+    for name, value in values.items():
+        if name not in hints:
+            continue  # its constructor says so
+        plain = _plain(value)
+        try:
+            msgspec.convert(plain, hints[name])
+        except msgspec.ValidationError as error:
+            from dqcontrol.files.yaml_file import reworded
+
+            raise ValueRangeError(reworded(str(error), {name: plain}, cls, name)) from None
+        if isinstance(plain, float) and not math.isfinite(plain):
+            raise ValueRangeError(f"{name}: must be finite, got {plain}")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value without NumPy's types, which msgspec does not take for numbers and lists."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return {key: _plain(each) for key, each in value.items()} if isinstance(value, dict) else value

@@ -96,7 +96,7 @@ def convert(path: str | Path, data: Any, schema: type[T]) -> T:
     try:
         return msgspec.convert(data, schema)
     except msgspec.ValidationError as error:
-        raise FileFormatError(f"{path}: {_reworded(str(error), data, schema)}") from None
+        raise FileFormatError(f"{path}: {reworded(str(error), data, schema)}") from None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -166,9 +166,23 @@ def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
         yield field, data
 
 
-def _reworded(message: str, data: Any, schema: Any) -> str:
-    """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?"."""
+def reworded(message: str, data: Any, schema: Any, below: str = "") -> str:
+    """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?".
+
+    Parameters
+    ----------
+    message
+        Of the error that conversion raised.
+    data
+        What was converted.
+    schema
+        To which type.
+    below
+        The key of the data that alone was converted, if not all of them were.
+    """
     text, _, place = message.partition(" - at ")
+    if below:
+        place = f"`$.{below}{place.strip('`').removeprefix('$')}`"
     text = text.replace("`", "'")
     field, kinds, around = "", [schema], []
     for key, index in re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.strip("`")):

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.named_fields import CheckedFields
 
 
-class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
+class Schedule(CheckedFields, frozen=True, forbid_unknown_fields=True):
     """A gain that changes linearly between given times and is held before the first and after the last. [P16 5.9]
 
     Parameters
