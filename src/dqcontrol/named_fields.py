@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import msgspec
@@ -82,9 +82,20 @@ def check_fields(cls: Any, values: Mapping[str, Any]) -> None:
         except msgspec.ValidationError as error:
             from dqcontrol.files.yaml_file import reworded
 
-            raise ValueRangeError(reworded(str(error), {name: plain}, cls, name)) from None
-        if isinstance(plain, float) and not math.isfinite(plain):
-            raise ValueRangeError(f"{name}: must be finite, got {plain}")
+            message = reworded(str(error), {name: plain}, cls, name)
+            raise ValueRangeError(f"{cls.__name__}.{message}") from None
+        for place, number in _numbers(plain):
+            if not math.isfinite(number):
+                raise ValueRangeError(f"{cls.__name__}.{name}{place}: must be finite, got {number}")
+
+
+def _numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:
+    """Find all numbers in lists of lists, and where they stand."""
+    if isinstance(value, float):
+        yield place, value
+    elif isinstance(value, list):
+        for i, each in enumerate(value):
+            yield from _numbers(each, f"{place}[{i}]")
 
 
 def _plain(value: Any) -> Any:

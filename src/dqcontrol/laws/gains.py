@@ -54,7 +54,8 @@ class Schedule(CheckedFields, frozen=True, forbid_unknown_fields=True):
         return knots, values
 
 
-Gain = float | Schedule
+Positive = Annotated[float, Meta(gt=0)]
+Gain = Positive | Schedule
 
 
 def gain_rows(field: str, gain: Gain, times: NDArray[np.float64]) -> NDArray[np.float64]:
