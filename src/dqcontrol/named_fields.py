@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 import msgspec
 import numpy as np
 
-from dqcontrol.errors import ValueRangeError, suggest
+from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError, suggest
 
 if TYPE_CHECKING:
     from msgspec import Struct as CheckedFields, Struct as NamedFields
@@ -70,23 +71,45 @@ def check_fields(cls: Any, values: Mapping[str, Any]) -> None:
     Raises
     ------
     ValueRangeError
-        With the field, the value and what is allowed.
+        If a number is beyond its bounds or not finite.
+    UnknownNameError
+        If a name is none of those declared.
+    ShapeError
+        If a value is of another type or length.
     """
     hints = _hints(cls)
     for name, value in values.items():
-        if name not in hints:
-            continue  # its constructor says so
+        if hints.get(name) in (None, type(None)):
+            continue  # who prepares it says why it takes none
         plain = _plain(value)
+        for place, number in _numbers(plain):
+            if not math.isfinite(number):
+                raise ValueRangeError(f"{_key(cls)}{name}{place}: must be finite, got {number}")
         try:
             msgspec.convert(plain, hints[name])
         except msgspec.ValidationError as error:
-            from dqcontrol.files.yaml_file import reworded
+            _refuse(cls, name, plain, str(error))
 
-            message = reworded(str(error), {name: plain}, cls, name)
-            raise ValueRangeError(f"{cls.__name__}.{message}") from None
-        for place, number in _numbers(plain):
-            if not math.isfinite(number):
-                raise ValueRangeError(f"{cls.__name__}.{name}{place}: must be finite, got {number}")
+
+def _refuse(cls: Any, name: str, value: Any, message: str) -> None:
+    """Raise msgspec's error as ours."""
+    from dqcontrol.files.yaml_file import reworded, structs_in  # in errors alone: they take yaml
+
+    kinds = " or ".join(each.__name__ for each in structs_in([_hints(cls)[name]])) or "a mapping"
+    expected, got, given = reworded(message, {name: value}, cls, name).partition(", got ")
+    text = f"{_key(cls)}{expected.replace('a mapping', kinds)}{got}{given}"
+    if "unknown name" in text or "unknown key" in text:
+        raise UnknownNameError(text) from None
+    if bound := re.search(r"expected a (?:whole )?number ([<>]=?) ([-+.e\d]+), got (.*)", text):
+        sign = {">=": "≥", "<=": "≤"}.get(bound[1], bound[1])
+        wrong = f"must be {sign} {float(bound[2]):g}, got {bound[3].removesuffix('.0')}"
+        raise ValueRangeError(text[: bound.start()] + wrong) from None
+    raise ShapeError(text) from None
+
+
+def _key(cls: Any) -> str:
+    """Return where a class's fields stand in a spec, as ``plant.``, by which messages name them."""
+    return f"{cls.spec_key}." if hasattr(cls, "spec_key") else ""
 
 
 def _numbers(value: Any, place: str = "") -> Iterator[tuple[str, float]]:

@@ -86,9 +86,9 @@ def test_joints_without_limits_are_passed_over(null_space):
 @pytest.mark.parametrize(
     ("kind", "parameters", "text"),
     [
-        (JointCentring, {"gain": -1.0}, "gain: expected a number > 0.0, got -1.0"),
-        (LimitAvoidance, {"gain": 0.0}, "gain: expected a number > 0.0, got 0.0"),
-        (LimitAvoidance, {"gain": 1.0, "fastest": 0.0}, "fastest: expected a number > 0.0, got 0.0"),
+        (JointCentring, {"gain": -1.0}, "gain: must be > 0, got -1"),
+        (LimitAvoidance, {"gain": 0.0}, "gain: must be > 0, got 0"),
+        (LimitAvoidance, {"gain": 1.0, "fastest": 0.0}, "fastest: must be > 0, got 0"),
     ],
 )
 def test_bad_parameters_are_refused(kind, parameters, text):

@@ -160,7 +160,7 @@ def test_a_function_with_other_arguments_is_refused_in_a_line(arm):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"memory": -1}, "memory: expected a whole number >= 0, got -1"),
+        ({"memory": -1}, "memory: must be ≥ 0, got -1"),
         ({"scratch": "a"}, "scratch: expected a whole number, got text 'a'"),
         ({"parameters": [[1.0]]}, r"parameters\[0\]: expected a number, got a list"),
     ],

@@ -282,8 +282,8 @@ def test_a_spec_chooses(position):
 @pytest.mark.parametrize(
     ("tolerance", "text"),
     [
-        (-1e-3, "ModifiedClamping.tolerance: expected a number >= 0.0, got -0.001"),
-        (np.nan, "ModifiedClamping.tolerance: expected a number >= 0.0, got nan"),
+        (-1e-3, "limits.position.tolerance: must be ≥ 0, got -0.001"),
+        (np.nan, "limits.position.tolerance: must be finite, got nan"),
     ],
 )
 def test_bad_tolerances_are_refused(tolerance, text):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import FileFormatError, SafetyWarning, ValueRangeError
+from dqcontrol.errors import FileFormatError, SafetyWarning, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.limits import DeclaredPayload, Supervisor
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Payload, Push
@@ -308,7 +308,7 @@ def test_bad_loads_are_named(fields, error, words):
 
 
 def test_bad_loads_are_refused_as_they_are_made():
-    with pytest.raises(ValueRangeError, match=r"Push.duration: expected a number > 0.0, got 0"):
+    with pytest.raises(ValueRangeError, match=r"plant.pushes.duration: must be > 0, got 0"):
         Push(time=0, duration=0, force=(0, 0, 1))
-    with pytest.raises(ValueRangeError, match=r"Push.force: expected a list of length 3"):
+    with pytest.raises(ShapeError, match=r"plant.pushes.force: expected a list of length 3"):
         Push(time=0, duration=1, force=(0, 1))  # pyright: ignore[reportArgumentType]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -29,6 +29,7 @@ class Schedule(CheckedFields, frozen=True, forbid_unknown_fields=True):
     [3.75]
     """
 
+    spec_key: ClassVar[str] = "schedule"
     times: Annotated[list[float], Meta(min_length=1, description="s, increasing")]
     values: Annotated[list[float], Meta(min_length=1, description="gain at each time")]
 

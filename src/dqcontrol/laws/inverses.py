@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 from msgspec import Meta
 
@@ -65,6 +65,7 @@ class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", 
     small errors that of N is half of this λ with ℓ = 1 m.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     damping: Annotated[float, Meta(gt=0, description="λ, m")]
     characteristic_length: _Length = 0.3
 
@@ -89,6 +90,7 @@ class FilteredInverse(
     λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.04
     damping: Annotated[float, Meta(gt=0, description="λ, m: the damping of a vanishing singular value")] = (
         0.02
@@ -115,6 +117,7 @@ class ManipulabilityInverse(
     one.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     threshold: Annotated[float, Meta(gt=0, description="m₀")] = 0.03
     damping: Annotated[float, Meta(gt=0, description="λ₀, m")] = 0.05
     characteristic_length: _Length = 0.3

@@ -87,6 +87,7 @@ class Plant(
         Its parameters that name files, relative to the spec.
     """
 
+    spec_key: ClassVar[str] = "plant"
     is_supervised: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
     is_ideal: ClassVar[bool] = False
