@@ -95,7 +95,8 @@ def _refuse(cls: Any, name: str, value: Any, message: str) -> None:
     """Raise msgspec's error as ours."""
     from dqcontrol.files.yaml_file import reworded, structs_in  # in errors alone: they take yaml
 
-    kinds = " or ".join(each.__name__ for each in structs_in([_hints(cls)[name]])) or "a mapping"
+    names = dict.fromkeys(each.__name__ for each in structs_in([_hints(cls)[name]]))
+    kinds = " or ".join(names) or "a mapping"
     expected, got, given = reworded(message, {name: value}, cls, name).partition(", got ")
     text = f"{_key(cls)}{expected.replace('a mapping', kinds)}{got}{given}"
     if "unknown name" in text or "unknown key" in text:
