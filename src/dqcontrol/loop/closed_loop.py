@@ -20,7 +20,7 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
-from dqcontrol.loop.supervision import Senses, Supervision
+from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
@@ -148,7 +148,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
             memory=supervision.supervisor.memory if supervision else empty,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0)
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0)
             if supervision
             else empty,
             state=supervision.state if supervision else empty,
@@ -203,7 +203,7 @@ class _Steps:
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self.desired, self.senses = samples, None
         if supervision is not None:
-            self.desired = long_array(len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE)
+            self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
             self.senses = Senses(plant, supervision.supervisor)
             supervision.begin(len(self.desired))
@@ -254,6 +254,8 @@ class _Steps:
     def _why(self, supervision: Supervision, halted: str) -> str:
         """Say why the supervisor stopped the robot, if it did not only end what was over."""
         cause = "" if halted == _SUPERVISOR else halted
+        if self.done and not self.rests:
+            cause = f"it still moves after {self.done - len(self.samples)} periods of braking"
         if self.recording and self.recording.failure:
             cause = self.recording.failure
         if not self.done or not (cause or halted or not supervision.stopped_softly):

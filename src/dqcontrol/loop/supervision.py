@@ -65,6 +65,13 @@ class Senses:
         return np.ascontiguousarray(self._plant.wrench, dtype=np.float64)
 
 
+def most_steps_to_rest(supervisor: PreparedSupervisor) -> int:
+    """Return how many periods braking may take; no more are waited for."""
+    bounds = supervisor.bounds
+    braking = (bounds.velocity / (bounds.acceleration * supervisor.period)).max(initial=0.0)
+    return int(min(braking + bounds.head[layout.WINDOW] + 10.0, _MOST_STEPS))
+
+
 class Supervision:
     """A supervisor over the samples of one run.
 
@@ -94,13 +101,6 @@ class Supervision:
         self.period: float = supervisor.period
         self.black_box: BlackBox = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
-
-    @property
-    def most_steps_to_rest(self) -> int:
-        """How many periods braking may take; no more are waited for."""
-        bounds = self.supervisor.bounds
-        braking = (bounds.velocity / (bounds.acceleration * self.period)).max(initial=0.0)
-        return int(min(braking + bounds.head[layout.WINDOW] + 10.0, _MOST_STEPS))
 
     def begin(self, count: int) -> None:
         """Make room for so many samples."""
