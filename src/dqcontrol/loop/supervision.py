@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
+from dqcontrol.limits.supervisor.interventions import (
+    COMMAND,
+    INTERVENTIONS,
+    SOFT_STOP,
+    describe_stop,
+    reasons,
+)
 from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
@@ -145,6 +151,11 @@ class Supervision:
     def stopped_softly(self) -> bool:
         """Whether it is stopped because it was asked to end, and for nothing else."""
         return int(self.state[layout.FAULT]) == SOFT_STOP
+
+    @property
+    def missed_command(self) -> bool:
+        """Whether it is stopped because the law had no command."""
+        return bool(int(self.state[layout.FAULT]) & COMMAND)
 
     @property
     def is_stopped(self) -> bool:
