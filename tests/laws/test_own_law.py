@@ -126,7 +126,9 @@ def stopping(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, 
 @pytest.mark.parametrize("interpreted", [False, True])
 def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
     record = run(arm, OwnLaw(function=stopping), Integrator(), interpreted)
-    assert record.stopped.startswith("diverged at 0.51 s: function: stopping raised ValueError: safety stop (test_own")
+    assert record.stopped.startswith(
+        "diverged at 0.51 s: function: stopping raised ValueError: safety stop (test_own"
+    )
     assert len(record) == 51
 
 

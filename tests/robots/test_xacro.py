@@ -62,7 +62,7 @@ def test_an_expression_without_end_is_refused(arm, bomb, monkeypatch):
     pytest.importorskip("xacro")
     monkeypatch.setattr("dqcontrol.robots.xacro_file._MOST_SECONDS", 1.0)
     arm.write_text(ARM.replace("0.1 * 2", bomb))
-    with pytest.raises(FileFormatError, match="within 1 s|cannot expand it"):
+    with pytest.raises(FileFormatError, match=r"within 1 s|cannot expand it"):
         load_robot(arm)
 
 

@@ -66,7 +66,9 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         written = set((target / _CONTENTS).read_text(encoding="utf-8").splitlines())
     except (OSError, UnicodeDecodeError) as error:
         why = "is no text" if isinstance(error, UnicodeDecodeError) else error.strerror
-        raise ExistsError(f"{target}: what a run wrote is not known, as {_CONTENTS} {why}; it is not replaced") from None
+        raise ExistsError(
+            f"{target}: what a run wrote is not known, as {_CONTENTS} {why}; it is not replaced"
+        ) from None
     if foreign := sorted(_files(target) - written - {_CONTENTS} - _being_saved(target)):
         raise ExistsError(f"{target}: holds '{foreign[0]}', which no run wrote; it is not replaced")
 

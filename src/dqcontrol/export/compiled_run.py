@@ -29,7 +29,10 @@ from dqcontrol.references.sample import TIME
 
 _EVERY = 0.05  # s between looks at what the loop has done
 _ENDED = 3  # of dqc_controller.h
-_FAILED = {-6: "the law failed", -11: "no measurement came in its period"}  # without a supervisor; of dqc_controller.h
+_FAILED = {
+    -6: "the law failed",
+    -11: "no measurement came in its period",
+}  # without a supervisor; of dqc_controller.h
 
 
 def run_compiled_in_real_time(
@@ -185,5 +188,7 @@ def _why(parts: ControllerParts, rows: LoopRows) -> str:
         return "duration"
     words = describe_stop(rows.interventions[-1])
     if not parts.supervisor:
-        words = next((_FAILED[status] for status in map(int, rows.status) if status in _FAILED), "asked to end")
+        words = next(
+            (_FAILED[status] for status in map(int, rows.status) if status in _FAILED), "asked to end"
+        )
     return f"halted at {rows.time[-1]:g} s: {words}"

@@ -228,7 +228,12 @@ class ProcessHost:
         self._run(self._loop, self._place, str(_PRIORITY), f"/dev/fd/{self._file.fileno()}")
 
     def _run(self, *command: str) -> subprocess.Popen[str]:
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "pass_fds": [self._file.fileno()]}
+        pipes = {
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.PIPE,
+            "text": True,
+            "pass_fds": [self._file.fileno()],
+        }
         # An interrupt is for this process, which then asks the loop to end.
         process = subprocess.Popen(command, **pipes, start_new_session=True)  # type: ignore[call-overload]
         self._processes.append(process)
@@ -274,7 +279,6 @@ class ProcessHost:
         self._file.close()
         if failures:
             raise Error(f"compiled: {'; '.join(failures)}")
-
 
     def _await_rest(self) -> None:
         """Wait as long as it takes steps: braking may take long, and none is cut off in motion."""

@@ -201,8 +201,8 @@ class Control:
             Of the last measurement, s.
         elapsed
             Since the last step on this computer's steady clock, s; as ``time`` says if omitted. The longer of the two
-            counts: one that is longer than the supervisor's ``stale_after`` stops, and so does a time that goes back, or
-            stands still for so long.
+            counts: one that is longer than the supervisor's ``stale_after`` stops, and so does a time that goes back,
+            or stands still for so long.
         effort, wrench
             Measured, as for `PreparedSupervisor.command`.
         """

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, STATUS, WRITE, RAISED, WRONG_SIZE, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import RAISED, READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
@@ -277,7 +277,11 @@ def _periods(field: str, seconds: float, dt: float) -> float:
 
 def failure_text(status: int) -> str:
     """Say why a compiled plant did not step."""
-    return "the plant's function raised an exception" if status == RAISED else "the plant produced NaN or infinity"
+    return (
+        "the plant's function raised an exception"
+        if status == RAISED
+        else "the plant produced NaN or infinity"
+    )
 
 
 class CompiledPlant(LivePlant):

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
-
 _FARTHEST = 1e6  # m: squares of errors far beyond it overflow, and no solver finds anything then
 
 

@@ -15,7 +15,6 @@ from typing import Any
 from dqcontrol.errors import FileFormatError, MissingExtraError
 from dqcontrol.robots.package_folders import WHERE, package_folders
 
-
 _MOST_SECONDS = 20.0  # a robot takes tenths of a second, on a busy machine some seconds
 _MOST_MEMORY = 4 << 30  # bytes: what a robot takes is Python's 50 MB
 
@@ -58,7 +57,10 @@ def _expanded(path: str) -> bytes:
     """Do what `expand_xacro` does in a process of its own: expressions are Python, and may take any time and memory."""
     xacro = import_module("xacro")
     try:
-        with _packages_without_ros(Path(path)), contextlib.redirect_stderr(io.StringIO()):  # it prints what it raises
+        with (
+            _packages_without_ros(Path(path)),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):  # it prints what it raises
             return xacro.process_file(path).toxml(encoding="utf-8")
     except FileFormatError:
         raise
