@@ -68,7 +68,9 @@ def test_a_folder_whose_list_of_files_is_no_text_is_not_replaced(tmp_path):
     fill(target)
     (target / ".dqcontrol-results").write_bytes(b"\xff\xfe\x00")
     before = files(tmp_path)
-    with pytest.raises(ExistsError, match=r"what a run wrote is not known, as \.dqcontrol-results is no text"):
+    with pytest.raises(
+        ExistsError, match=r"what a run wrote is not known, as \.dqcontrol-results is no text"
+    ):
         fill(target, force=True)
     assert files(tmp_path) == before
 
