@@ -6,11 +6,13 @@ import sys
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from dqcontrol import cli, load_robot
 from dqcontrol.errors import LimitWarning
+from dqcontrol.plants.linear_model import LinearModel
 
 SPEC = {
     "name": "tiny",
@@ -340,3 +342,19 @@ for command in ("", *COMMANDS):
     )
     found = [line for line in done.stdout.splitlines() if line.startswith("loaded by")]
     assert found == [f"loaded by '{command}':" for command in ("", *cli.COMMANDS)]
+
+
+def test_a_matrix_that_cannot_be_computed_with_is_told_in_a_line(here, monkeypatch, capsys):
+    def fail(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("dqcontrol.experiments.check", fail)
+    code, _, err = call("check", "spec.yaml", capsys=capsys)
+    assert code == 2
+    assert err.startswith("dqcontrol: cannot be computed: Singular matrix; look for a zero")
+
+
+def test_a_loop_whose_matrix_is_not_finite_is_unstable():
+    model = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert np.isinf(model.poles(np.inf)).all()

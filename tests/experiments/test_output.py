@@ -63,6 +63,18 @@ def test_what_exists_is_not_replaced(tmp_path, kind):
     assert files(tmp_path) == before
 
 
+def test_a_folder_whose_list_of_files_is_no_text_is_not_replaced(tmp_path):
+    target = tmp_path / "run"
+    fill(target)
+    (target / ".dqcontrol-results").write_bytes(b"\xff\xfe\x00")
+    before = files(tmp_path)
+    with pytest.raises(
+        ExistsError, match=r"what a run wrote is not known, as \.dqcontrol-results is no text"
+    ):
+        fill(target, force=True)
+    assert files(tmp_path) == before
+
+
 def test_results_with_a_file_of_the_user_are_not_replaced(tmp_path):
     """Also not a folder in which a user keeps a spec.yaml of their own."""
     target = tmp_path / "run"

@@ -10,10 +10,12 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, FileFormatError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.experiments import run_study_to
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.sweep import read_sweep
-from dqcontrol.extensions import POLICY, REFUSED
+from dqcontrol.extensions import POLICY, REFUSED, user_code
+from dqcontrol.reports import rewrite_reports
 
 CODE = """
 import dqcontrol as dqc
@@ -190,6 +192,18 @@ def test_the_environment_can_refuse_code(folder, monkeypatch):
     monkeypatch.setenv(POLICY, REFUSED)
     with pytest.raises(Error, match=r"mine\.py:transpose"):
         read_spec(folder / "spec.yaml")
+
+
+def test_reports_in_processes_say_first_that_they_run_code_and_refuse_it_too(folder, monkeypatch, capsys):
+    study = run_study_to(folder / "spec.yaml", folder / "out", figures=False)
+    assert len(study.rows) == 4
+    user_code._announced.clear()
+    capsys.readouterr()
+    rewrite_reports([folder / "out"], jobs=2)
+    assert "dqcontrol: runs code of" in capsys.readouterr().err
+    monkeypatch.setenv(POLICY, REFUSED)
+    with pytest.raises(ValueRangeError, match="runs code of"):
+        rewrite_reports([folder / "out"], jobs=2)
 
 
 def test_every_spec_says_which_code_it_brings_and_says_it_again_of_changed_code(folder, capsys):

@@ -84,7 +84,7 @@ class LibraryController:
     def __init__(self, folder, source=0):
         self._library = ctypes.CDLL(str(folder / "libdqc_controller.so"))
         self._library.dqc_default_config.restype = Config
-        self._memory = ctypes.create_string_buffer(1 << 20)
+        self._memory = ctypes.create_string_buffer(1 << 20)  # zero, as the header wants it
         config = self._library.dqc_default_config()
         config.source = source
         self.status = self._library.dqc_init(self._memory, ctypes.byref(config))
@@ -105,6 +105,13 @@ class LibraryController:
     def set(self, name, value):
         """Change a parameter and return the status."""
         return self._library.dqc_set(self._memory, name.encode(), ctypes.c_double(value))
+
+    def init(self):
+        """Make the same memory ready again, and return the status."""
+        return self._library.dqc_init(self._memory, None)
+
+    def stop(self):
+        return self._library.dqc_stop(self._memory)
 
     def end(self):
         return self._library.dqc_end(self._memory)

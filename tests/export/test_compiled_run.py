@@ -1,19 +1,25 @@
 """Runs in real time whose law and supervisor step in C: recorded, watched and stopped as those in Python."""
 
 import os
+import select
 import signal
+import socket
+import subprocess
+import sys
 import threading
 
 import numpy as np
 import pytest
-from exported import SPEC, needs_c
+from exported import SPEC, make, needs_c
 
 import dqcontrol as dqc
 from dqcontrol.browser import GrowingRecording
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments import load_run
-from dqcontrol.export import compiled_run, run_compiled_in_real_time
+from dqcontrol.export import compiled_run, export_controller, loop_hosts, run_compiled_in_real_time
 from dqcontrol.export.controller_parts import controller_parts
+from dqcontrol.export.loop_hosts import LoopRows
+from dqcontrol.limits.supervisor.interventions import EMERGENCY
 
 SHORT = SPEC | {
     "duration": 0.4,
@@ -95,6 +101,136 @@ def test_a_robot_that_falls_silent_is_braked_and_named(tmp_path, over):
     assert rows.time[-1] < 6
 
 
+LONG = SHORT | {"duration": 60, "supervisor": {"stale_after": 1000.0, "ramp": 0.1, "velocity": 0.02}}
+WORDS, HEARTBEAT = 8, 7  # of dqc_watch
+STARTER = """
+import subprocess, sys
+loop = subprocess.Popen(sys.argv[1:])
+print(loop.pid, flush=True)
+loop.wait()
+"""
+
+
+@pytest.fixture(scope="module")
+def hosts(tmp_path_factory):
+    """Return the folder of loops and robots of the long run."""
+    folder = export_controller(LONG, tmp_path_factory.mktemp("hosts") / "c").folder
+    make(folder, "all", "hosts")
+    return folder / "hosts/realtime"
+
+
+@pytest.fixture
+def robot(hosts, request):
+    """Return the kind and the place of a robot that is there."""
+    over = request.param
+    place = f"/dqcontrol-test-{os.getpid()}" if over == "shared" else str(loop_hosts._free_port())
+    with subprocess.Popen([hosts / f"{over}_robot", place], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stdout.readline() == "ready\n"
+        yield over, place
+        process.kill()
+
+
+def watched_file(path, rows):
+    """Return a file for a loop whose watcher has a heartbeat, and what the loop writes to it."""
+    columns = LoopRows.columns(7, 7)
+    with path.open("wb") as file:
+        file.truncate(8 * (WORDS + rows * columns))
+    watch = np.memmap(path, dtype=np.int64, mode="r+", shape=WORDS)
+    watch[HEARTBEAT] = 1
+    noted = np.memmap(path, dtype=np.float64, mode="r+", offset=8 * WORDS).reshape(-1, columns)
+    return watch, LoopRows(noted, 7, 7)
+
+
+def await_end(process):
+    """Wait for the end of a process that is no child."""
+    try:
+        end = os.pidfd_open(process)
+    except ProcessLookupError:
+        return
+    with os.fdopen(end):
+        assert select.select([end], [], [], 60)[0], "it drives on"
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["udp", "shared"], indirect=True)
+@pytest.mark.parametrize("is_killed", [True, False])
+def test_a_loop_whose_watcher_is_killed_or_silent_brakes(hosts, robot, is_killed, tmp_path):
+    """By its parent's death at once, by its heartbeat after 2 s; without them it would drive on for 60 s."""
+    over, place = robot
+    watch, rows = watched_file(tmp_path / "watch", 7000)
+    command = [sys.executable, "-c", STARTER, hosts / f"{over}_loop", place, "0", tmp_path / "watch"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as starter:
+        assert starter.stdout
+        loop = int(starter.stdout.readline())
+        while is_killed and watch[0] < 20:
+            assert starter.poll() is None
+        if is_killed:
+            starter.kill()
+        await_end(loop)
+    done = rows[: int(watch[0])]
+    assert done.status[-1] == 2
+    assert int(done.interventions[-1]) & EMERGENCY
+    assert not done.command[-1].any()
+    moving = np.abs(done.command).max(axis=1)
+    assert moving[:-1].max() > 0.01
+    assert np.abs(np.diff(done.command, axis=0)).max() <= 0.1 + 1e-9  # 10 rad/s² in 10 ms
+    assert done.time[-1] < 50
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["udp"], indirect=True)
+def test_a_loop_without_room_comes_to_rest(hosts, robot, tmp_path):
+    over, place = robot
+    watch, rows = watched_file(tmp_path / "watch", 30)
+    watch[HEARTBEAT] = 0  # nobody watches
+    subprocess.run([hosts / f"{over}_loop", place, "0", tmp_path / "watch"], check=True)
+    assert watch[0] == 30
+    assert np.abs(rows.command[-2]).max() > 1e-3
+    assert not rows.command[-1].any()
+    assert rows.status[-1] == 3
+
+
+@needs_c
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["udp"], indirect=True)
+def test_a_robot_outlives_a_datagram_that_is_no_command(robot):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.connect(("127.0.0.1", int(robot[1])))
+        sender.settimeout(30)
+        sender.send(b"x")
+        sender.send(bytes(8 * (1 + 8)))  # a number too many
+        sender.send(bytes(8 * (1 + 7)))  # a greeting
+        assert len(sender.recv(1000)) == 8 * (1 + 7 + 7)
+
+
+def test_there_is_room_for_the_longest_braking():
+    """Of a ramp, and of joints that take 87 s from their limit to rest."""
+    slow = {"ramp": 30.0, "velocity": 1.0, "acceleration": 0.0115}
+    parts = controller_parts(SHORT | {"supervisor": slow})
+    assert loop_hosts._capacity(parts) >= len(parts.samples) + (30 + 1 / 0.0115) / parts.period
+
+
+@pytest.mark.parametrize(
+    ("statuses", "supervised", "said"),
+    [
+        ([0, -11, 2], False, "halted at 0.02 s: no measurement came in its period"),
+        ([0, -6, 2], False, "halted at 0.02 s: the law failed"),
+        ([0, 0, 2], False, "halted at 0.02 s: asked to end"),
+        ([0, 1, 2], True, "halted at 0.02 s: stop category 1: emergency stop"),
+        ([0, 1, 3], True, "halted at 0.02 s: stop category 1: emergency stop"),
+    ],
+)
+def test_every_stop_says_why(statuses, supervised, said):
+    parts = controller_parts(SHORT if supervised else SHORT | {"supervisor": False})
+    rows = LoopRows(np.zeros((3, LoopRows.columns(7, 7))), 7, 7)
+    rows.time[:], rows.status[:] = [0, 0.01, 0.02], statuses
+    rows.interventions[1:] = EMERGENCY if supervised else 0
+    assert compiled_run._why(parts, rows) == said
+
+
 @needs_c
 @pytest.mark.slow
 def test_one_that_is_broken_off_leaves_them_too(tmp_path):
@@ -159,6 +295,7 @@ def test_an_interrupt_stops_softly(tmp_path, over):
     long = SHORT | {"duration": 12, "supervisor": slow}
     run = run_compiled_in_real_time(long, tmp_path / "out", watch=send, over=over)
     assert run.record.duration < 6
+    assert run.record.stopped.endswith("stop category 2: soft stop")
     assert not run.command[-1].any()
 
 

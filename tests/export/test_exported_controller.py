@@ -89,6 +89,68 @@ def test_streamed_targets_move_as_those_of_ros_2(exported_folder, source):
     assert library.status == -7  # wrong target, ignored
 
 
+STOPPED, WRONG_TARGET, MOVING = 2, -7, -10
+
+
+@needs_c
+def test_a_refused_target_does_not_hide_a_stop(exported_folder):
+    make(exported_folder)
+    library, q, refused = LibraryController(exported_folder, POSE), START.copy(), Target()
+    library.step(q, 0.0, refused)
+    assert library.status == WRONG_TARGET  # no rotation has the norm 0
+    library.stop()
+    for k in range(1, 100):
+        q += 0.01 * library.step(q, 0.01 * k, refused)
+        if library.status == STOPPED:
+            break
+    assert library.status == STOPPED
+    library.step(q, 0.01 * (k + 1), refused)
+    assert library.status == STOPPED
+
+
+@needs_c
+def test_one_that_moves_is_not_made_ready_again(exported_folder):
+    """Else its next command would be that of a robot at rest: a step."""
+    make(exported_folder)
+    library, q = LibraryController(exported_folder), START.copy()
+    assert library.init() == 0  # before it moves
+    for k in range(60):
+        u = library.step(q, 0.01 * k)
+        q += 0.01 * u
+    assert np.abs(u).max() > 0.01
+    assert library.init() == MOVING
+    after = library.step(q, 0.6)
+    assert np.abs(after - u).max() < 0.01
+    library.stop()
+    for k in range(61, 200):
+        q += 0.01 * library.step(q, 0.01 * k)
+    assert library.status == STOPPED
+    assert library.init() == 0
+
+
+@needs_c
+@pytest.mark.parametrize("stuck_at", [0, 30])
+def test_a_clock_that_stands_still_stops_with_a_name(exported_folder, stuck_at):
+    make(exported_folder)
+    parts = controller_parts(SPEC)
+    assert parts.supervisor
+    control = Control(parts.law, parts.target(), parts.supervisor[1])
+    library, q, before = LibraryController(exported_folder), START.copy(), np.zeros(7)
+    control.activate(q)
+    for k in range(80):
+        time = parts.period * min(k, stuck_at)
+        u = library.step(q, time)
+        control.step(time, q, 0.0, 0.0)
+        np.testing.assert_array_equal(u, control.command)
+        assert np.abs(u - before).max() <= 0.1 + 1e-9  # it brakes as any stop does: 10 rad/s²
+        q, before = q + parts.period * u, u
+        if library.status == STOPPED:
+            break
+    assert library.status == STOPPED
+    assert control.stop == "stop category 2: clock stands still"
+    assert k < stuck_at + 15  # 50 ms, and what it takes to brake
+
+
 @pytest.mark.slow
 @needs_c
 def test_a_base_keeps_out_of_zones_in_c_and_starts_in_none(tmp_path):

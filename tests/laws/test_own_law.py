@@ -126,8 +126,39 @@ def stopping(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, 
 @pytest.mark.parametrize("interpreted", [False, True])
 def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
     record = run(arm, OwnLaw(function=stopping), Integrator(), interpreted)
-    assert record.stopped == "diverged at 0.51 s: your own function raised an exception"
+    assert record.stopped.startswith(
+        "diverged at 0.51 s: function: stopping raised ValueError: safety stop (test_own"
+    )
     assert len(record) == 51
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_what_a_law_raised_is_said_of_a_supervised_run_too(arm, interpreted):
+    """It brakes, and says why the command was not finite."""
+    still = dqc.references.SetPoint(arm.fkm(np.array(START)))
+    law, supervisor = OwnLaw(function=stopping), dqc.limits.Supervisor()
+    record = dqc.simulate(
+        arm, still, law, Integrator(), START, 0.01, 1.0, supervisor=supervisor, interpreted=interpreted
+    )
+    why = "stop category 2: command not finite: function: stopping raised ValueError: safety stop"
+    assert record.stopped.startswith(f"halted at {record.time[-1]:g} s: {why}")
+
+
+def falling(command, parameters, noise, state, q, measured):
+    if q[0] > 0.02:
+        raise ValueError("fell")
+    q[0] += 0.001
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_a_plant_that_raises_is_not_said_to_produce_nan(arm, interpreted):
+    record = run(arm, OwnLaw(function=gentle), OwnPlant(function=falling), interpreted)
+    assert record.stopped.endswith("s: the plant's function raised an exception")
+
+
+def gentle(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    for i in range(out.shape[0]):
+        out[i] = 0.1
 
 
 def beyond(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
@@ -136,7 +167,7 @@ def beyond(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, wo
 
 
 def test_a_compiled_law_that_reads_beyond_an_array_ends_the_run(arm):
-    with pytest.raises(Error, match="diverged at 0 s: your own function raised an exception"):
+    with pytest.raises(Error, match="diverged at 0 s: function: beyond raised IndexError"):
         run(arm, OwnLaw(function=beyond, parameters=[0.1, 0.1, 0.1]), Integrator())
 
 

@@ -183,12 +183,27 @@ def test_a_grid_becomes_rectangles_where_its_cells_are(tmp_path):
         ("walls: []\n", "is no map: expected 'polygons'"),
         ("polygons: [[[0, 0], [1, 1]]]\n", "polygons"),
         ("polygons: [[[0, 0], [1, 1], [2, 2]]]\n", r"polygons\[0\]: has no area"),
+        (
+            "polygons: [[[0, 0], [2, 2], [2, 0], [0, 1]]]\n",
+            r"polygons\[0\]: crosses itself: the sides from corner 1 and from corner 3",
+        ),
+        (
+            "polygons: [[[0, 0], [4, 0], [4, 1], [1, -1], [0, 3]]]\n",
+            r"polygons\[0\]: crosses itself: the sides from corner 1 and from corner 3",
+        ),
     ],
 )
 def test_bad_maps(tmp_path, text, message):
     (tmp_path / "room.yaml").write_text(text)
     with pytest.raises(FileFormatError, match=message):
         load_map(tmp_path / "room.yaml")
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_polygons_with_dents_and_slits_do_not_cross_themselves(turned):
+    star = [[0, 0], [4, 0], [2, 1], [4, 2], [0, 2]]
+    slit = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0], [1, 1], [1, 2], [2, 2], [2, 1], [1, 1]]  # round a hole
+    FloorMap([np.array(each, dtype=float)[::turned] for each in (star, slit)])
 
 
 def test_in_a_spec(tmp_path):

@@ -261,3 +261,13 @@ def test_a_start_beyond_the_limits_is_clamped():
 def test_bad_arguments(arguments, options, error, text):
     with pytest.raises(error, match=text):
         load_robot("iiwa7").solve(*arguments, **options)
+
+
+@pytest.mark.parametrize("far", [2e6, 1e200, 1e307])
+def test_a_pose_farther_than_anything_is_refused(far):
+    """Beyond 1e154 m squares overflow: what came back was memory that nobody had written."""
+    arm = load_robot("iiwa7")
+    pose = np.array([1.0, 0, 0, 0, 0, far / 2, 0, 0])
+    for each in (pose, np.stack([pose, pose])):
+        with pytest.raises(ValueRangeError, match="pose: must be within 1e"):
+            arm.solve(each)

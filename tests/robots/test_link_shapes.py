@@ -57,6 +57,24 @@ def test_primitives_of_a_urdf_file_stay_where_they_are(crane):
     assert hook.center == pytest.approx([2.2, 0, 0.1])
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "flat.obj: spans no volume"),
+        ("bad.xyz", "1 2 word\n", "bad.xyz cannot be read"),
+        ("empty.stl", "", "empty.stl: spans no volume|empty.stl cannot be read"),
+    ],
+)
+def test_meshes_that_are_none_are_named(tmp_path, name, content, message):
+    pytest.importorskip("trimesh")
+    (tmp_path / name).write_text(content)
+    mesh = f'<mesh filename="file://{tmp_path / name}"/>'
+    path = tmp_path / "crane.urdf"
+    path.write_text(URDF.replace('<box size="0.2 0.2 0.1"/>', mesh))
+    with pytest.raises(FileFormatError, match=message):
+        collision_shapes(dqc.load_robot(path))
+
+
 def test_pairs_are_left_out_for_a_reason(crane):
     shapes = tuple(each.shape for each in collision_shapes(crane))
     pairs = sampled_pairs(crane, shapes, samples=2000)

@@ -57,6 +57,15 @@ def test_what_is_missing_is_named(arm):
             load_robot(arm)
 
 
+@pytest.mark.parametrize("bomb", ["9**9**9", "len([1] * 10**11)", "len('a' * 10**12)"])
+def test_an_expression_without_end_is_refused(arm, bomb, monkeypatch):
+    pytest.importorskip("xacro")
+    monkeypatch.setattr("dqcontrol.robots.xacro_file._MOST_SECONDS", 1.0)
+    arm.write_text(ARM.replace("0.1 * 2", bomb))
+    with pytest.raises(FileFormatError, match=r"within 1 s|cannot expand it"):
+        load_robot(arm)
+
+
 def test_a_package_elsewhere_is_named_on_the_command_line(arm, tmp_path, monkeypatch, capsys):
     pytest.importorskip("xacro")
     monkeypatch.setenv(PACKAGES, "")

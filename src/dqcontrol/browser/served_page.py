@@ -11,6 +11,7 @@ from typing import Any
 
 from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD
+from dqcontrol.browser.own_origin import only_own_pages
 from dqcontrol.errors import MissingExtraError
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
@@ -49,7 +50,7 @@ class ServedPage(ABC):
 
     def __init__(self, port: int) -> None:
         viser = import_viser()
-        with contextlib.redirect_stdout(io.StringIO()):  # its banner
+        with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
             self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
 
     @property

@@ -14,6 +14,7 @@ from dqcontrol.cli.screen import print_table, progress_bar
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
 
+FAILED = 1  # exit code of a run in real time that was halted, faulted, fell or diverged
 RealTime = Annotated[bool, Parameter(negative=())]
 Compiled = Annotated[bool, Parameter(negative=())]
 Over = Literal["udp", "shared-memory"]
@@ -100,6 +101,7 @@ def _in_real_time(
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
     from dqcontrol.figures import timing_table
+    from dqcontrol.loop.record import has_failed
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
@@ -113,3 +115,5 @@ def _in_real_time(
         print_table(timing_table(done.timing))
     print(f"ended: {done.record.stopped}")
     print(f"results: {folder}")
+    if has_failed(done.record.stopped):
+        sys.exit(FAILED)

@@ -100,7 +100,11 @@ class Kernel:
     ----------
     function, signature
         As given.
+    plain
+        The same of a user's function in Python, which says what it raises; None of others.
     """
+
+    plain: InterpretedKernel | None = None
 
     def __init__(
         self, function: Callable[..., Any], signature: Any, *, strict: bool = False, cached: bool = True
@@ -281,6 +285,7 @@ def compile_own(
             stacklevel=4,
         )
         return InterpretedKernel(checked(function), reason, name, of_spec=of_spec)
+    compiled_kernel.plain = InterpretedKernel(checked(function), "", name, of_spec=True)
     return compiled_kernel
 
 

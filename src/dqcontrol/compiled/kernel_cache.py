@@ -181,14 +181,29 @@ def one_process_at_a_time(function: Callable[..., Any]) -> Iterator[None]:
         yield
 
 
+def sealed(content: bytes) -> bytes:
+    """Return what a file of the cache holds of this content: a digest stands before it."""
+    return hashlib.sha256(content).digest() + content
+
+
+def unsealed(path: str | Path) -> bytes | None:
+    """Return the content of a file of the cache, None if there is none, or it was damaged: machine code would run."""
+    try:
+        whole = Path(path).read_bytes()
+    except OSError:
+        return None
+    size = hashlib.sha256().digest_size
+    return whole[size:] if whole == sealed(whole[size:]) else None
+
+
 def read_bitcode(function: Callable[..., Any]) -> tuple[bytes, str] | None:
     """Return the portable code of a kernel and its name there, None if it is not kept."""
     if root() is None:
         return None
-    try:
-        name, _, code = _bitcode_file(function).read_bytes().partition(b"\n")
-    except OSError:
+    content = unsealed(_bitcode_file(function))
+    if content is None:
         return None
+    name, _, code = content.partition(b"\n")
     return code, name.decode()
 
 
@@ -196,7 +211,7 @@ def keep_bitcode(function: Callable[..., Any], code: tuple[bytes, str]) -> None:
     """Keep the portable code of a kernel and its name there, if the folder can be written."""
     if root() is not None:
         with suppress(OSError), whole_file(_bitcode_file(function), overwrite=True) as file:
-            file.write_bytes(code[1].encode() + b"\n" + code[0])
+            file.write_bytes(sealed(code[1].encode() + b"\n" + code[0]))
 
 
 def _bitcode_file(function: Callable[..., Any]) -> Path:

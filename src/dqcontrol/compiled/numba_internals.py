@@ -8,7 +8,9 @@ is documented alone. Both files define the same names.
 from __future__ import annotations
 
 import functools
+import io
 import operator
+import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from inspect import Parameter, Signature
@@ -17,7 +19,7 @@ from typing import Any
 import llvmlite.binding
 import numba
 from numba import types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
@@ -303,10 +305,39 @@ class _Implementation(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
 
+class _SealedFiles(IndexDataCacheFile):
+    """Numba's files of one function with a digest each: one that does not fit counts as none, and is written anew."""
+
+    def _load_index(self) -> dict[Any, str]:
+        content = io.BytesIO(kernel_cache.unsealed(self._index_path) or b"")
+        if not content.getbuffer().nbytes or pickle.load(content) != self._version:
+            return {}
+        stamp, overloads = pickle.load(content)
+        return overloads if stamp == self._source_stamp else {}
+
+    def _load_data(self, name: str) -> Any:
+        content = kernel_cache.unsealed(self._data_path(name))
+        if content is None:
+            raise OSError(f"{name}: damaged")  # as a file that is not there
+        return pickle.loads(content)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        content = io.BytesIO()
+        yield content
+        with super()._open_for_write(filepath) as file:
+            file.write(kernel_cache.sealed(content.getvalue()))
+
+
 class KernelCache(FunctionCache):
     """Numba's cache of one function, in the folder of the function's module."""
 
     _impl_class = _Implementation
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        stamp = self._impl.locator.get_source_stamp()
+        self._cache_file = _SealedFiles(self._cache_path, self._impl.filename_base, stamp)
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""

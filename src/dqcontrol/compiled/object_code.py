@@ -222,8 +222,8 @@ def code_object(kernels: Mapping[str, Kernel], target: TargetProcessor) -> bytes
         If a kernel needs something that no library of C has.
     """
     kept = _kept_object(kernels, target)
-    if kept is not None and kept.is_file():
-        return kept.read_bytes()
+    if kept is not None and (found := kernel_cache.unsealed(kept)) is not None:
+        return found
     _initialise()
     whole = llvm.parse_assembly("")
     for symbol, kernel in kernels.items():
@@ -265,7 +265,7 @@ def _keep(code: bytes, path: Path) -> None:
         for old in sorted(path.parent.glob("*.o"), key=lambda each: each.stat().st_mtime)[:-_KEPT]:
             old.unlink(missing_ok=True)
         with whole_file(path, overwrite=True) as draft:
-            draft.write_bytes(code)
+            draft.write_bytes(kernel_cache.sealed(code))
 
 
 def constants_object(data: Mapping[str, Array], target: TargetProcessor) -> bytes:

@@ -62,7 +62,13 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         raise ExistsError(f"{target}: is a link; it is never replaced")
     if not (target / _CONTENTS).is_file():
         raise ExistsError(f"{target}: exists and holds no results of a run; it is never replaced")
-    written = set((target / _CONTENTS).read_text(encoding="utf-8").splitlines())
+    try:
+        written = set((target / _CONTENTS).read_text(encoding="utf-8").splitlines())
+    except (OSError, UnicodeDecodeError) as error:
+        why = "is no text" if isinstance(error, UnicodeDecodeError) else error.strerror
+        raise ExistsError(
+            f"{target}: what a run wrote is not known, as {_CONTENTS} {why}; it is not replaced"
+        ) from None
     if foreign := sorted(_files(target) - written - {_CONTENTS} - _being_saved(target)):
         raise ExistsError(f"{target}: holds '{foreign[0]}', which no run wrote; it is not replaced")
 

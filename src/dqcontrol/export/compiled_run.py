@@ -28,7 +28,11 @@ from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import TIME
 
 _EVERY = 0.05  # s between looks at what the loop has done
-_ENDED, _STOPPED = 3, 2  # of dqc_controller.h
+_ENDED = 3  # of dqc_controller.h
+_FAILED = {
+    -6: "the law failed",
+    -11: "no measurement came in its period",
+}  # without a supervisor; of dqc_controller.h
 
 
 def run_compiled_in_real_time(
@@ -134,6 +138,7 @@ def _watched(host: LoopHost, recording: SampleSink, watch: Watch | None) -> None
         host.start()
         try:
             while not host.is_done:
+                host.beat()
                 time.sleep(_EVERY)
                 look(watch)
         except BaseException:
@@ -160,10 +165,6 @@ def _record(parts: ControllerParts, rows: LoopRows) -> Record:
     desired = rows.sample.copy()
     desired[:, TIME] = rows.time
     robot = parts.robot
-    status = int(rows[-1:].status[0])
-    stopped = {_ENDED: "duration", _STOPPED: ""}.get(status, "room for samples")
-    if not stopped:
-        stopped = f"halted at {rows.time[-1]:g} s: {describe_stop(rows.interventions[-1])}"
     return Record(
         time=rows.time.copy(),
         q=rows.q.copy(),
@@ -173,8 +174,21 @@ def _record(parts: ControllerParts, rows: LoopRows) -> Record:
         desired=desired,
         joint_names=robot.joint_names,
         input_names=robot.input_names,
-        stopped=stopped,
+        stopped=_why(parts, rows),
         readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), rows.interventions[:, None].copy())}
         if parts.supervisor
         else {},
     )
+
+
+def _why(parts: ControllerParts, rows: LoopRows) -> str:
+    """Say why a loop ended: because its reference was over, or what halted it."""
+    over = parts.samples[-1, TIME] - 0.5 * parts.period
+    if rows.status[-1] == _ENDED and rows.sample[-1, TIME] >= over:
+        return "duration"
+    words = describe_stop(rows.interventions[-1])
+    if not parts.supervisor:
+        words = next(
+            (_FAILED[status] for status in map(int, rows.status) if status in _FAILED), "asked to end"
+        )
+    return f"halted at {rows.time[-1]:g} s: {words}"

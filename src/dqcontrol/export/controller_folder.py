@@ -29,7 +29,7 @@ from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import START_TOLERANCE
 from dqcontrol.loop.target_motion import MOVING_SIZE
 
-VERSION = (1, 0, 0)  # of the interface of dqc_controller.h
+VERSION = (1, 1, 0)  # of the interface of dqc_controller.h
 
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")

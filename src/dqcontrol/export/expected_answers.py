@@ -13,7 +13,7 @@ from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.plants.live_plant import live_plant
 
-OK, STOPPING, STOPPED, ENDED, LAW_FAILED = 0, 1, 2, 3, -6  # as dqc_controller.h has them
+OK, STOPPING, STOPPED, ENDED, LAW_FAILED, NO_MEASUREMENT = 0, 1, 2, 3, -6, -11  # as dqc_controller.h has them
 NO_REQUEST, END, STOP, RESET = range(4)
 
 # Sample numbers at which something happens in a test vector, of those that the reference has.
@@ -115,9 +115,10 @@ class PythonController:
         if row.request in (END, STOP) or target.is_over(self._time):
             row.status = self._status = STOPPED if row.request == STOP else ENDED
             return
+        if row.measured is None:
+            row.status, self._status = NO_MEASUREMENT, STOPPED
+            return
         try:
-            if row.measured is None:
-                raise DivergedError("none measured")
             parts.robot.fkm(row.measured)
             sample = target.sample(self._time, np.zeros(8))
             parts.law.step(row.measured, sample, max(round(self._time / period), 0), self._state, row.command)
@@ -151,7 +152,7 @@ def vector_rows(parts: ControllerParts, *, whole: bool = False) -> Iterator[Vect
             first, is_new = k + 1, True
             plant = _moved(parts)  # the robot was brought back to its start
             continue
-        if row.status in (ENDED, STOPPED, LAW_FAILED) and not ending:
+        if row.status in (ENDED, STOPPED, LAW_FAILED, NO_MEASUREMENT) and not ending:
             ending = True  # one row more: it says the same again
         elif ending:
             return

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import socket
 import subprocess
 import tempfile
+import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,16 +22,18 @@ from dqcontrol.compiled.object_code import target_named
 from dqcontrol.errors import Error, MissingExtraError, NoteWarning
 from dqcontrol.export.controller_folder import write_controller
 from dqcontrol.export.controller_parts import ControllerParts
+from dqcontrol.loop.supervision import most_steps_to_rest
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import SAMPLE_SIZE
 
 Over = Literal["udp", "shared-memory"]
 
 END, STOP = 1, 2  # requests of dqc_loop.h
-_WRITTEN, _REQUEST, _IS_DONE, _WATCH = 0, 1, 2, 7  # of its dqc_watch
+_WRITTEN, _REQUEST, _IS_DONE, _HEARTBEAT, _WATCH = 0, 1, 2, 7, 8  # of its dqc_watch
 _PRIORITY = 50  # of SCHED_FIFO, as ros2_control has it
-_TO_REST = 10.0  # s at most after the reference
-_PATIENCE = 10.0  # s for a process to begin, and to end
+_REACTION = 10.0  # s in which it begins to brake, whatever the system does meanwhile
+_PATIENCE = 10.0  # s for a process to begin, to take a step, and to end
+_EVERY = 0.05  # s between looks at one that comes to rest
 _SOURCES = ("hosts/realtime/thread_host.c", "hosts/realtime/dqc_loop.c", "dqc_controller.c", "dqc_data.c")
 _OBJECTS = ("dqc_plant.c", "dqc_code.o", "dqc_numbers.o", "dqc_plant_code.o", "dqc_plant_numbers.o")
 _FAST = Path("/dev/shm")  # files that no disk is waited for
@@ -86,6 +90,9 @@ class LoopHost(Protocol):
         """Whether it has ended."""
         ...
 
+    def beat(self) -> None:
+        """Let it know that somebody watches; one that hears nothing for 2 s stops."""
+
     def ask(self, request: int) -> None:
         """Ask it to `END` or to `STOP`."""
 
@@ -123,6 +130,7 @@ class ThreadHost:
         _build([*command, "-lm", "-lpthread", "-o", str(library)])
         self._library: Any = ctypes.CDLL(str(library))
         self._library.host_written.restype = ctypes.c_int64
+        self._library.dqc_status_text.restype = ctypes.c_char_p
         self._noise = np.ascontiguousarray(plant.noise)
         self.rows: LoopRows = _room(parts, np.zeros(_capacity(parts) * _columns(parts)))
 
@@ -149,13 +157,24 @@ class ThreadHost:
         """Whether it has ended."""
         return bool(self._library.host_is_done())
 
+    def beat(self) -> None:
+        """Do nothing: the thread ends with whoever watches."""
+
     def ask(self, request: int) -> None:
         """Ask it to `END` or to `STOP`."""
         self._library.host_request(request)
 
     def join(self) -> None:
-        """Wait for its end."""
-        self._library.host_join()
+        """Wait for its end.
+
+        Raises
+        ------
+        Error
+            If its first step was refused.
+        """
+        status = self._library.host_join()
+        if status < 0:
+            raise Error(f"compiled: {self._library.dqc_status_text(status).decode()}")
 
 
 class ProcessHost:
@@ -187,11 +206,12 @@ class ProcessHost:
         self._place = f"/dqcontrol-{os.getpid()}" if over == "shared-memory" else str(_free_port())
         self._processes: list[subprocess.Popen[str]] = []
         place = _FAST if _FAST.is_dir() else build
-        self._file = tempfile.NamedTemporaryFile(dir=place, prefix="dqcontrol-")  # noqa: SIM115 — closed by `join`
+        self._file = tempfile.TemporaryFile(dir=place)  # noqa: SIM115 — closed by `join`; without a name nothing is left
         self._file.truncate(8 * (_WATCH + _capacity(parts) * _columns(parts)))
-        self._watch = np.memmap(self._file.name, dtype=np.int64, mode="r+", shape=_WATCH)
-        noted = np.memmap(self._file.name, dtype=np.float64, mode="r+", offset=8 * _WATCH)
+        self._watch = np.memmap(self._file, dtype=np.int64, mode="r+", shape=_WATCH)
+        noted = np.memmap(self._file, dtype=np.float64, mode="r+", offset=8 * _WATCH)
         self.rows: LoopRows = _room(parts, noted)
+        self.beat()
 
     def start(self) -> None:
         """Let it begin.
@@ -205,10 +225,15 @@ class ProcessHost:
         assert robot.stdout is not None
         if robot.stdout.readline() != "ready\n":
             self.join()
-        self._run(self._loop, self._place, str(_PRIORITY), self._file.name)
+        self._run(self._loop, self._place, str(_PRIORITY), f"/dev/fd/{self._file.fileno()}")
 
     def _run(self, *command: str) -> subprocess.Popen[str]:
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        pipes = {
+            "stdout": subprocess.PIPE,
+            "stderr": subprocess.PIPE,
+            "text": True,
+            "pass_fds": [self._file.fileno()],
+        }
         # An interrupt is for this process, which then asks the loop to end.
         process = subprocess.Popen(command, **pipes, start_new_session=True)  # type: ignore[call-overload]
         self._processes.append(process)
@@ -224,6 +249,10 @@ class ProcessHost:
         """Whether it has ended."""
         return bool(self._watch[_IS_DONE]) or self._processes[-1].poll() is not None
 
+    def beat(self) -> None:
+        """Let it know that somebody watches; one that hears nothing for 2 s stops."""
+        self._watch[_HEARTBEAT] += 1
+
     def ask(self, request: int) -> None:
         """Ask it to `END` or to `STOP`."""
         self._watch[_REQUEST] = request
@@ -236,6 +265,7 @@ class ProcessHost:
         Error
             If a process failed.
         """
+        self._await_rest()
         failures = []
         for process in reversed(self._processes):
             try:
@@ -249,6 +279,16 @@ class ProcessHost:
         self._file.close()
         if failures:
             raise Error(f"compiled: {'; '.join(failures)}")
+
+    def _await_rest(self) -> None:
+        """Wait as long as it takes steps: braking may take long, and none is cut off in motion."""
+        last, since = math.nan, time.monotonic()
+        while not self.is_done and time.monotonic() - since < _PATIENCE:
+            self.beat()
+            now = self.rows.time[max(self.written - 1, 0)]
+            if now != last:
+                last, since = now, time.monotonic()
+            time.sleep(_EVERY)
 
 
 def _build(command: list[str]) -> None:
@@ -264,7 +304,11 @@ def _build(command: list[str]) -> None:
 
 
 def _capacity(parts: ControllerParts) -> int:
-    return len(parts.samples) + round(_TO_REST / parts.period)
+    to_rest = _REACTION / parts.period
+    if parts.supervisor:
+        given, prepared = parts.supervisor
+        to_rest += given.ramp / parts.period + most_steps_to_rest(prepared)
+    return len(parts.samples) + round(to_rest)
 
 
 def _columns(parts: ControllerParts) -> int:

@@ -59,7 +59,7 @@ class FloorMap:
     Raises
     ------
     ShapeError, ValueRangeError
-        If a polygon has fewer than three corners, no area, or the height is not positive.
+        If a polygon has fewer than three corners, no area, or crosses itself, or the height is not positive.
 
     Examples
     --------
@@ -202,7 +202,28 @@ def _polygon(name: str, corners: ArrayLike) -> Array:
     after = np.roll(found, -1, axis=0)
     if abs((found[:, 0] * after[:, 1] - after[:, 0] * found[:, 1]).sum()) < 1e-12:
         raise ValueRangeError(f"{name}: has no area")
+    if (pair := _crossing_sides(found)) is not None:
+        i, j = pair
+        raise ValueRangeError(
+            f"{name}: crosses itself: the sides from corner {i + 1} and from corner {j + 1}; what is inside of it is "
+            "not clear: order the corners along its rim, or give two polygons"
+        )
     return found
+
+
+def _crossing_sides(corners: Array) -> tuple[int, int] | None:
+    """Return two sides of a polygon that cross, None if there are none; those that only touch do not."""
+    side = np.roll(corners, -1, axis=0) - corners
+    turns = _cross(side, np.roll(side, -1, axis=0))
+    if len(corners) <= 4 and ((turns >= 0).all() or (turns <= 0).all()):
+        return None
+    to = corners[None] - corners[:, None]  # from the first corner of side i to corner j
+    first = _cross(side[:, None], to)
+    apart = (
+        first * np.roll(first, -1, axis=1) < 0.0
+    )  # side j has its ends on both sides of the line of side i
+    found = np.argwhere(apart & apart.T)
+    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
 
 
 def _occupied(path: str | Path, grid: _GridFile) -> NDArray[np.bool_]:

@@ -414,7 +414,25 @@ class PreparedLaw:
         """
         status = self._step(self.plan, self.memory, q, sample, k, self.dt, state, out)
         if status:
+            self._say_what_raised(status, q, sample, k, state)
             self._raise(status, q, state, out)
+
+    def _say_what_raised(self, status: int, q: Array, sample: Array, k: int, state: Array) -> None:
+        """Call a user's function whose compiled code raised in Python: that one says what."""
+        plain = self.kernel.plain if isinstance(self.kernel, Kernel) else None
+        if status != LAW_FAILED + RAISED or plain is None:
+            return
+        asked = self._asked(q, sample, k, state.copy())
+        try:
+            plain(*asked, np.zeros(self.robot.input_size))
+        except ValueRangeError as error:
+            raise DivergedError(str(error)) from error
+
+    def _asked(self, q: Array, sample: Array, k: int, state: Array) -> tuple[Array, ...]:
+        """Return what the law is handed for a sample, once kinematics are found."""
+        row = max(round(sample[TIME] / self.dt), 0) if k < 0 else k
+        parameters = self.parameters[min(row, len(self.parameters) - 1)]
+        return q, *split(self._parts.kinematics), sample, parameters, state, self.work
 
     def sent(self, state: Array, command: Array) -> None:
         """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
@@ -447,13 +465,12 @@ class PreparedLaw:
         parts, buffer = self._parts, self._parts.kinematics
         if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
             return status
-        pose, pose_jacobian, twist_jacobian = split(buffer)
+        pose, _, twist_jacobian = split(buffer)
         if self._preference:
             parameters, scratch = parts.preferring, parts.preference_work
             self._preference(q, twist_jacobian, parameters, scratch, self.preferred)
         row = max(round(sample[TIME] / period), 0) if k < 0 else k
-        parameters = self.parameters[min(row, len(self.parameters) - 1)]
-        asked = q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, self.work
+        asked = self._asked(q, sample, k, state)
         if self._position_limit:
             own = parts.position_limiting, parts.position_limit_work
             status = self._position_limit.function(self.kernel, *asked, *own, out)

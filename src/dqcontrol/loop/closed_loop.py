@@ -20,11 +20,11 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
-from dqcontrol.loop.supervision import Senses, Supervision
+from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
-from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.plants.plant import CompiledPlant, failure_text
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 
 _PROGRESS_EVERY = 50  # steps
@@ -136,7 +136,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
     empty, count = np.zeros(0), len(steps.samples)
-    done, settling = np.zeros(1), np.zeros(9)
+    done, settling = np.zeros(3), np.zeros(9)
     status = compiled.rollout(
         compiled.stages(
             kinematics=law.robot.kernels.twist_kinematics.pointer,
@@ -148,7 +148,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
             memory=supervision.supervisor.memory if supervision else empty,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0)
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0)
             if supervision
             else empty,
             state=supervision.state if supervision else empty,
@@ -176,12 +176,14 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
-        failure = "the plant produced NaN or infinity"
+        failure = failure_text(status - compiled.PLANT_FAILED)
         steps.done -= 1
     elif status >= compiled.LAW_FAILED:
-        failure = status_text(status - compiled.LAW_FAILED)
+        failure = steps.law_failure(steps.done, status)
     elif status:
         failure = _LOST
+    if done[1]:
+        steps.unanswered = steps.law_failure(int(done[1]) - 1, int(done[2]))
     return steps.end(failure, halted, finished)
 
 
@@ -203,7 +205,7 @@ class _Steps:
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self.desired, self.senses = samples, None
         if supervision is not None:
-            self.desired = long_array(len(samples) + supervision.most_steps_to_rest, SAMPLE_SIZE)
+            self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
             self.senses = Senses(plant, supervision.supervisor)
             supervision.begin(len(self.desired))
@@ -212,7 +214,7 @@ class _Steps:
         self.law_state = law.initial_state(plant.q)
         self.done, self.is_sent, self.rests = 0, True, False
         self._readings = Readings(live, len(self.desired))
-        self._fault = ""
+        self._fault, self.unanswered = "", ""
         if clock is not None:
             self._take_memory()
 
@@ -254,11 +256,24 @@ class _Steps:
     def _why(self, supervision: Supervision, halted: str) -> str:
         """Say why the supervisor stopped the robot, if it did not only end what was over."""
         cause = "" if halted == _SUPERVISOR else halted
+        if self.done and not self.rests:
+            cause = f"it still moves after {self.done - len(self.samples)} periods of braking"
         if self.recording and self.recording.failure:
             cause = self.recording.failure
         if not self.done or not (cause or halted or not supervision.stopped_softly):
             return ""
-        return f"stop category 1: {cause}" if cause else supervision.why(self.done)
+        if cause:
+            return f"stop category 1: {cause}"
+        why = supervision.why(self.done)
+        return f"{why}: {self.unanswered}" if supervision.missed_command and self.unanswered else why
+
+    def law_failure(self, k: int, status: int) -> str:
+        """Say why the law had no command at sample k: of its own words, if it fails there again."""
+        if status < compiled.LAW_FAILED:
+            return _LOST
+        state, command = self.law_state.copy(), np.empty(self.law.robot.input_size)
+        failure = _ask(self.law, self.records[1][k], self.samples[k], k, state, command)
+        return failure or status_text(status - compiled.LAW_FAILED)
 
     def _come_to_rest(self, *, hard: bool) -> None:
         """Step on, with the desired pose at rest, until what is sent to the robot is at rest too."""
@@ -323,6 +338,7 @@ class _Steps:
         kept[:] = self.law.report
         if failure and supervision is None:
             return failure
+        self.unanswered = failure or self.unanswered
         self.done, self.is_sent = k + 1, False
         elapsed = self.clock.elapsed if self.clock else None
         if supervision:

@@ -92,7 +92,7 @@ class Control:
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
         self.time = self._stamp = self._asked = 0.0
-        self._elapsed = law.dt
+        self._elapsed, self._still = law.dt, 0.0
         self.black_box: BlackBox = BlackBox(self.robot, law.dt)
         self._law_state = self._state = np.zeros(0)
         self.is_commanding: bool = False
@@ -136,7 +136,7 @@ class Control:
         self._law_state = self.law.initial_state(measured)
         self.measured[:] = measured
         self.wanted[:], self.command[:], self._request, self._cause = 0.0, 0.0, GO, ""
-        self.time = self._stamp = self._asked = 0.0
+        self.time = self._stamp = self._asked = self._still = 0.0
         self.desired = np.zeros(21)
         self.desired[POSE] = pose = self.robot.fkm(measured)
         self.target.start(pose)
@@ -201,13 +201,15 @@ class Control:
             Of the last measurement, s.
         elapsed
             Since the last step on this computer's steady clock, s; as ``time`` says if omitted. The longer of the two
-            counts: one that is longer than the supervisor's ``stale_after`` stops, and so does a time that goes back.
+            counts: one that is longer than the supervisor's ``stale_after`` stops, and so does a time that goes back,
+            or stands still for so long.
         effort, wrench
             Measured, as for `PreparedSupervisor.command`.
         """
         if not self.is_commanding:
             return
         passed = time - self._stamp if self._stamp or time else self.law.dt  # the first step is a period long
+        self._still = self._still + self.law.dt if time == self._stamp else 0.0
         self._stamp = time
         self.time += min(max(passed, 0.0), self.longest_advance) if time else 0.0
         self._elapsed = passed if elapsed is None or not passed >= 0.0 else max(passed, elapsed)
@@ -218,7 +220,16 @@ class Control:
             self._ask_law(self.time)
         request, self._request = self._request, GO
         rests = self.supervisor.step(
-            self.measured, self.wanted, self._state, age, request, self.command, self._elapsed, effort, wrench
+            self.measured,
+            self.wanted,
+            self._state,
+            age,
+            request,
+            self.command,
+            self._elapsed,
+            effort,
+            wrench,
+            self._still,
         )
         self.law.sent(self._law_state, self.command)
         code = self.supervisor.code(self._state)

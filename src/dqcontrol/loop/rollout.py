@@ -134,7 +134,7 @@ class Course(NamedTuple):
     stop
         Tolerance, and how many consecutive samples within it end the loop.
     done
-        Steps done.
+        Steps done; with a supervisor also the last one whose command the law could not find, from 1, and its status.
     settling
         Count and scratch of `settled`.
     """
@@ -196,6 +196,7 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
                 return status
             for i in range(m):
                 command[i] = math.nan
+            course.done[1], course.done[2] = k + 1.0, float(status)
         course.done[0] = k + 1.0
         if supervising:
             supervised = _call_supervisor(

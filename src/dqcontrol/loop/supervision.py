@@ -11,7 +11,13 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, SOFT_STOP, describe_stop, reasons
+from dqcontrol.limits.supervisor.interventions import (
+    COMMAND,
+    INTERVENTIONS,
+    SOFT_STOP,
+    describe_stop,
+    reasons,
+)
 from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
@@ -65,6 +71,13 @@ class Senses:
         return np.ascontiguousarray(self._plant.wrench, dtype=np.float64)
 
 
+def most_steps_to_rest(supervisor: PreparedSupervisor) -> int:
+    """Return how many periods braking may take; no more are waited for."""
+    bounds = supervisor.bounds
+    braking = (bounds.velocity / (bounds.acceleration * supervisor.period)).max(initial=0.0)
+    return int(min(braking + bounds.head[layout.WINDOW] + 10.0, _MOST_STEPS))
+
+
 class Supervision:
     """A supervisor over the samples of one run.
 
@@ -94,13 +107,6 @@ class Supervision:
         self.period: float = supervisor.period
         self.black_box: BlackBox = BlackBox(supervisor.robot, self.period) if black_box is None else black_box
         self._watch = watch
-
-    @property
-    def most_steps_to_rest(self) -> int:
-        """How many periods braking may take; no more are waited for."""
-        bounds = self.supervisor.bounds
-        braking = (bounds.velocity / (bounds.acceleration * self.period)).max(initial=0.0)
-        return int(min(braking + bounds.head[layout.WINDOW] + 10.0, _MOST_STEPS))
 
     def begin(self, count: int) -> None:
         """Make room for so many samples."""
@@ -145,6 +151,11 @@ class Supervision:
     def stopped_softly(self) -> bool:
         """Whether it is stopped because it was asked to end, and for nothing else."""
         return int(self.state[layout.FAULT]) == SOFT_STOP
+
+    @property
+    def missed_command(self) -> bool:
+        """Whether it is stopped because the law had no command."""
+        return bool(int(self.state[layout.FAULT]) & COMMAND)
 
     @property
     def is_stopped(self) -> bool:

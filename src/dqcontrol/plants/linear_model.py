@@ -48,6 +48,8 @@ class LinearModel:
         feedback = np.zeros_like(self.transition)
         feedback[:, : self.inputs.shape[1]] = self.inputs
         closed = self.transition - np.asarray(gains)[..., None, None] * feedback
+        if not np.isfinite(closed).all():  # no such loop keeps still
+            return np.full(closed.shape[:-1], np.inf, np.complex128)
         return np.linalg.eigvals(closed).astype(np.complex128)
 
     def reduced(self, horizon: int) -> LinearModel | None:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import RAISED, READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
@@ -281,6 +281,15 @@ def _periods(field: str, seconds: float, dt: float) -> float:
     return periods
 
 
+def failure_text(status: int) -> str:
+    """Say why a compiled plant did not step."""
+    return (
+        "the plant's function raised an exception"
+        if status == RAISED
+        else "the plant produced NaN or infinity"
+    )
+
+
 class CompiledPlant(LivePlant):
     """A plant whose step is a compiled function of signature ``PLANT``.
 
@@ -319,7 +328,7 @@ class CompiledPlant(LivePlant):
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:
-            raise DivergedError("the plant produced NaN or infinity")
+            raise DivergedError(failure_text(status))
         self._step += 1
 
     def rewind(self) -> None:

@@ -16,6 +16,7 @@ from dqcontrol.experiments.load_results import load_run, run_folders, why_no_run
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
+from dqcontrol.experiments.spec.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.reports.run_report import write_run_report
 
@@ -47,6 +48,8 @@ def rewrite_reports(
     ------
     FileFormatError
         If a folder holds no run.
+    ValueRangeError
+        If a spec brings code, and that is refused.
 
     Examples
     --------
@@ -56,6 +59,7 @@ def rewrite_reports(
     for place in drafts:
         if not (place.run / "record.mcap").is_file():
             raise FileFormatError(why_no_run(place.run))
+        read_spec(place.run / SPEC_FILE)  # says which code it brings: processes that draw say nothing
     if progress:
         progress(0, len(drafts))
     if jobs is None:

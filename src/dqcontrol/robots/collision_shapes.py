@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -169,7 +169,7 @@ def _fitted_geom(geom: Geom, frame: int, at: Array) -> FittedShape:
     else:
         from scipy.spatial import ConvexHull
 
-        hull = ConvexHull(vertices)
+        hull = _hull(geom.name, lambda: ConvexHull(vertices))
         vertices, volume = vertices[hull.vertices], hull.volume
     capsule = bounding_capsule(vertices @ turn.T + middle)
     return FittedShape(LinkShape(geom.name, frame, capsule), geom.kind, capsule.volume / max(volume, 1e-12))
@@ -202,10 +202,25 @@ def _fitted(path: Path, name: str, frame: int, geometry: Any, at: Array) -> Fitt
             LinkShape(name, frame, Box(algebra.pose(rotation, middle), geometry.box.size)), "box", 1.0
         )
     mesh = _mesh(path, geometry.mesh)
-    hull = mesh.convex_hull
+    hull = _hull(f"{path}: {geometry.mesh.filename}", lambda: mesh.convex_hull)
     capsule = bounding_capsule(hull.vertices @ turn.T + middle)
     shape = LinkShape(name, frame, capsule)
     return FittedShape(shape, Path(geometry.mesh.filename).name, capsule.volume / max(hull.volume, 1e-12))
+
+
+def _hull(name: str, find: Callable[[], Any]) -> Any:
+    """Return a mesh's convex hull.
+
+    Raises
+    ------
+    FileFormatError
+        If its points span no volume.
+    """
+    try:
+        return find()
+    except Exception as error:  # Qhull's
+        first = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise FileFormatError(f"{name}: spans no volume: {first}") from None
 
 
 def _mesh(path: Path, given: Any) -> Any:
@@ -215,6 +230,8 @@ def _mesh(path: Path, given: Any) -> Any:
         mesh = trimesh.load(mesh_file(path, given.filename), force="mesh")
     except FileNotFoundError:
         raise FileFormatError(missing_note(path) or f"{path}: {given.filename} is not found") from None
+    except Exception as error:  # readers of damaged files raise anything
+        raise FileFormatError(f"{path}: {given.filename} cannot be read: {error}") from None
     return mesh.apply_scale(1.0 if given.scale is None else given.scale)
 
 

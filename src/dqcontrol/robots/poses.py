@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
+_FARTHEST = 1e6  # m: squares of errors far beyond it overflow, and no solver finds anything then
+
 
 def unit_poses(field: str, pose: ArrayLike) -> Array:
     """Return unit dual quaternions, shape (…, 8), with the last digits of their norms mended."""
@@ -17,7 +19,8 @@ def unit_poses(field: str, pose: ArrayLike) -> Array:
     if type(given) is np.ndarray and given.shape == (8,) and given.dtype == np.float64:
         w, i, j, k, dw, di, dj, dk = given.tolist()  # ten times as fast for the usual case
         length = math.sqrt(w * w + i * i + j * j + k * k)
-        if abs(length - 1) <= 1e-6 and abs(w * dw + i * di + j * dj + k * dk) <= 1e-6:
+        is_unit = abs(length - 1) <= 1e-6 and abs(w * dw + i * di + j * dj + k * dk) <= 1e-6
+        if is_unit and max(abs(dw), abs(di), abs(dj), abs(dk)) <= 0.5 * _FARTHEST:
             return given / length
     x = as_array(field, given, (8,))
     r, d = x[..., :4], x[..., 4:]
@@ -29,6 +32,9 @@ def unit_poses(field: str, pose: ArrayLike) -> Array:
         raise ValueRangeError(
             f"{field}: expected unit dual quaternions, got norm {norm[worst]:.9g} + ε {along[worst]:.6g}"
         )
+    if (np.abs(d) > 0.5 * _FARTHEST).any():
+        far = 2.0 * float(np.abs(d).max())
+        raise ValueRangeError(f"{field}: must be within {_FARTHEST:g} m of the origin, got about {far:.3g} m")
     return x / norm[..., None]
 
 

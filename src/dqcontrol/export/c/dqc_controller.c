@@ -37,8 +37,14 @@ static void write_zeros(double *u) {
   for (int i = 0; u && i < DQC_INPUTS; i++) u[i] = 0.0;
 }
 
+/* Without supervisor nothing brakes it, and nothing needs to wait for that. */
+static int is_moving(const dqc_controller *controller) {
+  return DQC_SUPERVISED && (controller->phase_ == ACTIVE || controller->phase_ == STOPPING);
+}
+
 int dqc_init(dqc_controller *controller, const dqc_config *config) {
   if (!controller) return DQC_NULL_POINTER;
+  if (controller->magic_ == MAGIC && is_moving(controller)) return DQC_MOVING;
   dqc_config chosen = config ? *config : dqc_default_config();
   controller->magic_ = 0;
   if (chosen.coordinates != DQC_COORDINATES || chosen.inputs != DQC_INPUTS) return DQC_WRONG_ROBOT;
@@ -93,7 +99,7 @@ static int start(dqc_controller *controller, const double *q, double time) {
   memset(controller->wanted, 0, sizeof controller->wanted);
   memset(controller->command, 0, sizeof controller->command);
   memset(controller->sample, 0, sizeof controller->sample);
-  controller->time = controller->stamp_ = controller->seen_ = 0.0;
+  controller->time = controller->stamp_ = controller->seen_ = controller->still_ = 0.0;
   controller->origin_ = time;
   controller->asks_ = 0;
 #if DQC_STREAMED
@@ -233,7 +239,7 @@ static int supervise(dqc_controller *controller, const dqc_measured *measured, d
   double *state = controller->supervisor_state_;
   const double *effort = measured->effort ? measured->effort : NOTHING;
   const double *wrench = measured->wrench ? measured->wrench : NOTHING;
-  const double moment[DQC_MOMENT] = {age, elapsed, (double)controller->request_, (double)known};
+  const double moment[DQC_MOMENT] = {age, elapsed, (double)controller->request_, (double)known, controller->still_};
   (void)law_asked;
   controller->request_ = GO;
   dqc_kernel_supervise(&result, &raised, (int64_t)(intptr_t)&dqc_kernel_kinematics,
@@ -254,13 +260,13 @@ static int supervise(dqc_controller *controller, const dqc_measured *measured, d
 #else
 static int supervise(dqc_controller *controller, const dqc_measured *measured, double age, double elapsed, int law_asked,
                      int known) {
-  (void)measured, (void)age, (void)elapsed, (void)known;
+  (void)age, (void)elapsed, (void)known;
   if (controller->request_ != GO || !law_asked) {
     write_zeros(controller->command);
     int failed = controller->request_ == GO;
     controller->phase_ = controller->request_ == END ? ENDED : STOPPED;
     controller->request_ = GO;
-    return failed ? DQC_LAW_FAILED : controller->phase_ == ENDED ? DQC_ENDED : DQC_STOPPED;
+    return failed ? (measured->q ? DQC_LAW_FAILED : DQC_NO_MEASUREMENT) : controller->phase_ == ENDED ? DQC_ENDED : DQC_STOPPED;
   }
   memcpy(controller->command, controller->wanted, sizeof controller->command);
   return DQC_OK;
@@ -294,6 +300,7 @@ int dqc_step_measured(dqc_controller *controller, const dqc_measured *measured, 
   int refused = ask(controller, target);
   double since = time - controller->origin_;
   double passed = controller->stamp_ != 0.0 || since != 0.0 ? since - controller->stamp_ : DQC_PERIOD;
+  controller->still_ = since == controller->stamp_ ? controller->still_ + DQC_PERIOD : 0.0;
   controller->stamp_ = since;
   const double farthest = FASTEST_REFERENCE * DQC_PERIOD;
   if (since != 0.0 && passed > 0.0) controller->time += passed < farthest ? passed : farthest;
@@ -315,7 +322,7 @@ int dqc_step_measured(dqc_controller *controller, const dqc_measured *measured, 
   status = supervise(controller, measured, age, elapsed, law_asked, known);
   memcpy(u, controller->command, sizeof controller->command);
   if (controller->phase_ == ENDED && DQC_SUPERVISED) status = DQC_ENDED;
-  return controller->status = status < 0 ? status : refused ? refused : status;
+  return controller->status = status == DQC_OK && refused ? refused : status; /* a stop is not hidden */
 }
 
 int dqc_step(dqc_controller *controller, const double *q, double time, const dqc_target *target, double *u) {
@@ -344,7 +351,7 @@ int dqc_stop(dqc_controller *controller) {
 int dqc_reset(dqc_controller *controller) {
   if (!controller) return DQC_NULL_POINTER;
   if (controller->magic_ != MAGIC) return DQC_NOT_INITIALISED;
-  if (DQC_SUPERVISED && (controller->phase_ == ACTIVE || controller->phase_ == STOPPING)) return DQC_MOVING;
+  if (is_moving(controller)) return DQC_MOVING;
   controller->phase_ = INACTIVE;
   controller->request_ = GO;
   controller->interventions = 0;
@@ -410,6 +417,7 @@ const char *dqc_status_text(int status) {
     case DQC_UNKNOWN_PARAMETER: return "there is no parameter of that name";
     case DQC_VALUE_OUTSIDE: return "the value is outside the bounds of the parameter";
     case DQC_MOVING: return "only possible at rest";
+    case DQC_NO_MEASUREMENT: return "no measurement came, and there is no supervisor to brake";
     default: return "unknown";
   }
 }

@@ -46,10 +46,11 @@ enum {
   DQC_NOT_FINITE = -4,
   DQC_OUTSIDE_LIMITS = -5, /* the robot is where it may not start from */
   DQC_LAW_FAILED = -6,     /* and there is no supervisor to brake: u is 0 */
-  DQC_WRONG_TARGET = -7,   /* a pose or twist that is none, or none is taken: it was ignored */
+  DQC_WRONG_TARGET = -7,   /* a pose or twist that is none, or none is taken: it was ignored; said while the law is followed */
   DQC_UNKNOWN_PARAMETER = -8,
   DQC_VALUE_OUTSIDE = -9, /* of the bounds of the parameter; nothing was changed */
-  DQC_MOVING = -10        /* only possible at rest */
+  DQC_MOVING = -10,       /* only possible at rest */
+  DQC_NO_MEASUREMENT = -11 /* and there is no supervisor to brake: u is 0 */
 };
 
 /* Where the desired motion comes from. */
@@ -107,7 +108,7 @@ typedef struct {
   double asked_[8];
   double parameters_[DQC_PARAMETERS + 1];
   int64_t plan_[@PLAN@];
-  double origin_, stamp_, seen_;
+  double origin_, stamp_, seen_, still_;
   dqc_config config_;
   int32_t phase_, request_, asks_;
   uint32_t magic_;
@@ -116,13 +117,14 @@ typedef struct {
 /* Return the configuration as exported. */
 dqc_config dqc_default_config(void);
 
-/* Make a controller ready; null as configuration: as exported. */
+/* Make a controller ready; null as configuration: as exported. Refused while it moves: what it is in must be zero, as
+ * static memory is, before the first time. */
 int dqc_init(dqc_controller *controller, const dqc_config *config);
 
 /* Write the command of one period; the first one after dqc_init or dqc_reset starts from a robot at rest at q.
  *
- * q: measured, null if no measurement came. time: s, of any origin, as the robot or a steady clock says; it must not go
- * back. target: of a controller with streamed targets what is asked now, null if nothing new is. u: always written, and
+ * q: measured, null if no measurement came. time: s, of any origin, as the robot or a steady clock says; it must neither
+ * go back nor stand still. target: of a controller with streamed targets what is asked now, null if nothing new is. u: always written, and
  * always within the supervisor's limits if there is one.
  */
 int dqc_step(dqc_controller *controller, const double *q, double time, const dqc_target *target, double *u);

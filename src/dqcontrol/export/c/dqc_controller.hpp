@@ -14,7 +14,8 @@ using Command = std::array<double, DQC_INPUTS>;             // rad/s or m/s
 /// One controller; copies of it go their own ways. It throws nothing and allocates nothing.
 class Controller {
  public:
-  explicit Controller(const dqc_config& config = dqc_default_config()) noexcept { status_ = dqc_init(&controller_, &config); }
+  explicit Controller(const dqc_config& config = dqc_default_config()) noexcept
+      : controller_(), status_(dqc_init(&controller_, &config)) {}
 
   /// DQC_OK, or why the configuration was refused.
   int status() const noexcept { return status_; }

@@ -37,7 +37,8 @@ INTERVENTIONS = "interventions"  # name of the signal in recordings
     CONTACT,
     BASE_JUMP,
     KEEP_OUT,
-) = (2**i for i in range(26))
+    CLOCK,
+) = (2**i for i in range(27))
 
 REASONS = {
     VELOCITY: "velocity limit",
@@ -66,6 +67,7 @@ REASONS = {
     CONTACT: "contact",
     BASE_JUMP: "measured base jumped",
     KEEP_OUT: "keep-out zone",
+    CLOCK: "clock stands still",
 }
 
 # Stop categories of IEC 60204-1. 0 removes the power at once: only the robot can, and says so by its fault. In the
@@ -86,6 +88,7 @@ _CATEGORIES = {
     EFFORT: 1,
     CONTACT: 1,
     BASE_JUMP: 1,
+    CLOCK: 2,
 }
 STOPS = sum(_CATEGORIES)
 

@@ -229,10 +229,12 @@ class PreparedSupervisor:
         elapsed: float | None = None,
         effort: Array = _NOTHING,
         wrench: Array = _NOTHING,
+        still: float = 0.0,
     ) -> bool:
         """Write the inputs that leave; return whether the robot is stopped and at rest. What the loop calls."""
         moment, memory = self._moment, self.memory
         moment[0], moment[1], moment[2] = age, memory[layout.DT] if elapsed is None else elapsed, request
+        moment[4] = still
         kinematics = self.robot.kernels.twist_kinematics.pointer
         status = supervise(kinematics, memory, moment, q, wanted, effort, wrench, state, out)
         if status not in (0, layout.AT_REST):

@@ -15,6 +15,7 @@ from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.limits.supervisor.prepared_supervisor import PreparedSupervisor
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.robots.driving import TURNING_RADIUS
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.tree_robot import TreeRobot
 
@@ -220,7 +221,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             raise ValueRangeError(
                 f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
             )
-        acceleration = _each("acceleration", self.acceleration, m)
+        acceleration = _in_curves(robot, _each("acceleration", self.acceleration, m))
         margin = self._number("position_margin", zero_allowed=True)
         input_coordinates = robot.input_coordinates
         lower, upper = (
@@ -349,3 +350,17 @@ def _box(workspace: WorkspaceBox) -> Array:
     if (lower >= upper).any():
         raise ValueRangeError(f"supervisor.workspace: lower {lower} must be below upper {upper}")
     return np.concatenate([lower, upper])
+
+
+def _in_curves(robot: Robot, acceleration: Array) -> Array:
+    """Return accelerations of which v's is small enough for ω to follow it in the sharpest curve of a base that steers.
+
+    There ω is v over the turning radius: who brakes to reverse would turn with an acceleration beyond its limit.
+    """
+    kept = np.array(acceleration)
+    if robot.input_size < robot.configuration_size:
+        for k, drive in enumerate(robot.drives):
+            i = int(drive[0]) - k
+            if drive[TURNING_RADIUS]:
+                kept[i] = min(kept[i], drive[TURNING_RADIUS] * kept[i + 1])
+    return kept

@@ -83,12 +83,15 @@ class Moment(NamedTuple):
         See above.
     known
         1 if the scratch buffer holds what kinematics writes for this measurement: who asked the law has it. Else 0.
+    still
+        How long steps have been taken while the robot's clock has not moved, s.
     """
 
     age: float
     elapsed: float
     request: float
     known: float
+    still: float
 
 
 class Bounds(NamedTuple):

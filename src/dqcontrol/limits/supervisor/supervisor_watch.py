@@ -7,6 +7,7 @@ import math
 from dqcontrol.compiled.compile import apart, inline
 from dqcontrol.limits.supervisor.interventions import (
     BASE_JUMP,
+    CLOCK,
     COMMAND,
     CONTACT,
     EFFORT,
@@ -69,7 +70,7 @@ _LATENESS_PERIODS, _LATEST, _LATEST_SHARE = (
 
 
 @inline
-def _watch_time(elapsed, bounds, memory):
+def _watch_time(elapsed, still, bounds, memory):
     """Return what is wrong with the time since the last step, and how much has passed, s."""
     head, numbers = bounds.head, memory.numbers
     is_sane = elapsed >= 0.0 and elapsed <= head[LONGEST_STEP]
@@ -78,7 +79,8 @@ def _watch_time(elapsed, bounds, memory):
         return GAP, passed
     numbers[LATENESS] += (passed / head[DT] - numbers[LATENESS]) / _LATENESS_PERIODS
     latest = max(_LATEST, _LATEST_SHARE * head[LONGEST_STEP] / head[DT])
-    return PERIOD if numbers[LATENESS] > latest else 0, passed
+    fault = PERIOD if numbers[LATENESS] > latest else 0
+    return fault | (CLOCK if still > head[LONGEST_STEP] else 0), passed
 
 
 @inline
@@ -178,7 +180,7 @@ def judge(memory, state, parts, moment, measured, wanted, effort, wrench, at_res
     """
     bounds, kept = parts.bounds, parts.memory
     numbers, good, age, request = kept.numbers, kept.good, moment.age, int(moment.request)
-    fault, passed = _watch_time(moment.elapsed, bounds, kept)
+    fault, passed = _watch_time(moment.elapsed, moment.still, bounds, kept)
     seen = age <= bounds.head[STALE]
     for i in range(measured.shape[0]):
         seen = seen and abs(measured[i]) < _FAR

@@ -32,6 +32,13 @@ static void obey(dqc_loop *loop, int *done) {
   if (request == DQC_LOOP_STOP) dqc_stop(&loop->controller);
 }
 
+/* Stop once who watched has not been heard of for too long. */
+static void miss_watcher(dqc_loop *loop, int64_t now, int64_t *heartbeat, int64_t *heard) {
+  int64_t beat = __atomic_load_n(&loop->watch->heartbeat, __ATOMIC_ACQUIRE);
+  if (beat != *heartbeat || !beat) *heartbeat = beat, *heard = now;
+  if (1e-9 * (double)(now - *heard) > DQC_LOOP_PATIENCE) dqc_loop_request(loop->watch, DQC_LOOP_STOP);
+}
+
 static int end(dqc_watch *watch, int status) {
   watch->status = status;
   __atomic_store_n(&watch->is_done, 1, __ATOMIC_RELEASE);
@@ -49,8 +56,8 @@ int dqc_loop_run(dqc_loop *loop, const dqc_config *config, const dqc_robot *robo
   watch->real_time = priority > 0 && !pthread_setschedparam(pthread_self(), SCHED_FIFO, &scheduling);
   memset(q, 0, sizeof q);
   memset(measured, 0, sizeof measured);
-  int64_t first = now() + period, deadline = first, before = first, slot = 0;
-  for (int64_t k = 0; k < loop->capacity; k++) {
+  int64_t first = now() + period, deadline = first, before = first, slot = 0, heartbeat = watch->heartbeat, heard = first;
+  for (int64_t k = 0; loop->capacity > 0; k++) {
     int64_t ready = now(), is_late = ready > deadline;
     if (is_late) { /* what was missed is left out: no burst of steps makes up for it */
       int64_t missed = (ready - deadline + period - 1) / period;
@@ -61,14 +68,16 @@ int dqc_loop_run(dqc_loop *loop, const dqc_config *config, const dqc_robot *robo
     }
     sleep_until(deadline);
     int64_t begin = now();
+    miss_watcher(loop, begin, &heartbeat, &heard);
     obey(loop, &obeyed);
+    if (k == loop->capacity) dqc_end(&loop->controller);
     int came = robot->measure(robot->robot, q, measured);
     dqc_measured input = {came ? measured : 0, 0.0, k ? 1e-9 * (double)(begin - before) : 0.0, 0, 0};
     int64_t asked = now();
     status = dqc_step_measured(&loop->controller, &input, (double)slot * DQC_PERIOD, 0, u);
     int64_t answered = now();
     robot->command(robot->robot, u);
-    dqc_row *row = &loop->rows[k];
+    dqc_row *row = &loop->rows[k < loop->capacity ? k : loop->capacity - 1];
     row->time = (double)slot * DQC_PERIOD;
     row->begin = 1e-9 * (double)(begin - first);
     row->computation = 1e-9 * (double)(answered - asked);
@@ -80,7 +89,7 @@ int dqc_loop_run(dqc_loop *loop, const dqc_config *config, const dqc_robot *robo
     memcpy(row->command, u, sizeof u);
     row->interventions = loop->controller.interventions;
     row->status = status;
-    __atomic_store_n(&watch->written, k + 1, __ATOMIC_RELEASE);
+    __atomic_store_n(&watch->written, k < loop->capacity ? k + 1 : loop->capacity, __ATOMIC_RELEASE);
     before = begin;
     deadline += period;
     slot++;

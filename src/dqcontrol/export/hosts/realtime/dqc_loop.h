@@ -38,18 +38,20 @@ typedef struct {
   int64_t real_time; /* whether the system gave SCHED_FIFO */
   int64_t missed;    /* periods that passed without a step */
   int64_t late;      /* steps that began late because of the work before them */
+  int64_t heartbeat; /* changed at least every DQC_LOOP_PATIENCE s by who watches, or the loop stops; 0: nobody does */
 } dqc_watch;
 
 typedef struct {
   dqc_controller controller;
   dqc_watch *watch;
   dqc_row *rows;    /* room for steps */
-  int64_t capacity; /* of rows: the loop ends when they are full */
+  int64_t capacity; /* of rows: when they are full it comes to rest, and the last row has the last step */
 } dqc_loop;
 
 enum { DQC_LOOP_GO, DQC_LOOP_END, DQC_LOOP_STOP };
+#define DQC_LOOP_PATIENCE 2.0 /* s: 40 looks of dqcontrol's */
 
-/* Run until the controller has ended or stopped, or there is no more room; priority: of SCHED_FIFO, 0 for none.
+/* Run until the controller has ended or stopped, and rests; priority: of SCHED_FIFO, 0 for none.
  * Return the controller's last status. Pages that a loop writes should be locked and written to before. */
 int dqc_loop_run(dqc_loop *loop, const dqc_config *config, const dqc_robot *robot, int priority);
 

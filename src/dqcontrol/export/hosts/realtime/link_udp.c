@@ -1,8 +1,10 @@
 /* Each command and each state is a datagram on the loopback; place: a port. */
 #include <arpa/inet.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/socket.h>
 #include <sys/time.h>
+#include <time.h>
 
 #include "link.h"
 
@@ -34,10 +36,22 @@ int link_take_state(dqc_state *state) {
 }
 
 int link_await_command(dqc_command *command, int patience) {
-  socklen_t size = sizeof there;
-  struct timeval most = {patience, 0};
+  char came[sizeof *command + 1]; /* one byte more, to see what is too long */
+  struct sockaddr_in from;
+  struct timespec begin, now;
+  const struct timeval most = {patience, 0};
   setsockopt(ours, SOL_SOCKET, SO_RCVTIMEO, &most, sizeof most);
-  return recvfrom(ours, command, sizeof *command, 0, (struct sockaddr *)&there, &size) == (ssize_t)sizeof *command;
+  clock_gettime(CLOCK_MONOTONIC, &begin);
+  do { /* what is no command is not for us */
+    socklen_t size = sizeof from;
+    if (recvfrom(ours, came, sizeof came, 0, (struct sockaddr *)&from, &size) == (ssize_t)sizeof *command) {
+      memcpy(command, came, sizeof *command);
+      there = from;
+      return 1;
+    }
+    clock_gettime(CLOCK_MONOTONIC, &now);
+  } while (now.tv_sec - begin.tv_sec < patience);
+  return 0;
 }
 
 void link_send_state(const dqc_state *state) {

@@ -1,13 +1,16 @@
 /* udp_loop PORT [PRIORITY [FILE]], shared_loop NAME [PRIORITY [FILE]]: drive the robot of another process.
  *
  * FILE: a dqc_watch, then a dqc_row each step; others may map it and look on, or write a request. In /dev/shm no disk
- * is waited for. */
+ * is waited for. With a heartbeat in it whoever started the loop watches it: where that one dies, the robot is braked, and
+ * so it is at SIGINT, SIGTERM and SIGHUP. */
 #define _GNU_SOURCE
 #include <fcntl.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -59,17 +62,34 @@ static int make_room(const char *path) {
   if (path && ftruncate(file, (off_t)size)) return -1;
   char *room = mmap(0, size, PROT_READ | PROT_WRITE, path ? MAP_SHARED : MAP_PRIVATE | MAP_ANONYMOUS, file, 0);
   if (room == MAP_FAILED) return -1;
+  int64_t heartbeat = ((dqc_watch *)room)->heartbeat;
   memset(room, 0, size);
   loop.watch = (dqc_watch *)room;
+  loop.watch->heartbeat = heartbeat;
   loop.rows = (dqc_row *)(room + sizeof(dqc_watch));
   loop.capacity = (int64_t)((size - sizeof(dqc_watch)) / sizeof(dqc_row));
   return 0;
+}
+
+static void stop(int number) {
+  (void)number;
+  dqc_loop_request(loop.watch, DQC_LOOP_STOP);
+}
+
+/* Brake for signals, among them the death of who watches. One that died before is missed by its heartbeat. */
+static void brake_for_signals(void) {
+  const struct sigaction braking = {.sa_handler = stop, .sa_flags = SA_RESTART};
+  sigaction(SIGINT, &braking, 0);
+  sigaction(SIGTERM, &braking, 0);
+  sigaction(SIGHUP, &braking, 0);
+  if (loop.watch->heartbeat) prctl(PR_SET_PDEATHSIG, SIGTERM);
 }
 
 int main(int count, char **words) {
   if (count < 2) return fprintf(stderr, "usage: %s PLACE [PRIORITY [FILE]]\n", words[0]), 2;
   if (make_room(count > 3 ? words[3] : 0) || link_as_loop(words[1])) return perror(words[0]), 1;
   mlockall(MCL_CURRENT | MCL_FUTURE);
+  brake_for_signals();
   if (!greet()) return fprintf(stderr, "%s: no robot answers at %s\n", words[0], words[1]), 1;
   const dqc_robot robot = {0, measure, command};
   int status = dqc_loop_run(&loop, 0, &robot, count > 2 ? atoi(words[2]) : 0);

@@ -70,7 +70,7 @@ class Ros2Controller : public controller_interface::ControllerInterface {
     const dqc_measured measured = {came ? q_.data() : nullptr, 0.0, period.seconds(), nullptr, nullptr};
     const int status = controller_.step(measured, time.seconds(), u_);
     const double* sent = interface_name_ == "position" ? dqc_position(&controller_.data()) : u_.data();
-    const bool started = status >= 0 || status == DQC_WRONG_TARGET || status == DQC_LAW_FAILED;
+    const bool started = status >= 0 || status == DQC_WRONG_TARGET || status == DQC_LAW_FAILED || status == DQC_NO_MEASUREMENT;
     for (size_t i = 0; i < DQC_INPUTS && (started || sent == u_.data()); i++) {
       if (!command_interfaces_[i].set_value(sent[i])) return return_type::ERROR;
     }
