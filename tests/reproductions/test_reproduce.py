@@ -3,6 +3,7 @@
 import dataclasses
 import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -440,6 +441,19 @@ def test_figures_are_one_set_each_or_pairs_as_printed():
     assert named["circle-and-square"] == ["figure-C5", "figure-C6"]
     assert named["lqr"] == []
     assert "figure-5.2-HIR-times-100" in study_figures("h-infinity", {})
+
+
+def test_figures_say_which_laws_they_leave_out_and_why():
+    data = with_hundredfold(published_spec("circle", "servo"))
+    data["reference"] = data["reference"] | {"duration": 0.2}
+    data |= {"laws": {law: data["laws"][law] for law in ("K", "HIR")}, "repeats": 1}
+    data["parameter_sets"] = {"fixed": {"K": {}, "HIR": {}}}
+    row = {"set": "fixed", "stopped": "duration"} | dict.fromkeys(METRICS.values(), 0.01)
+    rows = [row | {"law": "K"}, row | {"law": "HIR", "error.integral": 48.0}]
+    study = SimpleNamespace(rows=rows, setting=lambda: prepare(data))
+    figure = study_figures("circle", {"circle": study})["figure-5.3"]()
+    assert figure.get_suptitle() == "Not drawn, as they did not follow: HIR (Err 48, printed 1.5)."
+    assert "HIR" not in {text.get_text() for legend in figure.legends for text in legend.get_texts()}
 
 
 def test_claims_say_where_they_stand():

@@ -86,17 +86,18 @@ def _one_set(name: str, study: Study, label: str) -> Figure:
     for case in cases:
         if case.names.law not in lost:
             records[case.names.law] = execute(setting, case)
-    return compare_criteria(records, "rad", [_lost(name, evidence, *each) for each in lost.items()])
+    named = ", ".join(_lost(name, evidence, *each) for each in lost.items())
+    return compare_criteria(records, "rad", f"Not drawn, as they did not follow: {named}." if lost else "")
 
 
 def _lost(name: str, evidence: Evidence, law: str, label: str) -> str:
-    """Say that a law is not drawn, and why."""
+    """Name a law that did not follow, and by how much."""
     printed = next(
         cell.mean
         for cell in published_cells(name)
         if (cell.law, cell.set, cell.metric) == (law.removesuffix(SUFFIX), label, "error")
     )
-    return f"{law}: not drawn, Err {evidence.mean(law, label):.2g}, printed {printed:.2g}"
+    return f"{law} (Err {evidence.mean(law, label):.2g}, printed {printed:.2g})"
 
 
 def _pair(study: Study, law: str) -> Figure:
